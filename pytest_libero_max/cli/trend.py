@@ -39,7 +39,7 @@ def add_command(commands: Commands) -> None:
 
 def _trend(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
-    from pytest_libero_max.report.comparison.compare_text import with_short_names
+    from pytest_libero_max.report.comparison.compare_text import warning_lines, with_short_names
     from pytest_libero_max.report.studies.study_figures import success_plot
     from pytest_libero_max.report.table import aligned
     from pytest_libero_max.report.writers.report_files import write_text
@@ -51,11 +51,10 @@ def _trend(options: argparse.Namespace) -> None:
     cases = {pair.item_id for pair in common_cases(read, restrict=True).planned}
     causes = [_causes(folder, cases) for folder in options.folders]
     pairs = comparison.pairs
-    left_out = [f"{len(ids)} of {name}" for name, ids in pairs.left_out.items() if ids]
     say(
         [
-            f"{len(causes)} runs on {pairs.common} common cases"
-            + (f"; left out: {', '.join(left_out)}" if left_out else ""),
+            f"{len(causes)} runs on {pairs.common} common cases",
+            *warning_lines(comparison),
             *aligned([_HEAD, *map(_row, comparison.runs, causes)]),
         ]
     )

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
-from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.films.replay import Tick, distinct_arms
-from pytest_libero_max.pairing.record import PROGRAM, ArmRecord, PairRecord
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.report.happenings import Happening, happenings
 from pytest_libero_max.report.palette import (
     EVENT,
     EVENT_INK,
@@ -71,9 +71,9 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
     if step < shared_until:
         found.append(Label("shared prefix", MUTED))
     happened = Counter(
-        what
-        for firing, what in zip(arm.firings, _names_of_entries(record, name), strict=False)
-        if what is not None and firing.step <= step < firing.step + EVENT_STEPS
+        _words_of(one, record.variant)
+        for one in happenings(record, arm)
+        if one.firing.step <= step < one.firing.step + EVENT_STEPS
     )
     found += [
         Label(what if times == 1 else f"{what}, {times} times", EVENT) for what, times in happened.items()
@@ -86,6 +86,12 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
         ended = f"success after {steps} steps" if arm.success else f"failed after {steps} steps"
         found.append(Label(ended, GAIN if arm.success else LOSS))
     return found
+
+
+def _words_of(happening: Happening, variant: int) -> str:
+    if happening.reverts:
+        return "EVENT taken back"
+    return f"EVENT {happening.name} v{variant}" if happening.is_event else f"EVENT {happening.name}"
 
 
 def film_frames(
@@ -130,20 +136,6 @@ def shared_steps(record: PairRecord, names: Sequence[str]) -> int:
         return 0
     firings = [firing.step for arm in arms for firing in arm.firings]
     return min([*firings, *(arm.steps for arm in arms)])
-
-
-def _names_of_entries(record: PairRecord, name: str) -> list[str | None]:
-    """Return the words for each entry of an arm's schedule when it happens; None for one that only waits."""
-    names: list[str | None] = []
-    for index, entry in enumerate(record.arms[name].schedule):
-        if "reverts" in entry:
-            names.append("EVENT taken back")
-        elif name == DYNAMIC and index == 0 and PROGRAM not in record.fingerprints:
-            names.append(f"EVENT {record.event} v{record.variant}")
-        else:
-            operation = entry["change"].get("operation", "")
-            names.append(None if operation == Nothing.operation else f"EVENT {operation.replace('_', ' ')}")
-    return names
 
 
 class _Canvas:

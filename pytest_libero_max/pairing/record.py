@@ -632,10 +632,10 @@ def _require_consistent_arm(arm: ArmRecord) -> None:
     Raises:
         ReportError: It does not.
     """
-    if not all(map(_is_entry, arm.schedule)):
+    if not all(_is_entry(entry, arm.schedule[:index]) for index, entry in enumerate(arm.schedule)):
         raise ReportError(
             f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
-            "and a change or a reversal."
+            "and a change or a reversal of an earlier one."
         )
     changes = [entry.get("change", {}) for entry in arm.schedule]
     delayed = [one.get("latency") for one in changes if one.get("operation") == CHANGED_BY]
@@ -724,13 +724,15 @@ def _require_shared(record: PairRecord, name: str, arm: ArmRecord) -> None:
         raise ReportError(f"arm {name!r} differs from {arm.shares!r}, which it says it shares.")
 
 
-def _is_entry(value: Json) -> bool:
-    """Return True if this is an entry of a schedule, as ``Entry.to_dict`` writes it."""
+def _is_entry(value: Json, earlier: Sequence[Json]) -> bool:
+    """Return True if this is an entry of a schedule after others, as ``Entry.to_dict`` writes it."""
     if not _named(value.get("trigger"), "type"):
         return False
     if value.keys() == {"trigger", "change"}:
         return _named(value["change"], "operation")
-    return value.keys() == {"trigger", "reverts"} and _is_count(value["reverts"])
+    if value.keys() != {"trigger", "reverts"} or not _is_count(value["reverts"]):
+        return False
+    return value["reverts"] < len(earlier) and "change" in earlier[value["reverts"]]
 
 
 def _named(value: Any, key: str) -> bool:

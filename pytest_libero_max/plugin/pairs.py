@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.report.happenings import happenings, happenings_text
 
 
 def test_pair(libero_max_pair: PairRecord, libero_max_settings: Settings) -> None:
@@ -18,6 +20,6 @@ def test_pair(libero_max_pair: PairRecord, libero_max_settings: Settings) -> Non
     if libero_max_settings.strict == "regression" and pair.outcome == "regression":
         pytest.fail(
             f"{pair.item_id}: Base succeeds after {pair.base_steps} steps, Dynamic does not within "
-            f"{pair.max_steps} after {pair.event} at step {pair.trigger_step}.",
+            f"{pair.max_steps}. {happenings_text(happenings(pair, pair.arm(DYNAMIC)))}.",
             pytrace=False,
         )

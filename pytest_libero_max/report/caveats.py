@@ -76,8 +76,9 @@ RULES = (
     Rule(
         "program",
         lambda record: PROGRAM in record.fingerprints,
-        "The arms are those of a program (its name ends the id): Dynamic is what the program makes of the "
-        "event. All numbers are of Base and Dynamic; further arms are counted apart.",
+        "The arms are those of a program (its name ends the id). What happens in Dynamic is what the program "
+        "says: the event of a case, by which tables group it, may be no part of it. All numbers are of Base "
+        "and Dynamic; further arms are counted apart.",
     ),
     Rule(
         "later_mujoco",

@@ -14,6 +14,7 @@ from typing import Any
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairRecord
+from pytest_libero_max.report.happenings import happenings, happenings_text
 from pytest_libero_max.report.report_document import ChangedPair
 
 NOT_RECORDED = "not_recorded"
@@ -161,7 +162,8 @@ class _Seen:
         base: Base, likewise.
         done: Number of facts that hold at the end.
         facts: Number of facts of the goal.
-        event: The first firing, or None.
+        event: The first firing that did not only wait, or None.
+        happened: Everything that happened, as the beginning of a sentence; empty where nothing did.
         moved: Objects that it moved, with where they were and came to be.
         inserted: Objects that it put into the scene.
     """
@@ -175,12 +177,14 @@ class _Seen:
     done: int
     facts: int
     event: FiringRecord | None
+    happened: str
     moved: Mapping[str, float]
     inserted: frozenset[str]
 
     @classmethod
     def of(cls, record: PairRecord, arm: ArmRecord, base: ArmRecord | None) -> _Seen:
-        event = arm.firings[0] if arm.firings else None
+        happened = happenings(record, arm)
+        event = happened[0].firing if happened else None
         moved, inserted = _moves(event)
         rows = _rows(arm.probes[STAGES])
         row = _in_question(rows, moved)
@@ -189,7 +193,8 @@ class _Seen:
             other = next((b for b in _rows(base.probes[STAGES]) if b.goal == row.goal), None)
         done = sum(row.satisfied for row in rows)
         stages = arm.probes[STAGES]
-        return cls(record, arm, stages, row, other, base, done, len(rows), event, moved, inserted)
+        said = happenings_text(happened)
+        return cls(record, arm, stages, row, other, base, done, len(rows), event, said, moved, inserted)
 
     @property
     def steps(self) -> int:
@@ -259,10 +264,8 @@ class _Seen:
         return f"; it was held up for {number} steps by {by}" if number >= _BLOCKED_STEPS else ""
 
     def after_event(self, text: str) -> str:
-        """Return a sentence that begins with the event where there was one."""
-        if self.event is None:
-            return text[0].upper() + text[1:]
-        return f"{_capital(self.record.event)} at step {self.event.step}; {text}"
+        """Return a sentence that begins with what happened, where something did."""
+        return f"{self.happened}; {text}" if self.happened else text[0].upper() + text[1:]
 
 
 def _moves(event: FiringRecord | None) -> tuple[dict[str, float], frozenset[str]]:
@@ -314,10 +317,6 @@ def _words(name: str, instruction: str) -> str:
             if re.search(rf"\b{re.escape(words)}s?\b", instruction.lower()):
                 return words
     return " ".join(parts)
-
-
-def _capital(name: str) -> str:
-    return name.replace("_", " ").capitalize()
 
 
 def _cm(metres: float | None) -> str:
@@ -403,7 +402,7 @@ def _blocked_by_obstacle(seen: _Seen) -> str | None:
         return None
     inserted = [name for name in names if name in seen.inserted]
     what = " and ".join(_words(name, "") for name in inserted or names)
-    put = " that the event put there" if inserted else ""
+    put = " that was put there" if inserted else ""
     first = seen.stages["blocked_step"]
     return seen.after_event(
         f"the hand pushed against the {what}{put} from step {first} on, for {number} steps, without moving."
@@ -426,10 +425,9 @@ def _froze_after_event(seen: _Seen) -> str | None:
         return None
     if stopped > answered + _REACTION_STEPS or base.steps <= stopped:
         return None
-    return (
-        f"The hand stopped at step {stopped}, {max(stopped - event.step, 0)} steps after the event, "
-        f"at least {_cm(seen.row.closest_m)} from {seen.thing}, and stayed there until step {seen.steps}"
-        f"{seen.repeats}."
+    return seen.after_event(
+        f"the hand stopped at step {stopped}, at least {_cm(seen.row.closest_m)} from {seen.thing}, and "
+        f"stayed there until step {seen.steps}{seen.repeats}."
     )
 
 
@@ -459,7 +457,7 @@ def _hit_obstacle(seen: _Seen) -> str | None:
     step, name, way = min(pushed)
     over = ", knocked over" if name in seen.stages["toppled"] else ""
     return seen.after_event(
-        f"the {_words(name, '')} that it put there was pushed {_cm(way)}{over} from step {step} on, and "
+        f"the {_words(name, '')} that was put there was pushed {_cm(way)}{over} from step {step} on, and "
         f"{seen.thing} was never lifted."
     )
 

@@ -408,6 +408,11 @@ class ChangedPair(Block, frozen=True, kw_only=True):
     cause: Text
     sentence: Text
 
+    @property
+    def program(self) -> str:
+        """Name of the program that the pair plays, with which its item id ends; empty where it has none."""
+        return self.item_id.partition(f"-{self.event}-v")[2].partition("-")[2]
+
 
 class SuccessCurves(Block, frozen=True, kw_only=True):
     """Survival curves of Base and Dynamic over the same pairs: nothing is censored before an episode's end.

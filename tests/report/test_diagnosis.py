@@ -16,7 +16,7 @@ from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.experts.expert import ExpertPolicy, plan
 from pytest_libero_max.experts.motion import follow
 from pytest_libero_max.experts.scene_view import owner_of, read_hand
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.policies.loading import load_policy
@@ -228,3 +228,12 @@ def test_a_basket_that_is_pushed_after_a_missed_grasp_is_not_the_cause(substrate
     pushed = structs.replace(base, probes={"stages": {**base.probes["stages"], **later}})
     found = diagnosed(structs.replace(record, arms={**record.arms, "base": pushed}), "base")
     assert found.cause == "grasp_missed", found.sentence
+
+
+def test_the_sentence_of_a_program_tells_what_it_did_and_not_the_event_of_the_case(
+    substrate: EmbeddedSubstrate,
+) -> None:
+    record = play(Broken(never_closes), LIGHT, SPATIAL, substrate)
+    assert diagnosed(record, "dynamic").sentence.startswith("Illumination switch at step ")
+    program = structs.replace(record, fingerprints={**record.fingerprints, PROGRAM: "dark 0"})
+    assert diagnosed(program, "dynamic").sentence.startswith("Light changed at step ")

@@ -77,7 +77,8 @@ def test_a_comparison_is_on_the_supported_cases_and_ranks_whole_runs_alone() -> 
     assert plain(comparison)["pairs"]["unsupported"] == {"whole": 0, "partial": 32}
     assert {run["name"]: run["rank"] for run in plain(comparison)["runs"]} == {"whole": 1.0, "partial": None}
     lines = comparison_lines(comparison)
-    assert "Unsupported cases: 32 by partial. Runs that do not support all cases have no rank." in lines
+    said = "Unsupported cases: 32 by partial. Runs that do not support all cases have no rank."
+    assert f"WARNING: {said}" in lines
     assert any(line.split()[:3] == ["partial", "--", "--"] for line in lines)
 
 

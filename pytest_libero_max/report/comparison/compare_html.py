@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -13,6 +13,7 @@ from pytest_libero_max.report.comparison.compare_tables import APART, EVENT, apa
 from pytest_libero_max.report.comparison.compare_text import (
     OPEN_RANKS,
     comparison_title,
+    comparison_warnings,
     rank_set_text,
     rank_text,
     with_short_names,
@@ -53,7 +54,7 @@ def comparison_html(
         comparison_title(comparison),
         cases,
         substrate_note=comparison.substrate.note,
-        warnings=[*comparison_warnings(shown)],
+        warnings=comparison_warnings(shown),
         runs=[_run_row(run) for run in sorted(shown.runs, key=_rank)],
         open_ranks=OPEN_RANKS,
         apart_note=APART,
@@ -103,17 +104,3 @@ def _run_row(run: ComparedRun) -> tuple[str, ...]:
 
 def _rank(run: ComparedRun) -> float:
     return float("inf") if run.rank is None else run.rank
-
-
-def comparison_warnings(comparison: Comparison) -> Iterator[str]:
-    """Yield the cases that are not compared, and the differences between the runs beside their policies."""
-    pairs = comparison.pairs
-    if pairs.restricted:
-        left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs.left_out.items())
-        yield f"Restricted to {pairs.common} common cases; left out: {left_out}."
-    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
-    if unsupported:
-        yield f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank."
-    for difference in comparison.differences:
-        values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
-        yield f"The runs differ in {difference.field}: {values}."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePath
 from textwrap import wrap
 from typing import Any
@@ -69,16 +69,9 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     """
     changed = len(comparison.flips)
     comparison = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
-    pairs, runs = comparison.pairs, comparison.runs
-    lines = [f"{len(runs)} runs on {pairs.common} common cases"]
-    if pairs.restricted:
-        left_out = ", ".join(f"{len(cases)} of {name}" for name, cases in pairs.left_out.items())
-        lines = [f"RESTRICTED to {pairs.common} common cases; left out: {left_out}"]
-    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
-    if unsupported:
-        lines.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
+    lines = [f"{len(comparison.runs)} runs on {comparison.pairs.common} common cases"]
     lines += substrate_lines(comparison.substrate)
-    lines += difference_lines(comparison.differences)
+    lines += warning_lines(comparison)
     lines += ["", *_run_rows(comparison)]
     lines.append(OPEN_RANKS)
     if comparison.apart:
@@ -106,7 +99,7 @@ def short_lines(comparison: Comparison, flips: int = 5) -> list[str]:
     )
     return [
         f"{second} against {first}, on {comparison.pairs.common} common cases",
-        *difference_lines(comparison.differences),
+        *warning_lines(comparison),
         *_run_rows(comparison),
         *_table_lines(contrast_table("Dynamic success", comparison.contrasts)),
         *_flip_lines(comparison, changed)[: 1 + flips],
@@ -172,13 +165,35 @@ def rank_set_text(run: ComparedRun) -> str:
     return f"{run.highest_rank}-{run.lowest_rank}"
 
 
-def difference_lines(differences: Sequence[RunDifference]) -> Iterator[str]:
-    """Yield the differences between the runs beside their policies."""
+def comparison_warnings(comparison: Comparison) -> list[str]:
+    """Return a sentence for each limit: cases that are not compared, and differences beside the policies."""
+    pairs = comparison.pairs
+    warnings = [*left_out_text(pairs.common, pairs.left_out)]
+    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
+    if unsupported:
+        warnings.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
+    return [*warnings, *difference_warnings(comparison.differences)]
+
+
+def warning_lines(comparison: Comparison) -> list[str]:
+    """Return the warnings as lines for the terminal."""
+    return [f"WARNING: {text}" for text in comparison_warnings(comparison)]
+
+
+def left_out_text(common: int, left_out: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Yield a sentence about the cases of each run that are not compared, where there are some."""
+    counts = ", ".join(f"{len(cases)} of {name}" for name, cases in left_out.items() if cases)
+    if counts:
+        yield f"Restricted to {common} common cases; left out: {counts}."
+
+
+def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
+    """Yield a sentence for each difference between the runs beside their policies, and one about all."""
     for difference in differences:
         values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
-        yield f"WARNING: the runs differ in {difference.field}: {values}"
+        yield f"The runs differ in {difference.field}: {values}."
     if differences:
-        yield "WARNING: the contrasts below are of these differences and of the policies together."
+        yield "A difference between the results is of these differences and of the policies together."
 
 
 def _flip_lines(comparison: Comparison, changed: int) -> list[str]:

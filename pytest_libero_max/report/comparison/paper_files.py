@@ -12,7 +12,7 @@ from pytest_libero_max.report.build import substrate_of
 from pytest_libero_max.report.comparison.apart import apart_run
 from pytest_libero_max.report.comparison.compare import compare_runs, compared_and_apart, lined_up
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
-from pytest_libero_max.report.comparison.compare_text import difference_lines
+from pytest_libero_max.report.comparison.compare_text import difference_warnings, left_out_text
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.comparison.paper_figures import PAPER_FIGURES
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
@@ -106,11 +106,10 @@ def _own(
     ]
     substrate = substrate_of(next(iter(runs.values())).run.provenance, common.planned)
     notes = [substrate.note] if substrate.note else []
-    if any(common.left_out.values()):
-        counts = ", ".join(f"{len(cases)} of {names[name]}" for name, cases in common.left_out.items())
-        notes.append(f"Restricted to {len(common.planned)} common cases; left out: {counts}.")
+    left_out = {names[name]: cases for name, cases in common.left_out.items()}
+    notes += left_out_text(len(common.planned), left_out)
     if comparison is not None:
-        notes += [*difference_lines(comparison.differences)]
+        notes += difference_warnings(comparison.differences)
     return rows, comparison, notes
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from pytest_libero_max.report.comparison.compare_html import comparison_warnings
+from pytest_libero_max.report.comparison.compare_text import comparison_warnings
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.formats import change_text, count_text, interval_text, points, rate_text
 from pytest_libero_max.report.page.charts import direction, over_runs
@@ -31,7 +31,7 @@ def trend_html(comparison: Comparison, causes: Sequence[Counter[str]]) -> str:
         f"Trend of {len(runs)} runs on {comparison.pairs.common} common cases",
         None,
         substrate_note=comparison.substrate.note,
-        warnings=[*comparison_warnings(comparison)],
+        warnings=comparison_warnings(comparison),
         last=(runs[-1].name, f"{points(last.value)} pp", interval_text(last, signed=True), direction(last)),
         first=(runs[0].name, change_text(first)),
         change=over_runs({"": [run.paired_change for run in runs]}, signed=True),

@@ -25,7 +25,7 @@ class Card(NamedTuple):
         outcome: Their outcome, which is the class of their colour.
         number: Number of pairs.
         cause: In words; empty where it was not recorded.
-        event: The event.
+        event: The event, with the programs that were played in its place.
         view: View of the table of cases that has them alone.
         sentence: What happened in the pair that is shown; empty where that was not recorded.
         case: View of the table that shows this pair.
@@ -93,7 +93,7 @@ def _card(
         outcome=outcome,
         number=len(group.pairs),
         cause=group.cause.replace("_", " ") if known else "",
-        event=group.event,
+        event=group.what,
         view=urlencode(chosen),
         sentence=pair.sentence if known else "",
         case=urlencode({**chosen, "case": pair.item_id}),

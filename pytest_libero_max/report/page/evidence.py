@@ -9,6 +9,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.diagnosis import NOT_RECORDED, diagnose
+from pytest_libero_max.report.happenings import happenings, happenings_text
 from pytest_libero_max.runs.plan import PlannedPair
 
 _DIGITS = 16
@@ -88,9 +89,13 @@ def _arms(record: PairRecord) -> Json:
 
 
 def _event(record: PairRecord) -> Iterator[tuple[str, Json]]:
-    schedule = record.arm(DYNAMIC).schedule
+    arm = record.arm(DYNAMIC)
+    schedule = arm.schedule
     trigger = record.trigger
+    found = happenings(record, arm)
     happened: Json = {"Happened": trigger is not None}
+    if found and not found[0].is_event:
+        happened["Changes of the program"] = happenings_text(found)
     if trigger is not None:
         happened |= {
             "After steps": trigger.step,
@@ -105,16 +110,18 @@ def _event(record: PairRecord) -> Iterator[tuple[str, Json]]:
         asked = {**_named("trigger", entry.get("trigger")), **_named("", entry.get("change"))}
         if asked:
             yield f"Parameters{which}", asked
-    if trigger is not None:
-        yield from _evidence(trigger.evidence)
+    if found:
+        first = found[0]
+        changed = "What the event changed" if first.is_event else f"What changed first: {first.name}"
+        yield from _evidence(first.firing.evidence, changed)
 
 
-def _evidence(evidence: Json) -> Iterator[tuple[str, Json]]:
+def _evidence(evidence: Json, title: str) -> Iterator[tuple[str, Json]]:
     before, after = (dict(flat(evidence.get(end) or {})) for end in ("before", "after"))
     names = [name for name in {**before, **after} if name and before.get(name) != after.get(name)]
     if names:
         yield (
-            "What the event changed",
+            title,
             {name: {"before": before.get(name), "after": after.get(name)} for name in names},
         )
     rest = {key: value for key, value in evidence.items() if key not in ("before", "after", "operation")}

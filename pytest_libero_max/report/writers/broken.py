@@ -46,6 +46,12 @@ class Group(NamedTuple):
     pairs: tuple[ChangedPair, ...]
     named: tuple[ChangedPair, ...]
 
+    @property
+    def what(self) -> str:
+        """The event, with the programs that were played in its place."""
+        programs = ", ".join(sorted({pair.program for pair in self.pairs} - {""}))
+        return f"{self.event} (program {programs})" if programs else self.event
+
 
 def groups_of(
     pairs: Iterable[ChangedPair], outcome: Outcome, most: int = MOST_NAMED, most_groups: int = MOST_NAMED
@@ -116,9 +122,9 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
                 continue
             known = group.cause != NOT_RECORDED
             first = ": " if len(group.pairs) == 1 else "; the first: "
-            head = f"{len(group.pairs)} x {group.cause}, {group.event}"
+            head = f"{len(group.pairs)} x {group.cause}, {group.what}"
             if without_causes(report):
-                head = f"{len(group.pairs)} x {group.event}"
+                head = f"{len(group.pairs)} x {group.what}"
             head += f"{first}{group.pairs[0].sentence}" if known else ""
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
             filmed = {pair.item_id: "  filmed" for pair in group.named if pair.item_id in films}

@@ -50,7 +50,7 @@ def suite_properties(selection: Selection, case_set: str) -> list[tuple[str, str
 def broken_properties(pairs: Sequence[ChangedPair]) -> list[tuple[str, str]]:
     """Names and values for the properties of the whole suite: the pairs whose outcome changed, by cause."""
     return [
-        (f"{PREFIX}{outcome}", f"{letter} {pair.item_id}, {pair.event}, {pair.cause}: {pair.sentence}")
+        (f"{PREFIX}{outcome}", f"{letter} {pair.item_id}, {group.what}, {pair.cause}: {pair.sentence}")
         for outcome, letter in LETTERS.items()
         for group in groups_of(pairs, outcome)
         for pair in group.named

@@ -187,7 +187,7 @@ def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
             [
                 letter,
                 _Written(f"`{printable(pair.item_id).replace('`', chr(39))}`"),
-                group.event,
+                group.what,
                 *([len(group.pairs)] if unknown else [f"{group.cause} ({len(group.pairs)})", pair.sentence]),
                 *([_film_link(films.get(pair.item_id))] if films else []),
             ]

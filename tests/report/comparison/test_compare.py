@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_html import comparison_html
-from pytest_libero_max.report.comparison.compare_text import comparison_lines
+from pytest_libero_max.report.comparison.compare_text import comparison_lines, comparison_warnings
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
@@ -287,7 +287,9 @@ def test_a_comparison_is_said_in_a_few_lines() -> None:
     runs = {"old": _run(ALWAYS), "new": _run(MIXED)}
     assert "\n".join(comparison_lines(compare_runs(runs))) == COMPARISON
     restricted = compare_runs({**runs, "new": _run(MIXED[:30])}, restrict=True)
-    assert comparison_lines(restricted)[0] == "RESTRICTED to 30 common cases; left out: 2 of old, 2 of new"
+    said = "Restricted to 30 common cases; left out: 2 of old, 2 of new."
+    assert f"WARNING: {said}" in comparison_lines(restricted)
+    assert comparison_warnings(restricted) == [said]
 
 
 COMPARISON = """\
@@ -392,7 +394,7 @@ def test_a_policy_that_plays_a_part_of_the_suites_is_said_to_do_so_everywhere() 
     runs = {"all": run, "half": replace(run, records=records)}
     said = "Unsupported cases: 12 by half. Runs that do not support all cases have no rank."
     comparison = compare_runs(runs)
-    assert any(said in line for line in comparison_lines(comparison))
+    assert f"WARNING: {said}" in comparison_lines(comparison)
     assert said in comparison_html(comparison, common_cases(runs))
 
 
@@ -407,7 +409,11 @@ def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
         {"field": "versions.mujoco", "values": {"old": "3.3.7", "new": "3.4.0"}},
     ]
     lines = comparison_lines(comparison)
-    assert "WARNING: the runs differ in versions.mujoco: old 3.3.7, new 3.4.0" in lines
+    warnings = comparison_warnings(comparison)
+    assert "The runs differ in versions.mujoco: old 3.3.7, new 3.4.0." in warnings
+    assert warnings[-1].startswith("A difference between the results is of these differences and of the pol")
+    page = comparison_html(comparison, common_cases(runs))
+    assert all(f"WARNING: {said}" in lines and said in page for said in warnings)
     assert not any("WARNING" in line for line in comparison_lines(compare_runs({"a": other, "b": other})))
 
 

@@ -10,6 +10,7 @@ import pytest
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines, coloured, groups_of
+from pytest_libero_max.report.writers.junit import broken_properties
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import quiet_lines
 from tests.report.made_up import PROVENANCE, plan, records_of
@@ -94,3 +95,14 @@ def test_lost_is_red_and_gained_is_green(colours: bool) -> None:
     text = coloured(lines, colours)
     red, green, end = ("\x1b[31m", "\x1b[32m", "\x1b[0m") if colours else ("", "", "")
     assert text == f"What broke\n{red}R   one{end}\n{green}G   two{end}\n{red}gate FAIL  dynamic_sr{end}"
+
+
+def test_a_group_of_pairs_that_play_a_program_names_it() -> None:
+    (pair,) = changed(1, "grasp_slipped", "camera_shift")
+    named = msgspec.structs.replace(pair, item_id="plus-object-t01-i02-camera_shift-v1-slip")
+    assert (pair.program, named.program) == ("", "slip")
+    lines = broken_lines(report([named]))
+    assert "1 x grasp_slipped, camera_shift (program slip): It was grasp_slipped." in lines
+    assert "| camera_shift (program slip) |" in markdown(report([named]))
+    ((_, text),) = broken_properties([named])
+    assert ", camera_shift (program slip), grasp_slipped: " in text
