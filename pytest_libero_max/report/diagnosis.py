@@ -402,7 +402,7 @@ def _blocked_by_obstacle(seen: _Seen) -> str | None:
         return None
     inserted = [name for name in names if name in seen.inserted]
     what = " and ".join(_words(name, "") for name in inserted or names)
-    put = " that was put there" if inserted else ""
+    put = f" that {'was' if len(inserted) == 1 else 'were'} put there" if inserted else ""
     first = seen.stages["blocked_step"]
     return seen.after_event(
         f"the hand pushed against the {what}{put} from step {first} on, for {number} steps, without moving."
