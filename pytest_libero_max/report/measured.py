@@ -26,6 +26,7 @@ from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
 from pytest_libero_max.stats.paired import PairedResult
+from pytest_libero_max.stats.paired_difference import paired_difference
 
 B = TypeVar("B", bound=Block)
 
@@ -100,6 +101,12 @@ def mean_difference_of(difference: Ratio, interval: Interval | None) -> MeanDiff
     return MeanDifference(
         count=difference.count, of=difference.of, value=number(difference.value), lower=lower, upper=upper
     )
+
+
+def table_change_of(table: Outcomes) -> MeanDifference:
+    """Return the paired change of a table of outcomes with its exact interval."""
+    exact = paired_difference(table.regression, table.change_associated_success, table.total)
+    return mean_difference_of(table.change, exact)
 
 
 def change_of(result: PairedResult) -> Change:
