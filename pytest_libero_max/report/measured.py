@@ -21,7 +21,7 @@ from pytest_libero_max.report.blocks import (
     StaleActions,
 )
 from pytest_libero_max.stats.breakdown import at_floor
-from pytest_libero_max.stats.clusters import TaskInterval
+from pytest_libero_max.stats.clusters import ClusterInterval, TaskInterval
 from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
@@ -125,7 +125,7 @@ def change_of(result: PairedResult) -> Change:
     )
 
 
-def ends(interval: Interval | MeanChange | None) -> tuple[float | None, float | None]:
+def ends(interval: Interval | MeanChange | ClusterInterval | None) -> tuple[float | None, float | None]:
     """Return both ends of an interval; None where there is none."""
     return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
 
