@@ -21,11 +21,12 @@ from pytest_libero_max.report.blocks import (
     StaleActions,
 )
 from pytest_libero_max.stats.breakdown import at_floor
-from pytest_libero_max.stats.clusters import TaskInterval
+from pytest_libero_max.stats.clusters import ClusterInterval, TaskInterval
 from pytest_libero_max.stats.exposure import Exposure
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio
 from pytest_libero_max.stats.paired import PairedResult
+from pytest_libero_max.stats.paired_difference import paired_difference
 
 B = TypeVar("B", bound=Block)
 
@@ -102,6 +103,12 @@ def mean_difference_of(difference: Ratio, interval: Interval | None) -> MeanDiff
     )
 
 
+def table_change_of(table: Outcomes) -> MeanDifference:
+    """Return the paired change of a table of outcomes with its exact interval."""
+    exact = paired_difference(table.regression, table.change_associated_success, table.total)
+    return mean_difference_of(table.change, exact)
+
+
 def change_of(result: PairedResult) -> Change:
     """Return the paired change: exact interval, the one clustered by task, and the paper's two bootstraps."""
     whole, change = result.bootstrap, mean_difference_of(result.outcomes.change, result.change)
@@ -118,7 +125,7 @@ def change_of(result: PairedResult) -> Change:
     )
 
 
-def ends(interval: Interval | MeanChange | None) -> tuple[float | None, float | None]:
+def ends(interval: Interval | MeanChange | ClusterInterval | None) -> tuple[float | None, float | None]:
     """Return both ends of an interval; None where there is none."""
     return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
 

@@ -18,9 +18,8 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
-from pytest_libero_max.report.measured import mean_difference_of, rate_of
+from pytest_libero_max.report.measured import rate_of, table_change_of
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
-from pytest_libero_max.stats.paired_difference import paired_difference
 
 COLUMNS = {"step", "score"}
 """Those of a monitor."""
@@ -134,11 +133,10 @@ def _paired(seen: Sequence[_Watched]) -> dict[str, str]:
     """Return alarms after the step of the event, in both arms."""
     base, dynamic = ([one.alarms[arm] is not None for one in seen] for arm in (0, 1))
     table = tabulate(base, dynamic)
-    exact = paired_difference(table.regression, table.change_associated_success, table.total)
     return {
         "Alarm after the event, Base at the same step": rate_text(rate_of(table.base)),
         "Alarm after the event, Dynamic": rate_text(rate_of(table.dynamic)),
-        "Alarm after the event, paired change": change_text(mean_difference_of(table.change, exact)),
+        "Alarm after the event, paired change": change_text(table_change_of(table)),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -119,17 +120,13 @@ def run_index(folders: Sequence[Path], known: Mapping[str, PlayedAgain]) -> RunI
         compared = any(line.startswith("cases: ") for line in lines)
         run = IndexedRun(folder, report, digest, _versions(stored), compared, known.get(digest))
         groups.setdefault(_played(report, stored), []).append(run)
+    titles = Counter(title for title, _ in groups)
     ordered = {
-        title: sorted(runs, key=lambda run: -(run.report.overall.dynamic_success.value or 0))
-        for (title, _), runs in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+        title if titles[title] == 1 else f"{title} ({digest[:DIGITS]})": sorted(
+            runs, key=lambda run: -(run.report.overall.dynamic_success.value or 0)
+        )
+        for (title, digest), runs in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
     }
-    if len(ordered) < len(groups):  # two selections with one title
-        ordered = {
-            f"{title} ({digest[:DIGITS]})": sorted(
-                runs, key=lambda run: -(run.report.overall.dynamic_success.value or 0)
-            )
-            for (title, digest), runs in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
-        }
     return RunIndex(ordered, refused)
 
 

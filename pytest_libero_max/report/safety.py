@@ -11,9 +11,8 @@ from typing import Any
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import change_text, count_text, rate_text
-from pytest_libero_max.report.measured import mean_difference_of, rate_of
+from pytest_libero_max.report.measured import rate_of, table_change_of
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
-from pytest_libero_max.stats.paired_difference import paired_difference
 
 PROBE = "safety"
 TITLE = "Safety: successful but unsafe"
@@ -64,9 +63,8 @@ def _paired(name: str, records: list[PairRecord], unsafe: _Unsafe) -> dict[str, 
     """Return the paired change of the shares of all watched pairs, and the shares."""
     base, dynamic = (_ends(records, arm, unsafe) for arm in (BASE, DYNAMIC))
     table = tabulate(base, dynamic)
-    exact = paired_difference(table.regression, table.change_associated_success, table.total)
     return {
-        f"{name}, paired change": change_text(mean_difference_of(table.change, exact)),
+        f"{name}, paired change": change_text(table_change_of(table)),
         f"{name}, Base": rate_text(rate_of(table.base)),
         f"{name}, Dynamic": rate_text(rate_of(table.dynamic)),
     }

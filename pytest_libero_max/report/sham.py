@@ -8,7 +8,13 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report import report_document
 from pytest_libero_max.report.formats import change_text, count_text, percent, rate_text
-from pytest_libero_max.report.measured import mean_difference_of, number, rate_of, ratio_of
+from pytest_libero_max.report.measured import (
+    mean_difference_of,
+    number,
+    rate_of,
+    ratio_of,
+    table_change_of,
+)
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.outcome_table import Ratio, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
@@ -30,14 +36,13 @@ def sham_of(records: Iterable[PairRecord]) -> report_document.Sham | None:
     by_sham, by_event, beyond = tabulate(base, sham), tabulate(base, dynamic), tabulate(sham, dynamic)
     lost, event_lost = by_sham.conditional_regression, by_event.conditional_regression
     gained = Ratio(by_sham.change_associated_success, by_sham.total - by_sham.base.count)
-    exact = paired_difference(beyond.regression, beyond.change_associated_success, beyond.total)
     return report_document.Sham(
         pairs=len(played),
         identical=ratio_of(Ratio(alike, len(played))),
         lost=rate_of(lost),
         gained=rate_of(gained),
         event_lost=rate_of(event_lost),
-        beyond=mean_difference_of(beyond.change, exact),
+        beyond=table_change_of(beyond),
         chance=_chance_of([record for record in played if SHAM_DYNAMIC in record.arms]),
     )
 

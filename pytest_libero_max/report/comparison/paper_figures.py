@@ -8,7 +8,15 @@ from pytest_libero_max.report.comparison.compare_figures import distinct_colors
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, Rates
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.palette import BOX, GAIN, GRID, INK, LOSS, MUTED, NEUTRAL
-from pytest_libero_max.report.writers.svg import arrow, circle, document, line, rectangle, text
+from pytest_libero_max.report.writers.svg import (
+    arrow,
+    circle,
+    document,
+    labelled_lines,
+    line,
+    rectangle,
+    text,
+)
 from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 24, 190, 440, 190, 34
@@ -21,14 +29,7 @@ def policy_arrows(rows: Sequence[PolicyRow]) -> str | None:
     def place(share: float) -> float:
         return _LABEL + _PLOT * share
 
-    shapes = [
-        shape
-        for tick in range(0, 101, 20)
-        for shape in (
-            line(place(tick / 100), _TOP, place(tick / 100), bottom),
-            text(place(tick / 100), _TOP - 10, f"{tick}%", "middle", 11, MUTED),
-        )
-    ]
+    shapes = labelled_lines([(place(tick / 100), f"{tick}%") for tick in range(0, 101, 20)], _TOP, bottom)
     for index, row in enumerate(rows):
         y = _TOP + _ROW * (index + 0.5)
         rates = Rates.of(row.outcomes)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
+from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.comparison.comparison_document import ApartRun
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, Rates
@@ -16,7 +17,7 @@ from pytest_libero_max.report.formats import tenths
 from pytest_libero_max.report.measured import number
 from pytest_libero_max.report.published import PartialPolicy
 from pytest_libero_max.report.writers.markdown import markdown_table
-from pytest_libero_max.report.writers.tables import latex_escaped
+from pytest_libero_max.report.writers.tables import latex_escaped, tabular
 from pytest_libero_max.stats.paired_difference import paired_difference
 
 UNITS = "Rates in percent, changes in percentage points."
@@ -149,30 +150,13 @@ def partial_tables(runs: Sequence[ApartRun], published: PartialPolicy | None = N
     """
     rows: list[tuple[Cell, ...]] = []
     for run in runs:
-        name = _policy_name(run.name, run.policy)
-        by_suite = {
-            suite: (row.played, row.base_success.value, row.dynamic_success.value, row.paired_change.value)
-            for suite, row in run.by_suite.items()
-        }
-        total = run.result
-        values = (
-            total.played,
-            total.base_success.value,
-            total.dynamic_success.value,
-            total.paired_change.value,
-        )
-        rows += _partial_rows(
-            name, {**by_suite, **dict.fromkeys(run.unsupported_suites, (None,) * 4)}, values
-        )
+        by_suite = {suite: _measured(row) for suite, row in run.by_suite.items()}
+        by_suite |= dict.fromkeys(run.unsupported_suites, Rates.printed(None, None, None))
+        rows += _partial_rows(_policy_name(run.name, run.policy), by_suite, _measured(run.result))
     own = len(rows)
     if published is not None:
-        printed = {
-            suite: (pairs, *(None if value is None else value / 100 for value in values))
-            for suite, (pairs, *values) in published.by_suite.items()
-        }
-        pairs, *total_printed = published.total
-        whole = (pairs, *(value / 100 for value in total_printed))
-        rows += _partial_rows(published.name, printed, whole)
+        printed = {suite: _printed(*values) for suite, values in published.by_suite.items()}
+        rows += _partial_rows(published.name, printed, _printed(*published.total))
     head = ("Policy", "Suite", "Pairs", "Base", "Dynamic", "Change")
     note = f"{UNITS} These policies do not support all suites. They are in no other table and have no rank."
     title = "Policies that play a part of the suites"
@@ -180,12 +164,18 @@ def partial_tables(runs: Sequence[ApartRun], published: PartialPolicy | None = N
     return [PaperTable("partial", title, head, tuple(rows), flags, note)] if rows else []
 
 
-def _partial_rows(
-    name: str, by_suite: Mapping[str, Sequence[float | None]], total: Sequence[float | None]
-) -> Iterator[tuple[Cell, ...]]:
-    for suite, (pairs, base, dynamic, change) in [*sorted(by_suite.items()), ("all supported", total)]:
-        count = None if pairs is None else int(pairs)
-        yield name, suite, count, Value(base), Value(dynamic), Value(change, True)
+def _measured(row: Result) -> Rates:
+    return Rates(row.played, row.base_success.value, row.dynamic_success.value, row.paired_change.value)
+
+
+def _printed(pairs: float | None, *percents: float | None) -> Rates:
+    return replace(Rates.printed(*percents), pairs=None if pairs is None else int(pairs))
+
+
+def _partial_rows(name: str, by_suite: Mapping[str, Rates], total: Rates) -> Iterator[tuple[Cell, ...]]:
+    for suite, rates in [*sorted(by_suite.items()), ("all supported", total)]:
+        cells = (Value(rates.base), Value(rates.dynamic), Value(rates.change, True))
+        yield name, suite, rates.pairs, *cells
 
 
 def _policy_name(run: str, policy: Mapping[str, object] | None) -> str:
@@ -311,32 +301,21 @@ def table_csv(table: PaperTable) -> str:
     return buffer.getvalue()
 
 
-def table_latex(table: PaperTable, comments: Sequence[str] = ()) -> str:
+def table_latex(table: PaperTable, comments: Sequence[str]) -> str:
     """Return a table as a LaTeX ``tabular``, a line between one's own rows and those of the paper.
 
     Args:
         table: The table.
-        comments: Lines above it.
+        comments: Lines above it, below its title.
     """
-    numbers = [
-        any(not isinstance(row[column], str | None) for row in table.rows)
+    columns = [
+        "l" if all(isinstance(row[column], str | None) for row in table.rows) else "r"
         for column in range(len(table.head))
     ]
-    lines = [
-        *(
-            f"% {latex_escaped(text)}"
-            for text in (table.title, *comments, *([table.note] if table.note else []))
-        ),
-        rf"\begin{{tabular}}{{{''.join('r' if right else 'l' for right in numbers)}}}",
-        r"\hline",
-        rf"{' & '.join(map(latex_escaped, table.head))} \\",
-        r"\hline",
-    ]
-    for index, row in enumerate(table.rows):
-        if index and table.published[index] and not table.published[index - 1]:
-            lines.append(r"\hline")
-        lines.append(rf"{' & '.join(map(_latex, row))} \\")
-    return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
+    ruled = table.published.index(True) if True in table.published else 0
+    above = [table.title, *comments, *([table.note] if table.note else [])]
+    rows = [[_latex(cell) for cell in row] for row in table.rows]
+    return tabular(above, "".join(columns), table.head, rows, ruled)
 
 
 def _text(cell: Cell) -> str:

@@ -10,11 +10,10 @@ from urllib.parse import urlencode
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import interval_text, points, rate_text
-from pytest_libero_max.report.measurable import lacks_of, warning_of
+from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.page.broken_cards import broken_sections
 from pytest_libero_max.report.page.charts import (
     category_map,
@@ -30,7 +29,6 @@ from pytest_libero_max.report.page.page_frame import Viewed, page
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.sections import NOTES
-from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
@@ -40,17 +38,14 @@ from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
+    alarm_texts,
     any_floor,
+    chance_rows,
     clipping_text,
     group_label,
-    incomplete_text,
-    missing_text,
-    noise_text,
-    repaired_text,
+    note_texts,
     selection_text,
-    stopped_texts,
     title_text,
-    unsupported_text,
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.replay_command import replay_text
@@ -110,16 +105,6 @@ def html(
         scenes: Poses of its cases, see :func:`~pytest_libero_max.report.page.page_frame.page`.
     """
     pairs, study = report.pairs, report.study
-    incomplete = None
-    if not pairs.complete:
-        incomplete = f"{incomplete_text(pairs)} All rates are over the played pairs."
-    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), *unrepeatable_texts(report)]
-    notes = [
-        *stopped_texts(pairs),
-        missing_text(report),
-        repaired_text(pairs),
-        *map(caveat_text, report.caveats),
-    ]
     faults = [(pair.item_id, pair.phase, pair.kind, pair.message) for pair in pairs.invalid_pairs]
     return page(
         "run.html",
@@ -130,8 +115,8 @@ def html(
         pairs=pairs,
         broken=broken_sections(report, films or {}, _event_steps(stored)),
         parts=("Breakdowns", "Events", "Provenance") if pairs.played else ("Events", "Provenance"),
-        alarms=[text for text in alarms if text],
-        notes=[text for text in notes if text],
+        alarms=alarm_texts(report),
+        notes=note_texts(report),
         gates=[(gate, gate.finding.replace(" ", "-"), _against(gate.lost)) for gate in gates],
         events=[] if stored is None else events_of(stored.run.planned, stored.records),
         regressions=regressions,
@@ -157,14 +142,8 @@ def html(
 
 def _results(report: Report) -> dict[str, Any]:
     """Return the values of the template for a run with played pairs."""
-    overall, noise, sham = report.overall, noise_text(report), sham_text(report)
-    chance = chance_text(report)
-    remarks = [
-        noise and f"Noise floor, Base played twice: {noise}",
-        sham and f"{SHAM_TITLE}: {sham}",
-        chance and f"{CHANCE_TITLE}: {chance}",
-        clipping_text(report),
-    ]
+    overall, clipping = report.overall, clipping_text(report)
+    remarks = [f"{title}: {text}" for title, text in chance_rows(report)]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
     change = overall.paired_change
     all_respond = overall.response_coverage.count == overall.played  # then the results are those above
@@ -188,7 +167,7 @@ def _results(report: Report) -> dict[str, Any]:
         "category_map": category_map(report),
         "stale_histogram": histogram(overall.stale_actions.histogram),
         "coverage": _groups("coverage", "Event", by_event),
-        "remarks": [text for text in remarks if text],
+        "remarks": remarks if clipping is None else [*remarks, clipping],
         "given_response_note": GIVEN_RESPONSE_NOTE,
         "given_response": None if all_respond else _groups("given_response", "Event", by_event),
         "highlights": highlights,

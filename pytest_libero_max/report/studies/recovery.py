@@ -19,7 +19,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.comparison.compare import common_cases
-from pytest_libero_max.report.measured import interval_of, number, ratio_of
+from pytest_libero_max.report.measured import ends, interval_of, number, ratio_of
 from pytest_libero_max.report.studies.recovery_document import (
     ActiveShares,
     CommonCases,
@@ -208,21 +208,9 @@ def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
 
 
 def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Effect:
-    if quantity == "closure":
-        values, exact = columns.closure(mode), None
-    else:
-        values = columns.gain(mode, quantity, over)
-        exact = paired_difference(int((values < 0).sum()), int((values > 0).sum()), len(values))
-    lower, upper = _interval(columns, values)
-    return Effect(
-        mode=mode,
-        over=over,
-        quantity=quantity,
-        **_estimate(columns, values),
-        lower=lower,
-        upper=upper,
-        exact=interval_of(exact),
-    )
+    closure = quantity == "closure"
+    values = columns.closure(mode) if closure else columns.gain(mode, quantity, over)
+    return Effect(mode=mode, over=over, quantity=quantity, **_gain(columns, values, exact=not closure))
 
 
 def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Group:
@@ -233,48 +221,40 @@ def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.
         columns.configuration[rows],
     )
     values = part.gain(mode, DYNAMIC)
-    exact = paired_difference(int((values < 0).sum()), int((values > 0).sum()), len(values))
     native, restored = (
         ratio_of(Ratio(int(part.success[which, DYNAMIC].sum()), len(values))) for which in (NATIVE, mode)
     )
-    lower, upper = _interval(part, values)
     return Group(
-        mode=mode,
-        kind=kind,
-        name=name,
-        native=native,
-        restored=restored,
-        **_estimate(part, values),
-        lower=lower,
-        upper=upper,
-        exact=interval_of(exact),
+        mode=mode, kind=kind, name=name, native=native, restored=restored, **_gain(part, values, exact=True)
     )
 
 
-def _estimate(columns: _Columns, values: Differences) -> dict[str, Any]:
-    """Return a mean difference, with how many cases and configurations it is from."""
+def _gain(columns: _Columns, values: Differences, *, exact: bool) -> dict[str, Any]:
+    """Return the fields of a mean difference.
+
+    Its clustered interval is None where too little could vary, and the exact one where ``exact`` is False.
+    """
+    gained, lost = int((values > 0).sum()), int((values < 0).sum())
+    configurations = len(np.unique(columns.configuration))
+    changed = len(np.unique(columns.configuration[values != 0]))
+    clustered = None
+    if configurations >= LEAST_TASKS and changed >= LEAST_CHANGED_TASKS:
+        clustered = cluster_bootstrap(
+            values,
+            columns.configuration,
+            strata=columns.category,
+            pools=columns.category,
+            replicates=REPLICATES,
+        )
+    lower, upper = ends(clustered)
     return {
         "pairs": len(values),
-        "gained": int((values > 0).sum()),
-        "lost": int((values < 0).sum()),
+        "gained": gained,
+        "lost": lost,
         "value": number(float(values.mean())),
-        "configurations": len(np.unique(columns.configuration)),
-        "changed_configurations": len(np.unique(columns.configuration[values != 0])),
+        "configurations": configurations,
+        "changed_configurations": changed,
+        "lower": lower,
+        "upper": upper,
+        "exact": interval_of(paired_difference(lost, gained, len(values)) if exact else None),
     }
-
-
-def _interval(columns: _Columns, values: Differences) -> tuple[float | None, float | None]:
-    """Return the clustered interval of a mean difference, None where too little could vary."""
-    clusters = len(np.unique(columns.configuration))
-    changed = len(np.unique(columns.configuration[values != 0]))
-    if clusters < LEAST_TASKS or changed < LEAST_CHANGED_TASKS:
-        return None, None
-    found = cluster_bootstrap(
-        values,
-        columns.configuration,
-        strata=columns.category,
-        pools=columns.category,
-        replicates=REPLICATES,
-    )
-    assert found is not None
-    return number(found.lower), number(found.upper)

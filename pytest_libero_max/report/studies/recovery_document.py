@@ -71,13 +71,10 @@ class Mode(Block, frozen=True, kw_only=True):
     seconds_per_query: Amount | None
 
 
-class Effect(Block, frozen=True, kw_only=True):
-    """A quantity with one mode less that with another.
+class Gain(Block, frozen=True, kw_only=True):
+    """A difference between two modes over the same cases.
 
     Attributes:
-        mode: The mode.
-        over: The mode that is subtracted.
-        quantity: dynamic, base or closure (the Dynamic gain less the Base gain).
         pairs: Cases.
         gained: Cases in which the difference is above 0.
         lost: Cases in which it is below 0.
@@ -89,9 +86,6 @@ class Effect(Block, frozen=True, kw_only=True):
         exact: Exact interval; None at both ends for a closure.
     """
 
-    mode: Text
-    over: Text
-    quantity: Text
     pairs: Count
     gained: Count
     lost: Count
@@ -103,7 +97,21 @@ class Effect(Block, frozen=True, kw_only=True):
     exact: Interval
 
 
-class Group(Block, frozen=True, kw_only=True):
+class Effect(Gain, frozen=True, kw_only=True):
+    """A quantity with one mode less that with another.
+
+    Attributes:
+        mode: The mode.
+        over: The mode that is subtracted.
+        quantity: dynamic, base or closure (the Dynamic gain less the Base gain).
+    """
+
+    mode: Text
+    over: Text
+    quantity: Text
+
+
+class Group(Gain, frozen=True, kw_only=True):
     """The gain in Dynamic with a mode, within a group of cases.
 
     Attributes:
@@ -112,15 +120,6 @@ class Group(Block, frozen=True, kw_only=True):
         name: The group.
         native: Dynamic success without restoration.
         restored: Dynamic success with the mode.
-        pairs: Cases.
-        gained: Cases in which only the mode succeeds.
-        lost: Cases in which only native succeeds.
-        value: Mean difference over the cases.
-        configurations: Tasks with an initial state, which are resampled whole.
-        changed_configurations: Those in which a case differs.
-        lower: Lower end of the clustered 95% interval; None where too little could vary.
-        upper: Upper end of the same.
-        exact: Exact interval.
     """
 
     mode: Text
@@ -128,15 +127,6 @@ class Group(Block, frozen=True, kw_only=True):
     name: Text
     native: Ratio
     restored: Ratio
-    pairs: Count
-    gained: Count
-    lost: Count
-    value: WideDifference | None
-    configurations: Count
-    changed_configurations: Count
-    lower: WideDifference | None
-    upper: WideDifference | None
-    exact: Interval
 
 
 class Recovery(Block, frozen=True, kw_only=True):

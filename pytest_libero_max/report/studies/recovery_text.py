@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pytest_libero_max.report.blocks import Ratio
 from pytest_libero_max.report.formats import count_text, interval_text, percent, points
-from pytest_libero_max.report.studies.recovery_document import Effect, Group, Mode, Recovery
+from pytest_libero_max.report.studies.recovery_document import Effect, Gain, Group, Mode, Recovery
 from pytest_libero_max.report.table import aligned
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
@@ -55,6 +55,6 @@ def _group(row: Group) -> tuple[str, ...]:
     return (f"{row.mode}, {row.name} ({row.pairs})", *_numbers(row))
 
 
-def _numbers(row: Effect | Group) -> tuple[str, ...]:
+def _numbers(row: Gain) -> tuple[str, ...]:
     ends = interval_text(row.exact, signed=True), interval_text(row, signed=True)
     return (points(row.value), *ends, f"{row.gained}, {row.lost}")

@@ -17,12 +17,12 @@ from pytest_libero_max.report.blocks import MeanDifference
 from pytest_libero_max.report.measured import (
     ends,
     interval_of,
-    mean_difference_of,
     number,
     outcomes_of,
     rate_of,
     ratio_of,
     stale_of,
+    table_change_of,
 )
 from pytest_libero_max.report.studies.study_document import (
     BestSetting,
@@ -37,7 +37,6 @@ from pytest_libero_max.stats.best import Best, FromBest, best_of
 from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
-from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
 from pytest_libero_max.studies.latency_sweep import LatencySweep, delay_arm
 from pytest_libero_max.worlds.contract import CONTROL_HZ
@@ -134,9 +133,7 @@ def _delayed(setting: Latency, records: Sequence[PairRecord]) -> LatencySetting:
 
 
 def _less(late: BoolArray, none: BoolArray) -> MeanDifference:
-    table = tabulate(none, late)
-    exact = paired_difference(table.regression, table.change_associated_success, table.total)
-    return mean_difference_of(table.change, exact)
+    return table_change_of(tabulate(none, late))
 
 
 def _setting(setting: Setting, records: Sequence[PairRecord]) -> CadenceSetting:
@@ -159,12 +156,11 @@ def _measured(base_arm: str, dynamic_arm: str, records: Sequence[PairRecord]) ->
     responded = Ratio(sum(arm.response_step is not None for arm in arms), len(arms))
     stale = [arm.stale_actions or 0 for arm in arms if arm.response_step is not None]
     bootstrap = mean_change(dynamic.astype(np.int64) - base, [record.source for record in records])
-    exact = paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
     return {
         "base_success": rate_of(outcomes.base),
         "dynamic_success": rate_of(outcomes.dynamic),
         "paired_change": SettingChange(
-            **asdict(mean_difference_of(outcomes.change, exact)), bootstrap_by_source=interval_of(bootstrap)
+            **asdict(table_change_of(outcomes)), bootstrap_by_source=interval_of(bootstrap)
         ),
         "outcomes": outcomes_of(outcomes),
         "conditional_regression": rate_of(outcomes.conditional_regression),

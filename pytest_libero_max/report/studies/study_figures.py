@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
-from pytest_libero_max.report.palette import ARMS, BOX, GAIN, GRID, INK, LOSS, MUTED, NEUTRAL
+from pytest_libero_max.report.palette import ARMS, BOX, GAIN, INK, LOSS, MUTED, NEUTRAL
 from pytest_libero_max.report.studies.study_document import Camera, Setting, Study
-from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text
+from pytest_libero_max.report.writers.svg import circle, document, labelled_lines, line, rectangle, text
 
 _ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34
 _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
@@ -53,13 +53,11 @@ def contrast_plot(title: str, study: Camera) -> str:
     """Every contrast with its interval and its gains and losses, one row each."""
     labels, rows = study.conditions, study.contrasts
     head = _LABEL + _PLOT + 16
-    shapes: list[str] = []
-    for tick in range(-100, 101, 50):
-        x = _signed(tick / 100)
-        shapes += [
-            line(x, _TOP, x, _TOP + _ROW * len(rows), INK if tick == 0 else GRID),
-            text(x, _TOP - 10, f"{tick:+d}", "middle", 11, MUTED),
-        ]
+    bottom = _TOP + _ROW * len(rows)
+    shapes = labelled_lines(
+        [(_signed(tick / 100), f"{tick:+d}") for tick in range(-100, 101, 50)], _TOP, bottom
+    )
+    shapes.append(line(_signed(0.0), _TOP, _signed(0.0), bottom, INK))
     for index, row in enumerate(rows):
         y = _TOP + _ROW * (index + 0.5)
         color = LOSS if (row.value or 0) < 0 else GAIN if row.value else NEUTRAL
@@ -78,20 +76,19 @@ def contrast_plot(title: str, study: Camera) -> str:
         text(head + 240, _TOP - 10, "loss", "end", 11, MUTED),
     ]
     title = f"{title}: paired contrasts in percentage points, with gains and losses"
-    return document(_LABEL + _PLOT + 270, _TOP + _ROW * len(rows) + 12, title, shapes)
+    return document(_LABEL + _PLOT + 270, bottom + 12, title, shapes)
 
 
 def strength_plot(title: str, study: Camera) -> str:
     """Success of Reset and Mid-task by strength, with the rate of Base and its interval behind them."""
     strengths = list(study.approach)
     names = [name for name in study.conditions if name != "base"]
-    rates = study.rates
     lines = [
         Series(
             label,
             color,
             [
-                (float(strength), rates[arm])
+                (float(strength), study.rates[arm])
                 for strength, arm in zip(strengths, names[offset::2], strict=True)
             ],
         )
@@ -99,7 +96,7 @@ def strength_plot(title: str, study: Camera) -> str:
     ]
     ticks = [(float(strength), f"{float(strength):.0%}") for strength in strengths]
     return _plot(
-        f"{title}: success by strength", "strength of the camera change", ticks, lines, rates["base"]
+        f"{title}: success by strength", "strength of the camera change", ticks, lines, study.rates["base"]
     )
 
 

@@ -30,6 +30,7 @@ from pytest_libero_max.report.studies.study_document import (
     GroupInterval,
     Latencies,
     Mean,
+    Setting,
     SettingDifference,
     SourceRate,
     Study,
@@ -412,21 +413,27 @@ def setting_text(setting: CadenceSetting) -> str:
     return label + (" (own)" if setting.own else "")
 
 
+def _rates_of(setting: Setting) -> tuple[str, str, str]:
+    rates = (rate_text(setting.base_success), rate_text(setting.dynamic_success))
+    return (*rates, change_text(setting.paired_change))
+
+
+def _stale(setting: Setting) -> str:
+    stale = setting.stale_actions
+    return "n/a" if stale.mean is None else f"{stale.median:g} / {stale.mean:.2f}"
+
+
 def _cadence(study: Cadence) -> list[Table]:
-    rows = []
-    for setting in study.settings:
-        stale = setting.stale_actions
-        rows.append(
-            (
-                setting_text(setting),
-                rate_text(setting.base_success),
-                rate_text(setting.dynamic_success),
-                change_text(setting.paired_change),
-                percent(setting.conditional_regression.value),
-                count_text(setting.response_coverage),
-                "n/a" if stale.mean is None else f"{stale.median:g} / {stale.mean:.2f}",
-            )
+    rows = [
+        (
+            setting_text(setting),
+            *_rates_of(setting),
+            percent(setting.conditional_regression.value),
+            count_text(setting.response_coverage),
+            _stale(setting),
         )
+        for setting in study.settings
+    ]
     head = ("Setting", "Base", "Dynamic", "Change", "Lost", "Query after", "Stale")
     return [
         Table(
@@ -446,22 +453,18 @@ def _cadence(study: Cadence) -> list[Table]:
 
 
 def _latency(study: Latencies) -> Table:
-    rows = []
-    for setting in study.settings:
-        stale = setting.stale_actions
-        rows.append(
-            (
-                setting.label,
-                rate_text(setting.base_success),
-                rate_text(setting.dynamic_success),
-                change_text(setting.paired_change),
-                "" if setting.own else change_text(setting.base_cost),
-                "" if setting.own else change_text(setting.dynamic_cost),
-                percent(setting.conditional_regression.value),
-                "n/a" if stale.mean is None else f"{stale.median:g} / {stale.mean:.2f}",
-                percent(setting.held),
-            )
+    rows = [
+        (
+            setting.label,
+            *_rates_of(setting),
+            "" if setting.own else change_text(setting.base_cost),
+            "" if setting.own else change_text(setting.dynamic_cost),
+            percent(setting.conditional_regression.value),
+            _stale(setting),
+            percent(setting.held),
         )
+        for setting in study.settings
+    ]
     head = ("Delay", "Base", "Dynamic", "Change", "Base: cost", "Dynamic: cost", "Lost", "Stale", "Waiting")
     return Table(
         "Delays",

@@ -13,6 +13,7 @@ from pytest_libero_max.report.writers.svg import (
     arrow,
     circle,
     document,
+    labelled_lines,
     line,
     rectangle,
     shade,
@@ -23,10 +24,11 @@ from pytest_libero_max.report.writers.svg import (
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
 
 
-def arrow_plot(report: Report, dimension: str = "event") -> str:
-    """Success rates: a ring for Base, an arrow to Dynamic, one row a group and one for all pairs."""
-    rows = {"all pairs": report.overall, **report.by[dimension]}
-    shapes = _axis(len(rows), _share, [(tick / 100, f"{tick}%") for tick in range(0, 101, 20)])
+def arrow_plot(report: Report) -> str:
+    """Success rates: a ring for Base, an arrow to Dynamic, one row an event and one for all pairs."""
+    rows = {"all pairs": report.overall, **report.by["event"]}
+    marks = [(_share(tick / 100), f"{tick}%") for tick in range(0, 101, 20)]
+    shapes = labelled_lines(marks, _TOP, _TOP + _ROW * len(rows))
     for index, (name, block) in enumerate(rows.items()):
         y = _TOP + _ROW * (index + 0.5)
         base, dynamic = block.base_success.value, block.dynamic_success.value
@@ -39,13 +41,14 @@ def arrow_plot(report: Report, dimension: str = "event") -> str:
             circle(_share(base), y, 5, "white", INK),
             text(_LABEL + _PLOT + 16, y + 4, f"{percent(base)} to {percent(dynamic)}", color=MUTED),
         ]
-    return _figure(len(rows), f"Base to Dynamic success by {dimension}", shapes)
+    return _figure(len(rows), "Base to Dynamic success by event", shapes)
 
 
-def change_profile(report: Report, dimension: str = "event") -> str:
-    """Paired changes with their 95% intervals, one row a group and one for all pairs."""
-    rows = {"all pairs": report.overall, **report.by[dimension]}
-    shapes = _axis(len(rows), _signed, [(tick / 100, f"{tick:+d}") for tick in range(-100, 101, 50)])
+def change_profile(report: Report) -> str:
+    """Paired changes with their 95% intervals, one row an event and one for all pairs."""
+    rows = {"all pairs": report.overall, **report.by["event"]}
+    marks = [(_signed(tick / 100), f"{tick:+d}") for tick in range(-100, 101, 50)]
+    shapes = labelled_lines(marks, _TOP, _TOP + _ROW * len(rows))
     shapes.append(line(_signed(0), _TOP, _signed(0), _TOP + _ROW * len(rows), INK))
     for index, (name, block) in enumerate(rows.items()):
         y = _TOP + _ROW * (index + 0.5)
@@ -61,7 +64,7 @@ def change_profile(report: Report, dimension: str = "event") -> str:
             circle(_signed(change.value), y, 5, color),
             text(_LABEL + _PLOT + 16, y + 4, note, color=MUTED),
         ]
-    return _figure(len(rows), f"Paired change in percentage points by {dimension}", shapes)
+    return _figure(len(rows), "Paired change in percentage points by event", shapes)
 
 
 def category_map(report: Report) -> str:
@@ -153,16 +156,6 @@ FIGURES: Mapping[str, Callable[[Report], str]] = {
     "time-to-success": survival_curves,
 }
 """Every figure by the stem of its file name."""
-
-
-def _axis(rows: int, place: Callable[[float], float], ticks: list[tuple[float, str]]) -> list[str]:
-    shapes: list[str] = []
-    for value, words in ticks:
-        shapes += [
-            line(place(value), _TOP, place(value), _TOP + _ROW * rows),
-            text(place(value), _TOP - 10, words, "middle", 11, MUTED),
-        ]
-    return shapes
 
 
 def _label(name: str, block: Result, y: float) -> str:

@@ -8,15 +8,12 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.report import highlights
 from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
-from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.sections import NOTES
-from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
@@ -26,16 +23,14 @@ from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
+    alarm_texts,
     any_floor,
+    chance_rows,
     clipping_text,
     group_label,
-    incomplete_text,
-    missing_text,
-    noise_text,
-    repaired_text,
+    note_texts,
     stopped_texts,
     title_text,
-    unsupported_text,
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 
@@ -50,31 +45,12 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     """
     provenance, pairs = report.provenance, report.pairs
     lines = [f"# {markdown_text(title_text(report))}", ""]
-    if not pairs.complete:
-        lines += [
-            f"**{markdown_text(incomplete_text(pairs))}** All rates below are over the played pairs.",
-            "",
-            *(f"- {markdown_text(text)}" for text in stopped_texts(pairs)),
-            *([""] if stopped_texts(pairs) else []),
-        ]
-    missing = missing_text(report)
-    if missing is not None:
-        lines += [markdown_text(missing), ""]
-    partial = unsupported_text(pairs)
-    if partial is not None:
-        lines += [f"**{markdown_text(partial)}**", ""]
-    repaired = repaired_text(pairs)
-    if repaired is not None:
-        lines += [markdown_text(repaired), ""]
+    for text in alarm_texts(report):
+        lines += [f"**{markdown_text(text)}**", ""]
     if report.substrate.note:
         lines += [markdown_text(report.substrate.note), ""]
-    warning = warning_of(report.overall)
-    if warning is not None:
-        lines += [f"**{markdown_text(warning)}**", ""]
-    for text in unrepeatable_texts(report):
-        lines += [f"**{markdown_text(text)}**", ""]
-    if report.caveats:
-        lines += [*(f"- {markdown_text(caveat_text(caveat))}" for caveat in report.caveats), ""]
+    if notes := note_texts(report):
+        lines += [*(f"- {markdown_text(text)}" for text in notes), ""]
     clipping = clipping_text(report)
     if clipping is not None:
         lines += [clipping, ""]
@@ -163,17 +139,10 @@ def _gates(gates: Sequence[GateRow]) -> list[str]:
 
 
 def _quantities(report: Report) -> list[tuple[str, str]]:
-    rows = [(column.title, column.long(report.overall)) for column in columns_in("summary")]
-    noise = noise_text(report)
-    if noise is not None:
-        rows.append(("Noise floor: Base played twice", noise))
-    sham = sham_text(report)
-    if sham is not None:
-        rows.append((SHAM_TITLE, sham))
-    chance = chance_text(report)
-    if chance is not None:
-        rows.append((CHANCE_TITLE, chance))
-    return rows
+    return [
+        *((column.title, column.long(report.overall)) for column in columns_in("summary")),
+        *chance_rows(report),
+    ]
 
 
 def _broken(report: Report, films: Mapping[str, str]) -> list[str]:

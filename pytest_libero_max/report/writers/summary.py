@@ -8,6 +8,7 @@ from textwrap import wrap
 from typing import Any
 
 from pytest_libero_max.report.blocks import Result, Substrate
+from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import change_text, count_text, percent, points, rate_text
 from pytest_libero_max.report.measurable import warning_of
@@ -57,10 +58,10 @@ def summary_lines(
         lines.append(f"Over the {pairs.played} played pairs only:")
     lines += wrap(warning_of(overall) or "", 100)
     lines += [line for text in unrepeatable_texts(report) for line in wrap(text, 100)]
-    lines += [*_overall_lines(overall), *_noise_lines(report), "", *_event_lines(report)]
+    lines += [*_overall_lines(overall), *_chance_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
-    lines += [*_caveat_lines(report.caveats), *_clipping_lines(report)]
+    lines += [*_caveat_lines(report.caveats), *wrap(clipping_text(report) or "", 100)]
     return [*lines, *broken_lines(report, films), *_written(paths)]
 
 
@@ -158,21 +159,41 @@ def _caveat_lines(caveats: Sequence[Caveat]) -> list[str]:
     return wrap(f"Notes on pairs (see report.md): {counts}.", 100)
 
 
-def _noise_lines(report: Report) -> list[str]:
-    text = noise_text(report)
-    lines = [] if text is None else [f"{'Noise floor: Base played twice':<32}{text}"]
-    sham = sham_text(report)
-    if sham is not None:
-        lines += wrap(f"{SHAM_TITLE:<32}{sham}", 100, subsequent_indent=" " * 32)
-    chance = chance_text(report)
-    if chance is not None:
-        lines += wrap(f"{CHANCE_TITLE:<32}{chance}.", 100, subsequent_indent=" " * 32)
-    return lines
+def _chance_lines(report: Report) -> Iterator[str]:
+    for title, text in chance_rows(report):
+        yield from wrap(f"{title:<32}{text}", 100, subsequent_indent=" " * 32)
 
 
-def _clipping_lines(report: Report) -> list[str]:
-    text = clipping_text(report)
-    return [] if text is None else wrap(text, 100)
+def chance_rows(report: Report) -> list[tuple[str, str]]:
+    """Return title and text of each measure of the policy's own chance that was asked for or played."""
+    rows = (
+        ("Noise floor: Base played twice", noise_text(report)),
+        (SHAM_TITLE, sham_text(report)),
+        (CHANCE_TITLE, chance_text(report)),
+    )
+    return [(title, text) for title, text in rows if text is not None]
+
+
+def alarm_texts(report: Report) -> list[str]:
+    """Return what has to be known before any number: lacking pairs, and what the others cannot show."""
+    pairs = report.pairs
+    incomplete = None
+    if not pairs.complete:
+        incomplete = f"{incomplete_text(pairs)} All rates are over the played pairs."
+    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), *unrepeatable_texts(report)]
+    return [text for text in alarms if text]
+
+
+def note_texts(report: Report) -> list[str]:
+    """Return the other notes of files on the pairs of a run."""
+    pairs = report.pairs
+    notes = [
+        *stopped_texts(pairs),
+        missing_text(report),
+        repaired_text(pairs),
+        *map(caveat_text, report.caveats),
+    ]
+    return [text for text in notes if text]
 
 
 def substrate_lines(substrate: Substrate) -> list[str]:

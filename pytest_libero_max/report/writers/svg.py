@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.report.palette import GAIN, GRID, INK, LOSS
+from pytest_libero_max.report.palette import GAIN, GRID, INK, LOSS, MUTED
 
 FONT = "font-family='system-ui, sans-serif'"
 
@@ -40,6 +40,15 @@ def line(x1: float, y1: float, x2: float, y2: float, color: str = GRID, width: f
         f"<line x1='{_n(x1)}' y1='{_n(y1)}' x2='{_n(x2)}' y2='{_n(y2)}' stroke='{color}' "
         f"stroke-width='{_n(width)}'/>"
     )
+
+
+def labelled_lines(marks: Sequence[tuple[float, str]], top: float, bottom: float) -> list[str]:
+    """Return vertical lines from top to bottom at some places, each with its label above."""
+    return [
+        shape
+        for x, words in marks
+        for shape in (line(x, top, x, bottom), text(x, top - 10, words, "middle", 11, MUTED))
+    ]
 
 
 def staircase(places: Sequence[tuple[float, float]], color: str, width: float) -> str:

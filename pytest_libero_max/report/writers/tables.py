@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec.structs import asdict
 
@@ -70,25 +70,39 @@ def _csv_row(dimension: str, group: str, row: Result) -> Json:
     return values
 
 
-def latex_text(report: Report, dimension: str = "event") -> str:
-    """Return a ``tabular`` of a breakdown in percent and percentage points, the whole run as its last row."""
+def latex_text(report: Report) -> str:
+    """Return a ``tabular`` of the events in percent and percentage points, the whole run as its last row."""
     columns = columns_in("narrow")
-    rows = [*report.by[dimension].items(), ("All pairs", report.overall)]
-    head = (DIMENSIONS[dimension].title, *headings("narrow"))
+    rows = [*report.by["event"].items(), ("All pairs", report.overall)]
+    head = (DIMENSIONS["event"].title, *headings("narrow"))
+    comments = [title_text(report), "Percent; changes in percentage points with their 95% interval."]
+    comments += [report.substrate.note] if report.substrate.note else []
+    cells = [(latex_escaped(group), *(column.latex(row) for column in columns)) for group, row in rows]
+    return tabular(comments, f"l{'r' * len(columns)}", head, cells, len(rows) - 1)
+
+
+def tabular(
+    comments: Sequence[str], columns: str, head: Sequence[str], rows: Sequence[Sequence[str]], ruled: int
+) -> str:
+    """Return a LaTeX ``tabular``; ends with a newline.
+
+    Args:
+        comments: Lines above it.
+        columns: Alignment of the columns, a letter each.
+        head: Headings.
+        rows: Cells as LaTeX.
+        ruled: Index of the row that has a line above it; 0 for none.
+    """
     lines = [
-        f"% {latex_escaped(title_text(report))}",
-        "% Percent; changes in percentage points with their 95% interval.",
-        *(f"% {latex_escaped(note)}" for note in [report.substrate.note] if note),
-        rf"\begin{{tabular}}{{l{'r' * len(columns)}}}",
+        *(f"% {latex_escaped(comment)}" for comment in comments),
+        rf"\begin{{tabular}}{{{columns}}}",
         r"\hline",
-        rf"{' & '.join(head)} \\",
+        rf"{' & '.join(map(latex_escaped, head))} \\",
         r"\hline",
     ]
-    for index, (group, row) in enumerate(rows):
-        if index == len(rows) - 1:
-            lines.append(r"\hline")
-        cells = (latex_escaped(group), *(column.latex(row) for column in columns))
-        lines.append(rf"{' & '.join(cells)} \\")
+    for index, row in enumerate(rows):
+        lines += [r"\hline"] if index == ruled > 0 else []
+        lines.append(rf"{' & '.join(row)} \\")
     return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
 
 

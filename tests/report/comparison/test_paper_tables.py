@@ -324,7 +324,7 @@ def test_all_files_are_written_for_any_number_of_runs(count: int, tmp_path: Path
 def test_latex_is_escaped_and_has_as_many_cells_as_headings(tmp_path: Path) -> None:
     rows = [row_of("a & b_c", POLICY, CASES, _counted(published_policies()[0]), frozenset()), *PUBLISHED]
     for table in paper_tables(rows):
-        text = table_latex(table)
+        text = table_latex(table, ())
         assert r"a \& b\_c &" in text
         body = [line.replace(r"\&", "") for line in text.splitlines() if line.endswith(r" \\")]
         assert len(body) == 16

@@ -43,4 +43,4 @@ def test_latex_escapes_and_ends_with_the_whole_run() -> None:
 
 
 def test_latex_marks_what_is_incomplete() -> None:
-    assert "All pairs & 0 of 32 & -- & -- & -- & --" in latex_text(EMPTY, "family")
+    assert "All pairs & 0 of 32 & -- & -- & -- & --" in latex_text(EMPTY)
