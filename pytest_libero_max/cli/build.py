@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import (
+    Commands,
     add_classification,
     add_examination,
     add_substrate,
     catalogue_of,
+    option,
     substrate_options,
+    switch,
     tell,
 )
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -38,21 +37,17 @@ def add_command(commands: Commands) -> None:
         help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both); with "
         "--draw: the track that gets new cases (default: lite)",
     )
-    build.add_argument(
-        "--draw",
-        metavar="NAME",
-        help="Make a fresh draw, for example 2026Q4, in FOLDER, which lies beside the frozen tracks",
+    option(
+        build,
+        "--draw NAME",
+        "Make a fresh draw, for example 2026Q4, in FOLDER, which lies beside the frozen tracks",
     )
-    build.add_argument(
-        "--commit",
-        action="store_true",
-        help="With --draw: only draw its seed, and write the digest to publish",
-    )
-    build.add_argument(
-        "--seed-file",
+    switch(build, "--commit", "With --draw: only draw its seed, and write the digest to publish")
+    option(
+        build,
+        "--seed-file FILE",
+        "With --draw: the seed, secret until the cases are made (default: NAME.seed in --work's folder)",
         type=Path,
-        metavar="FILE",
-        help="With --draw: the seed, secret until the cases are made (default: NAME.seed in --work's folder)",
     )
     add_classification(build)
     add_substrate(build)

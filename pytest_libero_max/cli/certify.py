@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import (
+    Commands,
     add_examination,
     add_expert,
     add_substrate,
@@ -15,9 +15,6 @@ from pytest_libero_max.cli.arguments import (
     tell,
 )
 from pytest_libero_max.cli.work import Work
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:

@@ -10,14 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, add_cadence, option
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.policies.contract import Policy
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 PATIENCE_S = 5
@@ -30,23 +29,15 @@ def add_command(commands: Commands) -> None:
         "check", help="Ask a policy a few queries and name the usual mistakes; exit status 1 if one is found"
     )
     check.add_argument("policy", metavar="POLICY", help="As for pytest --libero-max-policy")
-    check.add_argument("--profile", metavar="NAME|PATH", help="As for pytest --libero-max-profile")
-    check.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H (chunk size)")
-    check.add_argument(
-        "--query-interval", type=int, metavar="ACTIONS", help="Override Q (execution horizon, replan steps)"
-    )
-    check.add_argument(
-        "--substrate",
-        default="embedded",
-        metavar="NAME",
-        help="Substrate of the scene that is shown (default: %(default)s)",
-    )
-    check.add_argument(
-        "--picture",
+    option(check, "--profile NAME|PATH", "As for pytest --libero-max-profile")
+    add_cadence(check)
+    option(check, "--substrate NAME", "Substrate of the scene that is shown", default="embedded")
+    option(
+        check,
+        "--picture FILE",
+        "File for the images that the model is shown",
         type=Path,
         default=Path("libero-max-check.png"),
-        metavar="FILE",
-        help="File for the images that the model is shown (default: %(default)s)",
     )
     check.set_defaults(run=_check)
 

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import (
+    Commands,
     add_examination,
     add_expert,
     add_substrate,
     manifest_of,
+    option,
     substrate_options,
     tell,
+    whole_number,
 )
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.cli.work import Work
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
     """Add ``preflight`` to the parser."""
     preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
     preflight.add_argument("cases", metavar="TRACK|MANIFEST", help="A track's name or a manifest's path")
-    preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
+    option(preflight, "--limit N", "Only N of them, spread evenly", type=whole_number(1))
     add_expert(preflight, default=None)
     add_examination(preflight)
     add_substrate(preflight)
