@@ -1,16 +1,20 @@
-"""Resources of this machine for a run: memory and disk space."""
+"""Resources of this machine for a run: memory and disk space; and the end of a process with its parent."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import resource
+import signal
 from pathlib import Path
 
 GIB = 2**30
 
 _M_MMAP_THRESHOLD = -3
 _LARGE_BLOCK_BYTES = 2**20
+
+_PARENT_DEATH_SIGNAL = 1
+"""Operation of ``prctl``: which signal a process gets when its parent dies."""
 
 _CGROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
@@ -35,6 +39,14 @@ def available_bytes() -> int | None:
     except OSError:
         return None
     return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
+
+
+def end_with_parent() -> None:
+    """Let the kernel kill this process when its parent dies."""
+    parent = os.getppid()
+    ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:  # it died meanwhile
+        os._exit(1)
 
 
 def limit_private_bytes(most: int) -> None:
