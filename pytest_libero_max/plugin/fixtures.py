@@ -38,11 +38,11 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 @pytest.fixture(scope="session")
 def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings) -> Policy:
     """Return the policy under test, loaded once a worker."""
-    from pytest_libero_max.policies.adaptive import with_adaptive_queries
+    from pytest_libero_max.policies.adaptive import AdaptivePolicy
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.clients.waiting import note_in
     from pytest_libero_max.policies.loading import load_policy
-    from pytest_libero_max.policies.restoration import with_restoration
+    from pytest_libero_max.policies.restoration import RestoringPolicy
 
     settings = libero_max_settings
     if settings.policy is None:
@@ -61,7 +61,10 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
             revision=settings.revision,
             seat=_seat(pytestconfig, settings),
         )
-        policy = with_adaptive_queries(with_restoration(policy, settings.restore), settings.adaptive)
+        if settings.restore != "native":
+            policy = RestoringPolicy(policy, settings.restore)
+        if settings.adaptive is not None:
+            policy = AdaptivePolicy(policy, settings.adaptive)
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise

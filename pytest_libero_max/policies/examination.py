@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.policies.check import (
+    Actions,
     ask,
     ask_together,
     batches,
@@ -32,7 +33,6 @@ from pytest_libero_max.policies.contract import BatchItem, Episode, Policy
 from pytest_libero_max.policies.finding import Finding, Shown
 from pytest_libero_max.policies.model_inputs import compare_inputs, marked_observation, model_inputs
 
-Actions = NDArray[np.float64]
 FAR_BEYOND = 3.0
 """Components larger than this are in other units, not movements that overshoot [-1, 1]."""
 

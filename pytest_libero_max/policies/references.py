@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
 from importlib.machinery import ModuleSpec, all_suffixes
-from importlib.metadata import EntryPoint
+from operator import attrgetter
 from pathlib import Path
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
@@ -35,19 +35,13 @@ def registry() -> Registry[str]:
     These are the policies that ship with the package and those that installed packages offer. Nothing is
     imported.
     """
-    return Registry("policy", GROUP, _built_in, _accept, AdapterError, _value)
+    return Registry(
+        "policy", GROUP, _built_in, lambda _, value: str(value), AdapterError, attrgetter("value")
+    )
 
 
 def _built_in() -> Mapping[str, Callable[[], str]]:
     return {name: partial("pytest_libero_max.experts.{}:{}".format, name, DEFAULT_NAME) for name in BUILT_IN}
-
-
-def _value(point: EntryPoint) -> str:
-    return point.value
-
-
-def _accept(name: str, reference: object) -> str:
-    return str(reference)
 
 
 POLICIES = registry()

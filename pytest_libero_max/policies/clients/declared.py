@@ -10,8 +10,9 @@ from typing import Any
 from weakref import WeakSet
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.request import Request
-from pytest_libero_max.policies.clients.served import Actions, Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.worlds.contract import Observation
