@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -13,7 +14,7 @@ from pytest_libero_max.substrates.registry import DEFAULT
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
-    from pytest_libero_max.construction.examiner import Progress
+    from pytest_libero_max.construction.examiner import Examiner, Progress
     from pytest_libero_max.substrates.contract import Catalogue, SubstrateOptions
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
@@ -169,9 +170,19 @@ def add_examination(command: argparse.ArgumentParser) -> None:
     )
 
 
-def tell(work: Work) -> Callable[[Progress], None]:
-    """Return a function that shows the progress of an examiner."""
-    return lambda progress: work.show(str(progress), last=progress.ended)
+@contextmanager
+def examining(options: argparse.Namespace) -> Iterator[tuple[Work, Examiner]]:
+    """Yield an examiner on the substrate that is asked for, and the display of its progress."""
+    from pytest_libero_max.construction.examiner import Examiner
+
+    with Work() as work:
+
+        def tell(progress: Progress) -> None:
+            work.show(str(progress), last=progress.ended)
+
+        where = options.substrate, substrate_options(options)
+        with Examiner(options.work, options.jobs, tell, *where) as examiner:
+            yield work, examiner
 
 
 def catalogue_of(options: argparse.Namespace) -> Catalogue:

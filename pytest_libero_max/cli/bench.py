@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import os
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.cli.arguments import (
@@ -18,9 +18,6 @@ from pytest_libero_max.cli.arguments import (
     whole_number,
 )
 from pytest_libero_max.cli.work import Work
-
-if TYPE_CHECKING:
-    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
 
 def add_command(commands: Commands) -> None:
@@ -178,15 +175,10 @@ def _bench_scenes(options: argparse.Namespace) -> None:
 
 def _bench_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.bench.genuine_speed import measure_genuine
-
-    substrate = _genuine(options)
-    times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
-    substrate.close()
-    print("\n".join(times.lines()))
-
-
-def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
     from pytest_libero_max.substrates.libero.installation import find_installations
     from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
-    return LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
+    found = find_installations(options.libero, assets=options.libero_assets)
+    with closing(LiberoSubstrate(found)) as substrate:
+        times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
+    print("\n".join(times.lines()))

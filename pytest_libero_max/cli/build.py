@@ -11,12 +11,10 @@ from pytest_libero_max.cli.arguments import (
     add_examination,
     add_substrate,
     catalogue_of,
+    examining,
     option,
-    substrate_options,
     switch,
-    tell,
 )
-from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
 
 
@@ -61,24 +59,20 @@ def _build(options: argparse.Namespace) -> None:
         return
     if options.commit or options.seed_file:
         raise OptionError("--commit and --seed-file are about a fresh draw. Add --draw NAME.")
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.genuine_tracks import TRACKS, build_genuine
     from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    told, whole = substrate_options(options), SUBSTRATES[options.substrate].plays_frozen
+    whole = SUBSTRATES[options.substrate].plays_frozen
     if whole and (options.tracks or options.plus_classification):
         raise OptionError(
             f"The {options.substrate} tracks are built together, from the package's own catalogues. Give no "
             "TRACK and no --plus-classification, or add --substrate libero."
         )
     catalogue = catalogue_of(options)
-    with (
-        Work() as work,
-        Examiner(options.work, options.jobs, tell(work), options.substrate, told) as examiner,
-    ):
+    with examining(options) as (work, examiner):
         work.say(f"Results are kept in {examiner.path()}")
         if whole:
             release = build_release(examiner.examine)
@@ -91,7 +85,6 @@ def _build(options: argparse.Namespace) -> None:
 
 
 def _build_draw(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.fresh_draw import (
         COMMITMENT,
         SEED,
@@ -120,12 +113,8 @@ def _build_draw(options: argparse.Namespace) -> None:
     if len(options.tracks) > 1:
         raise OptionError.seen("TRACK", " ".join(options.tracks), ", but a draw is of one track.")
     (track,) = options.tracks or ("lite",)
-    told = substrate_options(options)
     draw, frozen = read_draw(folder, seed_file), frozen_beside(folder, track, name)
-    with (
-        Work() as work,
-        Examiner(options.work, options.jobs, tell(work), options.substrate, told) as examiner,
-    ):
+    with examining(options) as (work, examiner):
         work.say(f"Results are kept in {examiner.path()}")
         release = build_draw(examiner.examine, track, frozen, draw)
     write_release(release, folder)

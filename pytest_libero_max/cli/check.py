@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -100,14 +101,11 @@ def _examine(options: argparse.Namespace, reference: str) -> int:
             f"policy {policy.spec.name!r} reads the simulator (privileged), and check shows observations "
             "alone. Play a few pairs with it: pytest --libero-max-policy=... --libero-max-limit=4."
         )
-    substrate = open_substrate(options.substrate, SubstrateOptions())
-    try:
+    with closing(open_substrate(options.substrate, SubstrateOptions())) as substrate:
         case = _case_for(policy)
         world = substrate.world(case)
         check_cameras(policy, world)
         shown = made_up(policy, world, case.suite)
-    finally:
-        substrate.close()
     spec = policy.spec
     print(f"{spec.name} (H={spec.horizon} Q={spec.query_interval}): {', '.join(spec.cameras) or 'no images'}")
     findings = examine(policy, shown)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import closing
 from pathlib import Path
 
 from pytest_libero_max.cli.arguments import Commands, add_substrate, option, substrate_options
@@ -47,11 +48,8 @@ def _fingerprint(options: argparse.Namespace) -> int:
         return int(first["hash"] != second["hash"])
     use_one_blas_thread()  # as in runs
     told = substrate_options(options)
-    substrate = open_substrate(options.substrate, told)
-    try:
+    with closing(open_substrate(options.substrate, told)) as substrate:
         found = take(substrate)
-    finally:
-        substrate.close()
     if options.output:
         write_text(options.output, json.dumps(found) + "\n")
     keep(describe_substrate(options.substrate, told), found["hash"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,11 +46,7 @@ def _gallery(options: argparse.Namespace) -> None:
     }
     if options.page_pictures is not None:
         sheets[options.page_pictures] = partial(write_page_pictures, track=track)
-    substrate = open_substrate(options.substrate, told)
-    with Work() as work:
-        try:
-            for number, (path, write) in enumerate(sheets.items(), start=1):
-                work.show(f"{path.name}, {number} of {len(sheets)}")
-                write(path, substrate)
-        finally:
-            substrate.close()
+    with closing(open_substrate(options.substrate, told)) as substrate, Work() as work:
+        for number, (path, write) in enumerate(sheets.items(), start=1):
+            work.show(f"{path.name}, {number} of {len(sheets)}")
+            write(path, substrate)

@@ -9,14 +9,12 @@ from pytest_libero_max.cli.arguments import (
     add_examination,
     add_expert,
     add_substrate,
+    examining,
     manifest_of,
     option,
-    substrate_options,
-    tell,
     whole_number,
 )
 from pytest_libero_max.cli.terminal import say
-from pytest_libero_max.cli.work import Work
 
 
 def add_command(commands: Commands) -> None:
@@ -32,14 +30,12 @@ def add_command(commands: Commands) -> None:
 
 def _preflight(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.sampling import stratified
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import certificate_lines, preflight_lines
 
     cases = manifest_of(options.cases).cases
     if options.limit is not None:
         cases = stratified(cases, options.limit)
-    where = options.substrate, substrate_options(options)
-    with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
+    with examining(options) as (_, examiner):
         found = examiner.examine(cases)
         say(preflight_lines(found))
         if options.expert is not None:

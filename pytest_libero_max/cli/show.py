@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,9 +69,6 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
     say(case_lines(case, certificates))
     if options.pictures is None:
         return
-    substrate = open_substrate(options.substrate, substrate_options(options))
-    try:
+    with closing(open_substrate(options.substrate, substrate_options(options))) as substrate:
         paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
-    finally:
-        substrate.close()
     say(f"Written: {path}" for path in paths)

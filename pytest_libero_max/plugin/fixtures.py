@@ -7,6 +7,7 @@ fixture, gets one item for each case of the track.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -89,9 +90,9 @@ def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """Yield the substrate, which builds the worlds; every scene is built once a worker."""
     from pytest_libero_max.substrates.registry import open_substrate
 
-    substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
-    yield substrate
-    substrate.close()
+    settings = libero_max_settings
+    with closing(open_substrate(settings.substrate, settings.substrate_options)) as substrate:
+        yield substrate
 
 
 @pytest.fixture
