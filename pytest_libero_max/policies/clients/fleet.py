@@ -208,7 +208,6 @@ class ServerFleet:
         self._pool = self._pools[self._servers.group_of(marks)]
 
     def reset(self, episode: Episode) -> None:
-        """Begin an episode."""
         self._episode = episode
         marks = (episode.suite,) if self._marks is None else self._marks
         self._pool = self._pools[self._servers.group_of(marks)]

@@ -28,6 +28,7 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.clients.opening import parse_address, require_profile
 from pytest_libero_max.policies.profile import Profile, declares_weights
+from pytest_libero_max.policies.references import refusal
 
 _Listed = Annotated[list[Text], rule("a list of texts that are not empty", min_length=1)]
 _FIELDS = {"address": Text, "addresses": _Listed, "for": _Listed, "profile": Text, "revision": Text}
@@ -170,16 +171,14 @@ def read_servers(text: str, profile: str | None, revision: str | None = None) ->
     try:
         table = tomllib.loads(Path(text).expanduser().read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise AdapterError.seen(
-            "policy", text, f" cannot be read: {error}. Repair the file of servers."
-        ) from None
+        raise refusal(text, f" cannot be read: {error}. Repair the file of servers.") from None
     return _from_table(text, table, profile, revision)
 
 
 def _from_table(text: str, table: dict[str, Any], profile: str | None, revision: str | None) -> Servers:
     entries = table.get("servers")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
-        raise AdapterError.seen("policy", text, ": the file lacks [[servers]] tables, one for each group.")
+        raise refusal(text, ": the file lacks [[servers]] tables, one for each group.")
     _check(text, table, {"name": Text, "servers": list[dict[str, Any]]})
     groups = []
     for number, entry in enumerate(entries):
@@ -245,10 +244,8 @@ def _group(
         raise AdapterError(f"{where}: no address is listed.")
     for address in addresses:
         if not is_address(address):
-            raise AdapterError.seen(
-                "policy",
-                address,
-                f" in {where!r} is no address. Write SCHEME://HOST:PORT, several with commas.",
+            raise refusal(
+                address, f" in {where!r} is no address. Write SCHEME://HOST:PORT, several with commas."
             )
     read = [require_profile(address, profile) for address in addresses]
     twice = sorted({address for address in addresses if addresses.count(address) > 1})

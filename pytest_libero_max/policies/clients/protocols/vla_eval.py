@@ -104,20 +104,11 @@ class OneByOnePolicy(ServedPolicy):
     """A policy behind a server that may hand out the actions of a chunk one by one."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """Return the request and the number of actions needed.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
         return {**super().request(observation, query), "count": self.spec.query_interval}
 
     def read(self, reply: Any) -> Actions:
-        """Return the actions of a reply; the length of a chunk that came one by one stays unknown.
-
-        Raises:
-            ServerError: There are none that can be played.
-        """
         actions = super().read(reply)
+        # The length of a chunk that came one by one stays unknown.
         self.returned = None if reply.get("singly") else self.returned
         return actions
 
