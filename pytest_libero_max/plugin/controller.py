@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import (
     DiskError,
@@ -322,10 +322,13 @@ class RunController:
                 "code": adapter_digest(settings.reference, settings.profile, settings.revision),
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
-                **({} if settings.profile is None else {"profile": settings.profile}),
-                **self._servers_said(),
-                **({} if settings.restore == "native" else {"restore": settings.restore}),
-                **({} if settings.adaptive is None else {"adaptive": settings.adaptive}),
+                **known(
+                    profile=settings.profile,
+                    servers=None if self.servers is None else self.servers.to_list(),
+                    revision=settings.revision,
+                    restore=None if settings.restore == "native" else settings.restore,
+                    adaptive=settings.adaptive,
+                ),
             },
             substrate=self.substrate,
             scores=scores_of(self.settings.substrate),
@@ -333,9 +336,11 @@ class RunController:
                 "name": settings.case_set,
                 "digest": manifest.digest,
                 "limit": settings.limit,
-                **({} if settings.manifest is None else {"path": str(settings.manifest)}),
-                **({} if settings.program is None else {"program": settings.program.source}),
-                **({} if manifest.recognition is None else {"released_as": str(manifest.recognition)}),
+                **known(
+                    path=None if settings.manifest is None else str(settings.manifest),
+                    program=None if settings.program is None else settings.program.source,
+                    released_as=None if manifest.recognition is None else str(manifest.recognition),
+                ),
             },
             selection=selection.to_dict(),
             order=str(settings.order),
@@ -346,14 +351,6 @@ class RunController:
             folder=self.config.rootpath,
             fingerprint=kept(self.substrate),
         )
-
-    def _servers_said(self) -> Json:
-        """Return the servers and the weights that the user declares, for the provenance of the run."""
-        revision = self.settings.revision
-        return {
-            **({} if self.servers is None else {"servers": self.servers.to_list()}),
-            **({} if revision is None else {"revision": revision}),
-        }
 
     # What arrives.
 

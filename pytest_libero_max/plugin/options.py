@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
@@ -414,17 +414,16 @@ class Settings:
     @property
     def protocol(self) -> Json:
         """Choices for the run that could change a result, for its header."""
+        program = self.program
         return {
             "prefix": self.prefix,
             "noise_floor": self.noise_floor,
-            **({} if self.sham is None else {"sham": self.sham}),
-            **({} if self.strength == 1.0 else {"strength": self.strength}),
-            **({} if self.study is None else {"study": self.study.to_dict()}),
-            **({} if self.latency == NO_LATENCY else {"latency": str(self.latency)}),
-            **(
-                {}
-                if self.program is None
-                else {"program": {**self.program.to_dict(), "digest": self.program.digest}}
+            **known(
+                sham=self.sham,
+                strength=None if self.strength == 1.0 else self.strength,
+                study=None if self.study is None else self.study.to_dict(),
+                latency=None if self.latency == NO_LATENCY else str(self.latency),
+                program=None if program is None else {**program.to_dict(), "digest": program.digest},
             ),
         }
 
