@@ -1,4 +1,4 @@
-"""Resources of this machine for a run: memory, disk space, the folder of the user's cache."""
+"""Resources of this machine: memory, disk space, the user's cache; and how a process ends with its parent."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import os
 import resource
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,9 @@ _M_MMAP_THRESHOLD = -3
 _LARGE_BLOCK_BYTES = 2**20
 
 _CACHE_VARIABLE = "XDG_CACHE_HOME"
+_PARENT_DEATH_SIGNAL = 1
+"""Operation of ``prctl``: which signal a process gets when its parent dies."""
+
 _CGROUP_LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
 
 
@@ -38,6 +42,14 @@ def available_bytes() -> int | None:
     except OSError:
         return None
     return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
+
+
+def end_with_parent() -> None:
+    """Let the kernel kill this process when its parent dies."""
+    parent = os.getppid()
+    ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:  # it died meanwhile
+        os._exit(1)
 
 
 def limit_private_bytes(most: int) -> None:

@@ -20,6 +20,11 @@ MOST_BYTES = 2**31
 _PART = 2**20
 
 
+def known(**values: Any) -> Json:
+    """Return the values that are not None, by name."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def canonical_json(value: Any) -> str:
     """JSON with sorted keys and no spaces; refuses NaN and infinities."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)

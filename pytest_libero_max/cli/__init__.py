@@ -101,6 +101,15 @@ def _run(arguments: Sequence[str] | None) -> int:
         said = _named_as_here(f"libero-max: {error}", options)
         print("\n".join(map(printable, said.splitlines())), file=sys.stderr)
         return 1
+    except OSError as error:
+        if error.filename is None:  # no file that was named, for example a pipe whose reader has gone
+            raise
+        print(
+            f"libero-max: {str(error.filename)!r} cannot be read or written: {error.strerror}. Give another "
+            "path, or make its folder.",
+            file=sys.stderr,
+        )
+        return 1
     except KeyboardInterrupt:
         work = getattr(options, "work", None)
         kept = f" What was examined is kept in {work}: give the same command again to go on." if work else ""

@@ -3,17 +3,52 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.substrates.registry import DEFAULT
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
-    from pytest_libero_max.construction.examiner import Progress
+    from pytest_libero_max.construction.examiner import Examiner, Progress
     from pytest_libero_max.substrates.contract import Catalogue, SubstrateOptions
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+"""The place of the parser that a command is added to."""
+
+
+def option(
+    command: argparse.ArgumentParser | argparse._MutuallyExclusiveGroup,
+    flag: str,
+    help: str,
+    *,
+    many: bool = False,
+    **how: Any,
+) -> None:
+    """Add an option with a value to a command.
+
+    Args:
+        command: The command, or a group of options of it.
+        flag: The flag and the name of its value, as the help prints them: ``--jobs N``.
+        help: The text of the help; the default is added unless it names one.
+        many: True if it may be repeated; its value is then a list.
+        how: As for ``add_argument``: ``type``, ``default``, ``choices`` and the like.
+    """
+    name, _, metavar = flag.partition(" ")
+    if how.get("default") is not None and "efault" not in help:
+        help += " (default: %(default)s)"
+    if many:
+        how |= {"action": "append", "default": []}
+    command.add_argument(name, metavar=metavar or None, help=help, **how)
+
+
+def switch(command: argparse.ArgumentParser, flag: str, help: str) -> None:
+    """Add an option without a value to a command; it is False unless it is given."""
+    command.add_argument(flag, action="store_true", help=help)
 
 
 def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
@@ -32,36 +67,56 @@ def whole_number(least: int, most: int | None = None) -> Callable[[str], int]:
     return parse
 
 
+def number(least: float, most: float) -> Callable[[str], float]:
+    """Return the type of an argument that is a number from ``least`` to ``most``."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text!r}, but must be a number from {least:g} to {most:g}")
+        return value
+
+    return parse
+
+
 PORT = whole_number(0, 65_535)
 """Type of an argument that is a port to listen at; 0 is any that is free."""
 
 
+def add_cadence(command: argparse.ArgumentParser) -> None:
+    """Add the options that replace H and Q of a policy."""
+    option(command, "--horizon ACTIONS", "Override H (chunk size)", type=whole_number(1))
+    option(
+        command,
+        "--query-interval ACTIONS",
+        "Override Q (execution horizon, replan steps)",
+        type=whole_number(1),
+    )
+
+
+def add_jobs(command: argparse.ArgumentParser, what: str = "Processes") -> None:
+    """Add the option for the number of processes."""
+    option(command, "--jobs N", f"{what}", type=whole_number(1), default=2)
+
+
 def add_libero(command: argparse.ArgumentParser) -> None:
     """Add the options that say where LIBERO is."""
-    command.add_argument(
-        "--libero", type=Path, action="append", default=[], metavar="FOLDER", help="Checkout of a LIBERO"
-    )
-    command.add_argument(
-        "--libero-assets",
-        type=Path,
-        metavar="FOLDER",
-        help="Models and textures, if it has none of its own",
-    )
+    option(command, "--libero FOLDER", "Checkout of a LIBERO", type=Path, many=True)
+    option(command, "--libero-assets FOLDER", "Models and textures, if it has none of its own", type=Path)
 
 
 def add_substrate(command: argparse.ArgumentParser) -> None:
     """Add the options of the substrate and of LIBERO's place."""
-    command.add_argument(
-        "--substrate",
-        default=DEFAULT,
-        metavar="NAME",
-        help="embedded, libero, or one of another package (default: %(default)s)",
-    )
-    command.add_argument(
+    option(command, "--substrate NAME", "embedded, libero, or one of another package", default=DEFAULT)
+    option(
+        command,
         "--source-variations",
+        "On libero: variations of LIBERO-Plus and -PRO as installed, or own",
         default="installed",
         choices=("installed", "own"),
-        help="On libero: variations of LIBERO-Plus and -PRO as installed, or own (default: %(default)s)",
     )
     add_libero(command)
 
@@ -81,43 +136,53 @@ def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
 
 def add_classification(command: argparse.ArgumentParser) -> None:
     """Add the option for the classification of LIBERO-Plus."""
-    command.add_argument(
-        "--plus-classification",
-        type=Path,
-        metavar="FILE",
-        help="On the libero substrate: task_classification.json of LIBERO-Plus's repository, which its "
+    option(
+        command,
+        "--plus-classification FILE",
+        "On the libero substrate: task_classification.json of LIBERO-Plus's repository, which its "
         "package lacks (default: that of the checkout)",
+        type=Path,
     )
 
 
 def add_expert(command: argparse.ArgumentParser, *, default: str | None) -> None:
     """Add the option for the policy that plays the cases that pass."""
-    command.add_argument(
-        "--expert",
-        metavar="POLICY",
-        default=default,
-        help="Privileged policy that solves the tasks, as for pytest --libero-max-policy: it plays each case "
+    option(
+        command,
+        "--expert POLICY",
+        "Privileged policy that solves the tasks, as for pytest --libero-max-policy: it plays each case "
         "that passes, and one that it completes is certified. It decides nothing else (default: "
         + (default or "none; then nothing is certified")
         + ")",
+        default=default,
     )
 
 
 def add_examination(command: argparse.ArgumentParser) -> None:
     """Add the options for the number of processes that examine cases, and for the folder of their results."""
-    command.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
-    command.add_argument(
-        "--work",
+    add_jobs(command)
+    option(
+        command,
+        "--work FOLDER",
+        "Keeps examinations between interruptions",
         type=Path,
         default=Path(".libero-max"),
-        metavar="FOLDER",
-        help="Keeps examinations between interruptions (default: %(default)s)",
     )
 
 
-def tell(work: Work) -> Callable[[Progress], None]:
-    """Return a function that shows the progress of an examiner."""
-    return lambda progress: work.show(str(progress), last=progress.ended)
+@contextmanager
+def examining(options: argparse.Namespace) -> Iterator[tuple[Work, Examiner]]:
+    """Yield an examiner on the substrate that is asked for, and the display of its progress."""
+    from pytest_libero_max.construction.examiner import Examiner
+
+    with Work() as work:
+
+        def tell(progress: Progress) -> None:
+            work.show(str(progress), last=progress.ended)
+
+        where = options.substrate, substrate_options(options)
+        with Examiner(options.work, options.jobs, tell, *where) as examiner:
+            yield work, examiner
 
 
 def catalogue_of(options: argparse.Namespace) -> Catalogue:

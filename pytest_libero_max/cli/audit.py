@@ -6,13 +6,9 @@ import argparse
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import whole_number
+from pytest_libero_max.cli.arguments import Commands, add_jobs, option, whole_number
 from pytest_libero_max.cli.terminal import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -26,19 +22,11 @@ def add_command(commands: Commands) -> None:
         "with Base, case by case. Interrupted, the same command goes on.",
     )
     audit.add_argument("policy", metavar="POLICY", help="As for pytest --libero-max-policy")
-    audit.add_argument("--track", metavar="TRACK", help="The cases (default: smoke)")
-    audit.add_argument(
-        "--limit", type=whole_number(1), metavar="N", help="At most so many cases of the track"
-    )
-    audit.add_argument(
-        "--jobs", type=whole_number(1), default=2, metavar="N", help="Workers (default: %(default)s)"
-    )
-    audit.add_argument(
-        "--output",
-        type=Path,
-        default=Path("libero-max-audit"),
-        metavar="FOLDER",
-        help="Of the run, and of audit.md (default: %(default)s)",
+    option(audit, "--track TRACK", "The cases (default: smoke)")
+    option(audit, "--limit N", "At most so many cases of the track", type=whole_number(1))
+    add_jobs(audit, "Workers")
+    option(
+        audit, "--output FOLDER", "Of the run, and of audit.md", type=Path, default=Path("libero-max-audit")
     )
     audit.add_argument(
         "arguments",

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import argparse
 import os
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.cli.arguments import add_libero, add_substrate, substrate_options, whole_number
+from pytest_libero_max.cli.arguments import (
+    Commands,
+    add_libero,
+    add_substrate,
+    number,
+    option,
+    substrate_options,
+    whole_number,
+)
 from pytest_libero_max.cli.work import Work
-
-if TYPE_CHECKING:
-    from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -22,23 +25,11 @@ def add_command(commands: Commands) -> None:
     bench = commands.add_parser(
         "bench", help="Measure stepping, rendering and pairs side by side with robosuite"
     )
-    bench.add_argument(
-        "--scene",
-        type=_scene,
-        default=("libero_spatial", 0),
-        metavar="SUITE/TASK",
-        help="Default: libero_spatial/0",
+    option(
+        bench, "--scene SUITE/TASK", "Default: libero_spatial/0", type=_scene, default=("libero_spatial", 0)
     )
-    bench.add_argument(
-        "--steps",
-        type=whole_number(1),
-        default=100,
-        metavar="N",
-        help="Control steps (default: %(default)s)",
-    )
-    bench.add_argument(
-        "--repeats", type=whole_number(1), default=3, metavar="N", help="Pairs (default: %(default)s)"
-    )
+    option(bench, "--steps N", "Control steps", type=whole_number(1), default=100)
+    option(bench, "--repeats N", "Pairs", type=whole_number(1), default=3)
     bench.set_defaults(run=_bench)
 
     scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty scenes costs")
@@ -66,17 +57,17 @@ def add_command(commands: Commands) -> None:
         "defaults and a GPU it takes about ten minutes.",
     )
     _add_rates(all_of_it)
-    all_of_it.add_argument(
-        "--policy",
-        metavar="POLICY",
-        help="Policy to serve, as for pytest --libero-max-policy (default: one that answers at once)",
+    option(
+        all_of_it,
+        "--policy POLICY",
+        "Policy to serve, as for pytest --libero-max-policy (default: one that answers at once)",
     )
-    all_of_it.add_argument(
-        "--output",
+    option(
+        all_of_it,
+        "--output FILE",
+        "The file to send; it names neither the machine nor its user",
         type=Path,
         default=Path("device.md"),
-        metavar="FILE",
-        help="The file to send; it names neither the machine nor its user (default: %(default)s)",
     )
     add_libero(all_of_it)
     all_of_it.set_defaults(run=_bench_device)
@@ -84,48 +75,38 @@ def add_command(commands: Commands) -> None:
     genuine = commands.add_parser(
         "bench-genuine", help="Measure steps and a pair side by side with an installed LIBERO's environment"
     )
-    genuine.add_argument(
-        "--suite",
+    option(
+        genuine,
+        "--suite SUITE",
+        "Default: %(default)s",
         choices=tuple(SUITE_BUDGETS),
         default="libero_spatial",
-        metavar="SUITE",
-        help="Default: %(default)s",
     )
-    genuine.add_argument(
-        "--steps", type=whole_number(1), default=60, metavar="N", help="Control steps (default: %(default)s)"
-    )
-    genuine.add_argument(
-        "--repeats", type=whole_number(1), default=1, metavar="N", help="Pairs (default: %(default)s)"
-    )
+    option(genuine, "--steps N", "Control steps", type=whole_number(1), default=60)
+    option(genuine, "--repeats N", "Pairs", type=whole_number(1), default=1)
     add_libero(genuine)
     genuine.set_defaults(run=_bench_genuine)
 
 
 def _add_rates(command: argparse.ArgumentParser) -> None:
     """Add the options for what is measured in images, or queries, a second."""
-    command.add_argument(
-        "--scenes",
+    option(
+        command,
+        "--scenes SUITE/TASK",
+        "Default: task 0 of each suite",
         nargs="+",
         type=_scene,
         default=[(suite, 0) for suite in ("libero_spatial", "libero_object", "libero_goal", "libero_10")],
-        metavar="SUITE/TASK",
-        help="Default: task 0 of each suite",
     )
-    command.add_argument(
-        "--workers",
+    option(
+        command,
+        "--workers N",
+        "Numbers of processes at once (default: 1 2 4)",
         nargs="+",
         type=whole_number(1),
         default=[1, 2, 4],
-        metavar="N",
-        help="Numbers of processes at once (default: 1 2 4)",
     )
-    command.add_argument(
-        "--seconds",
-        type=float,
-        default=5.0,
-        metavar="S",
-        help="Time for each measurement (default: %(default)s)",
-    )
+    option(command, "--seconds S", "Time for each measurement", type=number(0.001, 3600), default=5.0)
 
 
 def _scene(text: str) -> tuple[str, int]:
@@ -194,15 +175,10 @@ def _bench_scenes(options: argparse.Namespace) -> None:
 
 def _bench_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.bench.genuine_speed import measure_genuine
-
-    substrate = _genuine(options)
-    times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
-    substrate.close()
-    print("\n".join(times.lines()))
-
-
-def _genuine(options: argparse.Namespace) -> LiberoSubstrate:
     from pytest_libero_max.substrates.libero.installation import find_installations
     from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
-    return LiberoSubstrate(find_installations(options.libero, assets=options.libero_assets))
+    found = find_installations(options.libero, assets=options.libero_assets)
+    with closing(LiberoSubstrate(found)) as substrate:
+        times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
+    print("\n".join(times.lines()))

@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import canonical_digest, slug
+from pytest_libero_max.cli.arguments import Commands, option, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError, ReportError
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.bisection import Looked, Lost, Verdict
     from pytest_libero_max.runs.store import StoredRun
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 VARIABLE = "LIBERO_MAX_CHECKPOINT"
 """Environment variable that holds the checkpoint, or the commit, that is played."""
@@ -45,39 +44,31 @@ def add_command(commands: Commands) -> None:
         "folder is checked out apart, along first parents. Each run is an ordinary one in a folder of its "
         "own, and the same command goes on where it stopped. Exit status 10 where no loss is shown.",
     )
-    bisect.add_argument("--good", metavar="REV", help="Revision, or checkpoint, that completes the cases")
-    bisect.add_argument("--bad", metavar="REV", help="Later one that loses them")
-    bisect.add_argument(
-        "--checkpoints",
-        nargs="+",
-        metavar="NAME",
-        help=f"Bisect these, in their order, instead of git revisions: {PLACE} in an argument stands for the "
+    option(bisect, "--good REV", "Revision, or checkpoint, that completes the cases")
+    option(bisect, "--bad REV", "Later one that loses them")
+    option(
+        bisect,
+        "--checkpoints NAME",
+        f"Bisect these, in their order, instead of git revisions: {PLACE} in an argument stands for the "
         f"name, and so does the environment variable {VARIABLE} (--good and --bad: the first and the last)",
+        nargs="+",
     )
     for end in ("good", "bad"):
-        bisect.add_argument(
-            f"--{end}-run",
+        option(
+            bisect,
+            f"--{end}-run RUN",
+            f"Folder of an earlier run of the {end} one on the same cases, which is then not played",
             type=Path,
-            metavar="RUN",
-            help=f"Folder of an earlier run of the {end} one on the same cases, which is then not played",
         )
-    bisect.add_argument(
-        "--before",
-        metavar="COMMAND",
-        help="A line of shell, run in each checked out revision before it plays",
-    )
-    bisect.add_argument(
-        "--level", type=float, default=0.05, metavar="P", help="Of each test (default: %(default)s)"
-    )
-    bisect.add_argument(
-        "--seed", type=int, default=1, metavar="N", help="Of the order of play (default: %(default)s)"
-    )
-    bisect.add_argument(
-        "--output",
+    option(bisect, "--before COMMAND", "A line of shell, run in each checked out revision before it plays")
+    option(bisect, "--level P", "Of each test", type=float, default=0.05)
+    option(bisect, "--seed N", "Of the order of play", type=whole_number(0), default=1)
+    option(
+        bisect,
+        "--output FOLDER",
+        "For the runs, one folder each",
         type=Path,
         default=Path("libero-max-bisect"),
-        metavar="FOLDER",
-        help="For the runs, one folder each (default: %(default)s)",
     )
     bisect.add_argument(
         "arguments",

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import (
+    Commands,
     add_classification,
     add_examination,
     add_substrate,
     catalogue_of,
-    substrate_options,
-    tell,
+    examining,
+    option,
+    switch,
 )
-from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -38,21 +35,17 @@ def add_command(commands: Commands) -> None:
         help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both); with "
         "--draw: the track that gets new cases (default: lite)",
     )
-    build.add_argument(
-        "--draw",
-        metavar="NAME",
-        help="Make a fresh draw, for example 2026Q4, in FOLDER, which lies beside the frozen tracks",
+    option(
+        build,
+        "--draw NAME",
+        "Make a fresh draw, for example 2026Q4, in FOLDER, which lies beside the frozen tracks",
     )
-    build.add_argument(
-        "--commit",
-        action="store_true",
-        help="With --draw: only draw its seed, and write the digest to publish",
-    )
-    build.add_argument(
-        "--seed-file",
+    switch(build, "--commit", "With --draw: only draw its seed, and write the digest to publish")
+    option(
+        build,
+        "--seed-file FILE",
+        "With --draw: the seed, secret until the cases are made (default: NAME.seed in --work's folder)",
         type=Path,
-        metavar="FILE",
-        help="With --draw: the seed, secret until the cases are made (default: NAME.seed in --work's folder)",
     )
     add_classification(build)
     add_substrate(build)
@@ -66,24 +59,20 @@ def _build(options: argparse.Namespace) -> None:
         return
     if options.commit or options.seed_file:
         raise OptionError("--commit and --seed-file are about a fresh draw. Add --draw NAME.")
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.genuine_tracks import TRACKS, build_genuine
     from pytest_libero_max.construction.overview import overview_lines, write_overview
     from pytest_libero_max.construction.release import build_release, write_release
     from pytest_libero_max.construction.verification import verify
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    told, whole = substrate_options(options), SUBSTRATES[options.substrate].plays_frozen
+    whole = SUBSTRATES[options.substrate].plays_frozen
     if whole and (options.tracks or options.plus_classification):
         raise OptionError(
             f"The {options.substrate} tracks are built together, from the package's own catalogues. Give no "
             "TRACK and no --plus-classification, or add --substrate libero."
         )
     catalogue = catalogue_of(options)
-    with (
-        Work() as work,
-        Examiner(options.work, options.jobs, tell(work), options.substrate, told) as examiner,
-    ):
+    with examining(options) as (work, examiner):
         work.say(f"Results are kept in {examiner.path()}")
         if whole:
             release = build_release(examiner.examine)
@@ -96,7 +85,6 @@ def _build(options: argparse.Namespace) -> None:
 
 
 def _build_draw(options: argparse.Namespace) -> None:
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.fresh_draw import (
         COMMITMENT,
         SEED,
@@ -125,12 +113,8 @@ def _build_draw(options: argparse.Namespace) -> None:
     if len(options.tracks) > 1:
         raise OptionError.seen("TRACK", " ".join(options.tracks), ", but a draw is of one track.")
     (track,) = options.tracks or ("lite",)
-    told = substrate_options(options)
     draw, frozen = read_draw(folder, seed_file), frozen_beside(folder, track, name)
-    with (
-        Work() as work,
-        Examiner(options.work, options.jobs, tell(work), options.substrate, told) as examiner,
-    ):
+    with examining(options) as (work, examiner):
         work.say(f"Results are kept in {examiner.path()}")
         release = build_draw(examiner.examine, track, frozen, draw)
     write_release(release, folder)

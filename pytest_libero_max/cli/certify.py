@@ -5,19 +5,14 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import (
+    Commands,
     add_examination,
     add_expert,
     add_substrate,
-    substrate_options,
-    tell,
+    examining,
 )
-from pytest_libero_max.cli.work import Work
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -42,14 +37,12 @@ def add_command(commands: Commands) -> None:
 
 def _certify(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.tracks import require_tracks
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import certificate_lines, write_overview
     from pytest_libero_max.construction.release import add_certificates, independent_tracks, read_certificates
 
     require_tracks(options.folder)
     tracks = options.tracks or independent_tracks(options.folder)
-    where = (options.substrate, substrate_options(options))
-    with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
+    with examining(options) as (work, examiner):
         work.say(f"Results are kept in {examiner.path(options.expert)}")
         add_certificates(options.folder, tracks, partial(examiner.certify, expert=options.expert))
     write_overview(options.folder)

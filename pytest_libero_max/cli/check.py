@@ -5,19 +5,18 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, add_cadence, option
 from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.policies.contract import Policy
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 PATIENCE_S = 5
@@ -30,50 +29,40 @@ def add_command(commands: Commands) -> None:
         "check", help="Ask a policy a few queries and name the usual mistakes; exit status 1 if one is found"
     )
     check.add_argument("policy", metavar="POLICY", help="As for pytest --libero-max-policy")
-    check.add_argument("--profile", metavar="NAME|PATH", help="As for pytest --libero-max-profile")
-    check.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H (chunk size)")
-    check.add_argument(
-        "--query-interval", type=int, metavar="ACTIONS", help="Override Q (execution horizon, replan steps)"
-    )
-    check.add_argument(
-        "--substrate",
-        default="embedded",
-        metavar="NAME",
-        help="Substrate of the scene that is shown (default: %(default)s)",
-    )
-    check.add_argument(
-        "--picture",
+    option(check, "--profile NAME|PATH", "As for pytest --libero-max-profile")
+    add_cadence(check)
+    option(check, "--substrate NAME", "Substrate of the scene that is shown", default="embedded")
+    option(
+        check,
+        "--picture FILE",
+        "File for the images that the model is shown",
         type=Path,
         default=Path("libero-max-check.png"),
-        metavar="FILE",
-        help="File for the images that the model is shown (default: %(default)s)",
     )
     check.set_defaults(run=_check)
 
 
 def _check(options: argparse.Namespace) -> int:
-    with _one_line_on_waits("patience=" in options.policy):
-        return _examine(options)
+    from pytest_libero_max.policies.clients.transport import LOG
 
-
-@contextmanager
-def _one_line_on_waits(asked: bool) -> Iterator[None]:
-    """Show tries to reach a server as one line, which changes in place on a terminal and goes at the end."""
-    log, shown = logging.getLogger("pytest_libero_max.servers"), _Tries(asked)
-    log.addHandler(shown)
+    policy = _soon(options.policy)
+    shown = _Tries(
+        "as long as its patience lasts" if policy == options.policy else f"for {PATIENCE_S} s at most"
+    )
+    LOG.addHandler(shown)
     try:
-        yield
+        return _examine(options, policy)
     finally:
-        log.removeHandler(shown)
+        LOG.removeHandler(shown)
         shown.close()
 
 
 class _Tries(logging.Handler):
-    """The last try on a terminal; the first one elsewhere."""
+    """Tries to reach a server: the last one on a terminal, where the line goes at the end; else the first."""
 
-    def __init__(self, asked: bool) -> None:
+    def __init__(self, for_how_long: str) -> None:
         super().__init__()
-        self._for_how_long = "as long as its patience lasts" if asked else f"for {PATIENCE_S} s at most"
+        self._for_how_long = for_how_long
         self._live = LiveText(sys.stderr) if understands_sequences(sys.stderr) else None
         self._said = False
 
@@ -91,7 +80,7 @@ class _Tries(logging.Handler):
         super().close()
 
 
-def _examine(options: argparse.Namespace) -> int:
+def _examine(options: argparse.Namespace, reference: str) -> int:
     from pytest_libero_max.policies.check import check_cameras
     from pytest_libero_max.policies.examination import examine, made_up
     from pytest_libero_max.policies.loading import check_reference, load_policy
@@ -102,7 +91,7 @@ def _examine(options: argparse.Namespace) -> int:
 
     check_reference(options.policy, options.profile, None)
     policy = load_policy(
-        _soon(options.policy),
+        reference,
         horizon=options.horizon,
         query_interval=options.query_interval,
         profile=options.profile,
@@ -112,14 +101,11 @@ def _examine(options: argparse.Namespace) -> int:
             f"policy {policy.spec.name!r} reads the simulator (privileged), and check shows observations "
             "alone. Play a few pairs with it: pytest --libero-max-policy=... --libero-max-limit=4."
         )
-    substrate = open_substrate(options.substrate, SubstrateOptions())
-    try:
+    with closing(open_substrate(options.substrate, SubstrateOptions())) as substrate:
         case = _case_for(policy)
         world = substrate.world(case)
         check_cameras(policy, world)
         shown = made_up(policy, world, case.suite)
-    finally:
-        substrate.close()
     spec = policy.spec
     print(f"{spec.name} (H={spec.horizon} Q={spec.query_interval}): {', '.join(spec.cameras) or 'no images'}")
     findings = examine(policy, shown)
@@ -137,10 +123,13 @@ def _examine(options: argparse.Namespace) -> int:
 
 
 def _soon(policy: str) -> str:
-    """Return the address of a server with a patience of seconds, unless it has one; others as they are."""
-    if "://" not in policy or "patience=" in policy:
+    """Return addresses of servers with a patience of seconds, unless they have one; others as they are."""
+    if not is_address(policy):
         return policy
-    return f"{policy}{'&' if '?' in policy else '?'}patience={PATIENCE_S}"
+    return ",".join(
+        part if "patience=" in part else f"{part}{'&' if '?' in part else '?'}patience={PATIENCE_S}"
+        for part in policy.split(",")
+    )
 
 
 def _case_for(policy: Policy) -> Case:

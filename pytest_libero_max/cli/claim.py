@@ -11,14 +11,13 @@ from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.stats.outcome_table import Ratio
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 _COUNT = re.compile(r"(\d+)/(\d+)")
 _SHARE = re.compile(r"(\d+(?:\.\d+)?)%(?:/(\d+))?")
@@ -43,19 +42,17 @@ def add_command(commands: Commands) -> None:
     claim.add_argument(
         "results", nargs="*", metavar="RESULT", help="Two results; a word `vs` between them is ignored"
     )
-    claim.add_argument("--n", type=int, metavar="N", help="Number of episodes of a percentage without one")
-    claim.add_argument("--only-first", type=int, metavar="N", help="Cases in which only the first succeeded")
-    claim.add_argument(
-        "--only-second", type=int, metavar="N", help="Cases in which only the second succeeded"
-    )
-    claim.add_argument(
-        "--csv",
-        type=Path,
-        metavar="FILE",
-        help="Judge the rows of a table with the columns first and second, and optionally claim (a name), n, "
+    option(claim, "--n N", "Number of episodes of a percentage without one", type=int)
+    option(claim, "--only-first N", "Cases in which only the first succeeded", type=int)
+    option(claim, "--only-second N", "Cases in which only the second succeeded", type=int)
+    option(
+        claim,
+        "--csv FILE",
+        "Judge the rows of a table with the columns first and second, and optionally claim (a name), n, "
         "only_first and only_second",
+        type=Path,
     )
-    claim.add_argument("--output", type=Path, metavar="FILE", help="Also write the verdicts here, as CSV")
+    option(claim, "--output FILE", "Also write the verdicts here, as CSV", type=Path)
     claim.set_defaults(run=_claim)
 
 

@@ -8,14 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import whole_number
+from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -26,42 +24,32 @@ def add_command(commands: Commands) -> None:
     compare.add_argument(
         "folders", type=Path, nargs="*", metavar="FOLDER", help="The output folders of two or more runs"
     )
-    compare.add_argument(
+    switch(
+        compare,
         "--restrict",
-        action="store_true",
-        help="Compare on common cases where the runs have different ones, also with policies that support "
+        "Compare on common cases where the runs have different ones, also with policies that support "
         "a part of the suites",
     )
-    compare.add_argument(
-        "--flips",
-        type=whole_number(0),
-        default=20,
-        metavar="N",
-        help="Listed at most (default: %(default)s)",
-    )
-    compare.add_argument("--json", type=Path, metavar="FILE", help="Also write the comparison here")
-    compare.add_argument(
-        "--output",
+    option(compare, "--flips N", "Listed at most", type=whole_number(0), default=20)
+    option(compare, "--json FILE", "Also write the comparison here", type=Path)
+    option(
+        compare,
+        "--output FOLDER",
+        "Also write the comparison here as JSON, Markdown and HTML, with its figures",
         type=Path,
-        metavar="FOLDER",
-        help="Also write the comparison here as JSON, Markdown and HTML, with its figures",
     )
-    compare.add_argument(
-        "--tables",
-        type=Path,
-        metavar="FOLDER",
-        help="Also write the tables and figures that the paper prints here, for these runs or for one: "
+    option(
+        compare,
+        "--tables FOLDER",
+        "Also write the tables and figures that the paper prints here, for these runs or for one: "
         "Markdown, CSV and LaTeX",
+        type=Path,
     )
-    compare.add_argument(
-        "--published",
-        action="store_true",
-        help="Add the published results to the tables; without a run, write them alone",
-    )
-    compare.add_argument(
+    switch(compare, "--published", "Add the published results to the tables; without a run, write them alone")
+    switch(
+        compare,
         "--by-cell",
-        action="store_true",
-        help="Of two runs of one policy on different cases, the old ones first: success on the old less that "
+        "Of two runs of one policy on different cases, the old ones first: success on the old less that "
         "on the new ones within cells (source, event, variant), which tells over-fitting from ability",
     )
     compare.set_defaults(run=_compare)

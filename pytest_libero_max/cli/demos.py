@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
+from pytest_libero_max.cli.arguments import Commands, add_jobs, number, option, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 
@@ -27,55 +24,49 @@ def add_command(commands: Commands) -> None:
         "same command gives the same bytes. With --run, the pairs of a run are written in the same format.",
     )
     demos.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the episodes")
-    demos.add_argument(
-        "--suites", nargs="+", default=list(SUITES), choices=SUITES, metavar="SUITE", help="Default: all four"
-    )
-    demos.add_argument("--tasks", type=int, nargs="+", metavar="INDEX", help="Of each suite (default: all)")
-    demos.add_argument(
-        "--inits",
+    option(demos, "--suites SUITE", "Default: all four", nargs="+", default=list(SUITES), choices=SUITES)
+    option(demos, "--tasks INDEX", "Of each suite (default: all)", type=int, nargs="+")
+    option(
+        demos,
+        "--inits INDEX",
+        f"Initial states of a task, from {TRAINING_STATES[0]} to {TRAINING_STATES[-1]} (default: "
+        f"{TRAINING_STATES[0]} to {TRAINING_STATES[9]}). {FROZEN_STATES[0]} to {FROZEN_STATES[-1]} are those "
+        "of the frozen cases, and refused",
         type=int,
         nargs="+",
         default=list(TRAINING_STATES[:10]),
-        metavar="INDEX",
-        help=f"Initial states of a task, from {TRAINING_STATES[0]} to {TRAINING_STATES[-1]} (default: "
-        f"{TRAINING_STATES[0]} to {TRAINING_STATES[9]}). {FROZEN_STATES[0]} to {FROZEN_STATES[-1]} are those "
-        "of the frozen cases, and refused",
     )
-    demos.add_argument(
-        "--events",
-        nargs="*",
-        metavar="EVENT",
-        help="For each initial state, also one episode with each of these events, in which the expert has to "
+    option(
+        demos,
+        "--events EVENT",
+        "For each initial state, also one episode with each of these events, in which the expert has to "
         "recover; without names, with all eight (default: none)",
+        nargs="*",
     )
-    demos.add_argument(
-        "--image-size", type=int, default=128, metavar="PX", help="Side of an image (default: %(default)s)"
-    )
-    demos.add_argument(
-        "--expert", default="expert", metavar="POLICY", help="As for pytest --libero-max-policy"
-    )
-    demos.add_argument(
-        "--disturb",
-        type=float,
+    option(demos, "--image-size PX", "Side of an image", type=whole_number(1), default=128)
+    option(demos, "--expert POLICY", "As for pytest --libero-max-policy", default="expert")
+    option(
+        demos,
+        "--disturb SHARE",
+        "Push the hand aside after this share of the queries, until the next one, so that the episodes "
+        "show how to come back. The recorded action is the expert's, not the push",
+        type=number(0, 1),
         default=0.0,
-        metavar="SHARE",
-        help="Push the hand aside after this share of the queries, until the next one, so that the episodes "
-        "show how to come back. The recorded action is the expert's, not the push (default: %(default)s)",
     )
-    demos.add_argument(
-        "--run",
+    option(
+        demos,
+        "--run RUN",
+        "Instead of playing the expert, write both arms of each pair of this run that has traces, "
+        "completed or not",
         type=Path,
         dest="run_folder",
-        metavar="RUN",
-        help="Instead of playing the expert, write both arms of each pair of this run that has traces, "
-        "completed or not",
     )
-    demos.add_argument("--jobs", type=int, default=2, metavar="N", help="Processes (default: %(default)s)")
-    demos.add_argument(
-        "--lerobot",
+    add_jobs(demos)
+    option(
+        demos,
+        "--lerobot FOLDER",
+        "Afterwards, write all episodes as a dataset of LeRobot, format 3.0 (extra demos)",
         type=Path,
-        metavar="FOLDER",
-        help="Afterwards, write all episodes as a dataset of LeRobot, format 3.0 (extra demos)",
     )
     demos.set_defaults(run=_demos)
 
@@ -85,13 +76,6 @@ def _demos(options: argparse.Namespace) -> None:
         from pytest_libero_max.demos.lerobot import require_pyarrow
 
         require_pyarrow()
-    for name in ("image_size", "jobs"):
-        if getattr(options, name) < 1:
-            raise OptionError(
-                f"--{name.replace('_', '-')} is {getattr(options, name)}, but must be at least 1."
-            )
-    if not 0.0 <= options.disturb <= 1.0:
-        raise OptionError(f"--disturb is {options.disturb}, but must be from 0 to 1.")
     for init in options.inits:
         if init in FROZEN_STATES:
             raise OptionError(

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_libero, substrate_options
+from pytest_libero_max.cli.arguments import Commands, add_libero, substrate_options
 from pytest_libero_max.errors import SubstrateError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:

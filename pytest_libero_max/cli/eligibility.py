@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_classification, add_substrate, catalogue_of
+from pytest_libero_max.cli.arguments import Commands, add_classification, add_substrate, catalogue_of
 from pytest_libero_max.cli.terminal import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:

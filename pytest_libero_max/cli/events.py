@@ -6,12 +6,9 @@ import argparse
 import inspect
 import textwrap
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+from pytest_libero_max.cli.arguments import Commands, option
 
 
 def add_command(commands: Commands) -> None:
@@ -24,14 +22,13 @@ def add_command(commands: Commands) -> None:
     export.add_argument(
         "file", type=Path, metavar="FILE", help="Replaced where it exists; a folder for every-eval-ever"
     )
-    export.add_argument("--format", required=True, metavar="NAME", help="ctrf, every-eval-ever or robostats")
-    export.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        metavar="CONDITION",
-        help="Show the verdict on this gate in ctrf, which alone has a place for it; may be repeated "
+    option(export, "--format NAME", "ctrf, every-eval-ever or robostats", required=True)
+    option(
+        export,
+        "--gate CONDITION",
+        "Show the verdict on this gate in ctrf, which alone has a place for it; may be repeated "
         "(default: libero_max_gate of the ini file)",
+        many=True,
     )
     export.set_defaults(run=_export)
 

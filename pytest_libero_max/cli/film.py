@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_libero
+from pytest_libero_max.cli.arguments import Commands, add_libero, option, switch, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.pairing.record import PairRecord
     from pytest_libero_max.pairing.trace import ArmTrace
     from pytest_libero_max.worlds.contract import World
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -34,26 +32,24 @@ def add_command(commands: Commands) -> None:
         "extra film (PyAV), films are animated WebP. Exit status 1 if a film was refused.",
     )
     add_pairs(film, "films")
-    film.add_argument(
-        "--format", choices=FILM_FORMATS, help="Default: mp4 if PyAV is installed, otherwise webp"
-    )
-    film.add_argument(
+    option(film, "--format", "Default: mp4 if PyAV is installed, otherwise webp", choices=FILM_FORMATS)
+    option(
+        film,
         "--view",
+        "world, or policy: the images of its queries, or of every step if it sees those, "
+        "after the world's noise and, where a profile or --adapter tells, after preprocessing",
         default="world",
         choices=VIEWS,
-        help="world, or policy: the images of its queries, or of every step if it sees those, "
-        "after the world's noise and, where a profile or --adapter tells, after preprocessing (default: "
-        "%(default)s)",
     )
-    film.add_argument(
-        "--adapter",
-        metavar="POLICY",
-        help="With --view=policy: load the adapter of the run and show what its model_inputs returns",
+    option(
+        film,
+        "--adapter POLICY",
+        "With --view=policy: load the adapter of the run and show what its model_inputs returns",
     )
-    film.add_argument(
-        "--profile",
-        metavar="NAME|PATH",
-        help="With --view=policy: the profile of the run's server, if it is none of this package's",
+    option(
+        film,
+        "--profile NAME|PATH",
+        "With --view=policy: the profile of the run's server, if it is none of this package's",
     )
     film.set_defaults(run=_film)
 
@@ -66,16 +62,8 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
         folder: As there.
     """
     add_choice(command, folder)
-    command.add_argument(
-        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
-    )
-    command.add_argument(
-        "--every",
-        type=int,
-        default=2,
-        metavar="STEPS",
-        help="Show every so many steps (default: %(default)s)",
-    )
+    option(command, "--size PX", "Side of a picture", type=whole_number(32), default=256)
+    option(command, "--every STEPS", "Show every so many steps", type=whole_number(1), default=2)
 
 
 def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
@@ -87,22 +75,17 @@ def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
     command.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
-    command.add_argument(
+    option(
+        command,
         "--select",
+        "Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces",
         default="regressions",
         choices=FILM_SELECTIONS,
-        help="Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces "
-        "(default: %(default)s)",
     )
-    command.add_argument(
-        "--output", type=Path, metavar="FOLDER", help=f"Folder for the files (default: {folder} in RUN)"
-    )
-    command.add_argument("--overwrite", action="store_true", help="Replace files that are there already")
-    command.add_argument(
-        "--cases",
-        dest="case_set",
-        metavar="TRACK|MANIFEST",
-        help="The cases, if they are not where the run says",
+    option(command, "--output FOLDER", f"Folder for the files (default: {folder} in RUN)", type=Path)
+    switch(command, "--overwrite", "Replace files that are there already")
+    option(
+        command, "--cases TRACK|MANIFEST", "The cases, if they are not where the run says", dest="case_set"
     )
     add_libero(command)
 
@@ -114,33 +97,16 @@ def _film(options: argparse.Namespace) -> int:
     of_policy = options.view == "policy"
     if not of_policy and (options.adapter or options.profile):
         raise OptionError("--adapter and --profile say what the policy saw: give --view=policy as well.")
-    made = write_each(
+    report = f"libero-max report {options.run_folder} links the films in report.html."
+    return write_each(
         options,
         "films",
         lambda folder, record: film_path(folder, record, options.format, options.view),
         lambda ran: partial(
             film_pair, shown=shown_by(ran["policy"], options.adapter, options.profile) if of_policy else None
         ),
+        "" if of_policy else report,
     )
-    if made.files and options.output is None and not of_policy:
-        print(f"libero-max report {options.run_folder} links the films in report.html.")
-    return made.exit_status
-
-
-class _Made(NamedTuple):
-    """Numbers of files that are there, and that were refused.
-
-    Attributes:
-        files: Number of files that are there.
-        refused: Number of pairs whose file could not be made.
-    """
-
-    files: int
-    refused: int
-
-    @property
-    def exit_status(self) -> int:
-        return 1 if self.refused else 0
 
 
 def write_each(
@@ -148,25 +114,22 @@ def write_each(
     name: str,
     path_of: Callable[[Path, PairRecord], Path],
     how: Callable[[Json], Callable[..., None]],
-) -> _Made:
-    """Play the chosen pairs again and write a file for each.
+    then: str = "",
+) -> int:
+    """Play the chosen pairs again and write a file for each; return 1 if one was refused, else 0.
 
     Args:
         options: See :func:`add_pairs`.
         name: Of the folder for the files, in that of the run.
         path_of: Path of the file of a pair, in a folder.
         how: Writer of the file for a run with this provenance.
+        then: Line to print where there are files in the folder of the run.
     """
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in a run: the last bits depend on it
     from pytest_libero_max.films.recorded import chosen, open_recorded
 
-    for option, least in (("size", 32), ("every", 1)):
-        if getattr(options, option) < least:
-            raise OptionError.seen(
-                f"--{option}", getattr(options, option), f", but must be at least {least}."
-            )
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
     how_drawn = {"size": options.size, "every": options.every, "overwrite": options.overwrite}
     refused = 0
@@ -192,7 +155,9 @@ def write_each(
                 work.say(f"{place} {path} ({kilobytes:.0f} kB, {seconds:.1f} s)")
     if not records:
         print(f"No pair of this run is selected by --select={options.select}.")
-    return _Made(len(records) - refused, refused)
+    if then and len(records) > refused and options.output is None:
+        print(then)
+    return 1 if refused else 0
 
 
 def _write(

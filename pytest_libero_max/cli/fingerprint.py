@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_substrate, substrate_options
+from pytest_libero_max.cli.arguments import Commands, add_substrate, option, substrate_options
 from pytest_libero_max.cli.terminal import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -27,12 +24,8 @@ def add_command(commands: Commands) -> None:
         "exit status 1 then. Layers come from the first cause to the last effect: other textures are other "
         "images too. The hash is kept for the runs of this installation that follow, whose reports print it.",
     )
-    fingerprint.add_argument(
-        "--output", type=Path, metavar="FILE", help="Also write the fingerprint here, as JSON"
-    )
-    fingerprint.add_argument(
-        "--compare", type=Path, nargs=2, metavar="FILE", help="Compare two files of --output instead"
-    )
+    option(fingerprint, "--output FILE", "Also write the fingerprint here, as JSON", type=Path)
+    option(fingerprint, "--compare FILE", "Compare two files of --output instead", type=Path, nargs=2)
     add_substrate(fingerprint)
     fingerprint.set_defaults(run=_fingerprint)
 
@@ -55,11 +48,8 @@ def _fingerprint(options: argparse.Namespace) -> int:
         return int(first["hash"] != second["hash"])
     use_one_blas_thread()  # as in runs
     told = substrate_options(options)
-    substrate = open_substrate(options.substrate, told)
-    try:
+    with closing(open_substrate(options.substrate, told)) as substrate:
         found = take(substrate)
-    finally:
-        substrate.close()
     if options.output:
         write_text(options.output, json.dumps(found) + "\n")
     keep(describe_substrate(options.substrate, told), found["hash"])

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_substrate, substrate_options
+from pytest_libero_max.cli.arguments import Commands, add_substrate, option, substrate_options
 from pytest_libero_max.cli.work import Work
 
 if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import Substrate
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -25,11 +24,11 @@ def add_command(commands: Commands) -> None:
         description="On a substrate without sheets of its own: only the events.",
     )
     gallery.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the pictures")
-    gallery.add_argument(
-        "--page-pictures",
+    option(
+        gallery,
+        "--page-pictures FOLDER",
+        "Also write the small pictures of events that pages of reports show, as this package has them",
         type=Path,
-        metavar="FOLDER",
-        help="Also write the small pictures of events that pages of reports show, as this package has them",
     )
     add_substrate(gallery)
     gallery.set_defaults(run=_gallery)
@@ -47,11 +46,7 @@ def _gallery(options: argparse.Namespace) -> None:
     }
     if options.page_pictures is not None:
         sheets[options.page_pictures] = partial(write_page_pictures, track=track)
-    substrate = open_substrate(options.substrate, told)
-    with Work() as work:
-        try:
-            for number, (path, write) in enumerate(sheets.items(), start=1):
-                work.show(f"{path.name}, {number} of {len(sheets)}")
-                write(path, substrate)
-        finally:
-            substrate.close()
+    with closing(open_substrate(options.substrate, told)) as substrate, Work() as work:
+        for number, (path, write) in enumerate(sheets.items(), start=1):
+            work.show(f"{path.name}, {number} of {len(sheets)}")
+            write(path, substrate)

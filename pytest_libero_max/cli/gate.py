@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option
 from pytest_libero_max.cli.terminal import say, say_coloured
 from pytest_libero_max.errors import OptionError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -19,12 +16,11 @@ def add_command(commands: Commands) -> None:
         "gate", help="Decide gates on a stored run; exit status 10 where one does not hold, 11 if incomplete"
     )
     gate.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
-    gate.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        metavar="CONDITION",
-        help="For example 'dynamic_sr >= 0.6'; may be repeated (default: libero_max_gate of the ini file)",
+    option(
+        gate,
+        "--gate CONDITION",
+        "For example 'dynamic_sr >= 0.6'; may be repeated (default: libero_max_gate of the ini file)",
+        many=True,
     )
     gate.set_defaults(run=_gate)
 

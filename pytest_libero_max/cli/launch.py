@@ -9,12 +9,9 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
 from pytest_libero_max.errors import OptionError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 _RESTARTS = 100
 """Number of times that a job is put into the queue again after it has reached its time limit."""
@@ -79,12 +76,11 @@ def add_command(commands: Commands) -> None:
         "missing.",
     )
     _add_shards(slurm)
-    slurm.add_argument(
-        "--sbatch",
-        action="append",
-        default=[],
-        metavar="OPTION",
-        help="Of sbatch, for the shards, for example --sbatch=--time=04:00:00; may be repeated",
+    option(
+        slurm,
+        "--sbatch OPTION",
+        "Of sbatch, for the shards, for example --sbatch=--time=04:00:00; may be repeated",
+        many=True,
     )
     slurm.set_defaults(run=_launch)
 
@@ -144,7 +140,7 @@ class Shards:
         before: Lines of shell that each job begins with.
 
     Raises:
-        OptionError: A number or an argument of pytest cannot be used.
+        OptionError: An argument of pytest cannot be used.
     """
 
     arguments: Sequence[str]
@@ -154,10 +150,6 @@ class Shards:
     before: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        numbers = (("shards", self.count, 2), ("at-once", self.at_once, 1), ("workers", self.workers, 1))
-        for name, value, least in numbers:
-            if value is not None and value < least:
-                raise OptionError.seen(f"--{name}", value, f", but must be at least {least}.")
         for argument in self.arguments:
             if argument.split("=")[0] in _OURS:
                 raise OptionError(
@@ -196,27 +188,19 @@ class Shards:
 
 
 def _add_shards(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--shards", type=int, required=True, metavar="N", help="Number of shards")
-    parser.add_argument(
-        "--at-once", type=int, metavar="N", help="Shards that are played at the same time (default: all)"
+    option(parser, "--shards N", "Number of shards", type=whole_number(2), required=True)
+    option(
+        parser, "--at-once N", "Shards that are played at the same time (default: all)", type=whole_number(1)
     )
-    parser.add_argument(
-        "--workers", type=int, default=1, metavar="N", help="Workers of each shard (default: %(default)s)"
+    option(parser, "--workers N", "Workers of each shard", type=whole_number(1), default=1)
+    option(parser, "--output FOLDER", "On a file system that all nodes share", default="libero-max-results")
+    option(
+        parser,
+        "--before COMMAND",
+        "A line of shell that each job begins with, for example 'module load cuda'; may be repeated",
+        many=True,
     )
-    parser.add_argument(
-        "--output",
-        default="libero-max-results",
-        metavar="FOLDER",
-        help="On a file system that all nodes share (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--before",
-        action="append",
-        default=[],
-        metavar="COMMAND",
-        help="A line of shell that each job begins with, for example 'module load cuda'; may be repeated",
-    )
-    parser.add_argument("--submit", action="store_true", help="Submit the jobs instead of printing them")
+    switch(parser, "--submit", "Submit the jobs instead of printing them")
     parser.add_argument(
         "arguments", nargs="+", metavar="ARGUMENT", help="Of pytest, after --; among them the policy"
     )

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option, switch
 from pytest_libero_max.cli.terminal import say_coloured
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -22,21 +19,18 @@ def add_command(commands: Commands) -> None:
     merge.add_argument(
         "folders", type=Path, nargs="+", metavar="FOLDER", help="The output folders of the shards"
     )
-    merge.add_argument(
-        "--output", type=Path, required=True, metavar="FOLDER", help="Folder for the joined run"
-    )
-    merge.add_argument(
+    option(merge, "--output FOLDER", "Folder for the joined run", type=Path, required=True)
+    switch(
+        merge,
         "--finished",
-        action="store_true",
-        help="Leave out the folders whose run has not ended or not begun, and say which; may be done again "
+        "Leave out the folders whose run has not ended or not begun, and say which; may be done again "
         "when more have ended",
     )
-    merge.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        metavar="CONDITION",
-        help="As well as the gates that the shards were given; may be repeated",
+    option(
+        merge,
+        "--gate CONDITION",
+        "As well as the gates that the shards were given; may be repeated",
+        many=True,
     )
     merge.set_defaults(run=_merge)
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_libero
+from pytest_libero_max.cli.arguments import Commands, add_libero, option
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -28,9 +24,7 @@ def add_command(commands: Commands) -> None:
     monitors.add_argument(
         "monitors", nargs="+", metavar="MONITOR", help="Names of monitors, for example chunk_change"
     )
-    monitors.add_argument(
-        "--cases", metavar="TRACK|MANIFEST", help="The cases, if they are not where the run says"
-    )
+    option(monitors, "--cases TRACK|MANIFEST", "The cases, if they are not where the run says")
     add_libero(monitors)
     monitors.set_defaults(run=_monitors)
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, number, option, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
 
     from pytest_libero_max.benchmark.cases import Case
 
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+_MOST = 1_000_000
+"""Largest number of anything, and longest time, ms."""
 
 
 def add_command(commands: Commands) -> None:
@@ -29,42 +31,29 @@ def add_command(commands: Commands) -> None:
     )
     plan.add_argument("run_folder", type=Path, metavar="RUN", help="The run that is learnt from")
     what = plan.add_mutually_exclusive_group()
-    what.add_argument("--track", metavar="NAME", help="Track to play (default: the pairs of RUN)")
-    what.add_argument("--manifest", type=Path, metavar="PATH", help="The same, as a manifest")
-    plan.add_argument("--workers", type=int, default=1, metavar="N", help="Default: %(default)s")
-    plan.add_argument(
-        "--servers",
-        type=int,
+    option(what, "--track NAME", "Track to play (default: the pairs of RUN)")
+    option(what, "--manifest PATH", "The same, as a manifest", type=Path)
+    option(plan, "--workers N", "Default: %(default)s", type=whole_number(1, _MOST), default=1)
+    option(
+        plan,
+        "--servers N",
+        "Policy servers (default: %(default)s, the policy is in each worker)",
+        type=whole_number(0, _MOST),
         default=0,
-        metavar="N",
-        help="Policy servers (default: %(default)s, the policy is in each worker)",
     )
-    plan.add_argument(
-        "--query-ms",
-        type=float,
-        metavar="MS",
-        help="Time of a query (default: that in RUN)",
+    option(plan, "--query-ms MS", "Time of a query (default: that in RUN)", type=number(0, _MOST))
+    option(
+        plan, "--batch N", "Queries that a server answers together", type=whole_number(1, _MOST), default=1
     )
-    plan.add_argument(
-        "--batch",
-        type=int,
-        default=1,
-        metavar="N",
-        help="Queries that a server answers together (default: %(default)s)",
-    )
-    plan.add_argument(
-        "--batch-ms", type=float, metavar="MS", help="Time of a full batch (default: that of one query)"
-    )
-    plan.add_argument(
-        "--record-ms",
-        type=float,
+    option(plan, "--batch-ms MS", "Time of a full batch (default: that of one query)", type=number(0, _MOST))
+    option(
+        plan,
+        "--record-ms MS",
+        "Time that the process that owns the run needs for a record",
+        type=number(0, _MOST),
         default=2.5,
-        metavar="MS",
-        help="Time that the process that owns the run needs for a record (default: %(default)s)",
     )
-    plan.add_argument(
-        "--shards", type=int, metavar="N", help="Also say how well so many shards share the work"
-    )
+    option(plan, "--shards N", "Also say how well so many shards share the work", type=whole_number(1, _MOST))
     plan.set_defaults(run=_plan)
 
 
@@ -74,7 +63,10 @@ def _plan(options: argparse.Namespace) -> None:
     from pytest_libero_max.runs.plan import PlannedPair
     from pytest_libero_max.runs.store import read_pairs
 
-    _check(options)
+    if options.batch > 1 and not options.servers:
+        raise OptionError.seen(
+            "--batch", options.batch, ", but only servers answer together. Give --servers."
+        )
     stored = read_pairs(options.run_folder, ended=False)
     cases = _cases(options)
     what = options.track and f"track {options.track}"
@@ -104,19 +96,3 @@ def _cases(options: argparse.Namespace) -> Sequence[Case] | None:
     if options.track is not None:
         return load_track(options.track).cases
     return None if options.manifest is None else load_manifest(options.manifest).cases
-
-
-_LEAST = {"workers": 1, "servers": 0, "batch": 1, "shards": 1, "query_ms": 0.0, "record_ms": 0.0}
-_MOST = 1_000_000
-
-
-def _check(options: argparse.Namespace) -> None:
-    for name, least in {**_LEAST, "batch_ms": 0.0}.items():
-        value = getattr(options, name)
-        if value is not None and not least <= value <= _MOST:
-            flag = f"--{name.replace('_', '-')}"
-            raise OptionError.seen(flag, value, f", but must be a number from {least} to {_MOST}.")
-    if options.batch > 1 and not options.servers:
-        raise OptionError.seen(
-            "--batch", options.batch, ", but only servers answer together. Give --servers."
-        )

@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.film import add_choice, write_each
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pytest_libero_max.benchmark.documents import Json
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -32,12 +31,13 @@ def add_command(commands: Commands) -> None:
 def _poses(options: argparse.Namespace) -> int:
     from pytest_libero_max.runs.media import POSES_NAME, poses_name
 
-    made = write_each(
-        options, POSES_NAME, lambda folder, record: folder / poses_name(record.item_id), _writer
+    return write_each(
+        options,
+        POSES_NAME,
+        lambda folder, record: folder / poses_name(record.item_id),
+        _writer,
+        f"libero-max report {options.run_folder} shows them in report.html.",
     )
-    if made.files and options.output is None:
-        print(f"libero-max report {options.run_folder} shows them in report.html.")
-    return made.exit_status
 
 
 def _writer(provenance: Json) -> Callable[..., None]:

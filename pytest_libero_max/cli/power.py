@@ -7,13 +7,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.writers.power_text import Expectation
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -22,40 +21,37 @@ def add_command(commands: Commands) -> None:
         "power", help="Changes that each track resolves, pairs that a change needs, how often a gate passes"
     )
     known = power.add_mutually_exclusive_group(required=True)
-    known.add_argument(
-        "--run", type=Path, dest="folder", metavar="FOLDER", help="Expect what this run measured"
-    )
-    known.add_argument("--base", type=float, metavar="RATE", help="Expected Base success, 0 to 1")
-    power.add_argument(
-        "--gain",
+    option(known, "--run FOLDER", "Expect what this run measured", type=Path, dest="folder")
+    option(known, "--base RATE", "Expected Base success, 0 to 1", type=float)
+    option(
+        power,
+        "--gain RATE",
+        "Expected share of pairs that are gained by chance, and lost by chance",
         type=float,
         default=0.01,
-        metavar="RATE",
-        help="Expected share of pairs that are gained by chance, and lost by chance (default: %(default)s)",
     )
-    power.add_argument(
-        "--change",
-        type=float,
-        metavar="CHANGE",
-        help="A paired change to resolve, for example -0.05, or 0.05 for a gain; for a loss it also advises "
+    option(
+        power,
+        "--change CHANGE",
+        "A paired change to resolve, for example -0.05, or 0.05 for a gain; for a loss it also advises "
         "gates, numbers of pairs and tracks that find it",
+        type=float,
     )
-    power.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        metavar="CONDITION",
-        help="Probability that this gate passes, by the true loss; for one against another run, --base is "
+    option(
+        power,
+        "--gate CONDITION",
+        "Probability that this gate passes, by the true loss; for one against another run, --base is "
         "the Dynamic success of that run, which need not exist; may be repeated",
+        many=True,
     )
     size = power.add_mutually_exclusive_group()
-    size.add_argument("--track", metavar="NAME", help="Track that the gate is decided on (default: smoke)")
-    size.add_argument("--pairs", type=int, metavar="N", help="Number of pairs that it is decided on")
-    power.add_argument(
-        "--loss",
+    option(size, "--track NAME", "Track that the gate is decided on (default: smoke)")
+    option(size, "--pairs N", "Number of pairs that it is decided on", type=whole_number(1))
+    option(
+        power,
+        "--loss RATE",
+        "Share of pairs that the effect to be found loses, with those lost by chance (default: several)",
         type=float,
-        metavar="RATE",
-        help="Share of pairs that the effect to be found loses, with those lost by chance (default: several)",
     )
     power.set_defaults(run=_power)
 
@@ -95,10 +91,7 @@ def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[
     from pytest_libero_max.report.writers.gate_plan_text import gate_plan_lines
     from pytest_libero_max.runs.plan import PlannedPair
 
-    pairs = options.pairs
-    if pairs is not None and pairs < 1:
-        raise OptionError.seen("pairs", pairs, ", but a gate needs at least one pair.")
-    planned = pairs or tuple(map(PlannedPair.of, load_track(options.track or "smoke")))
+    planned = options.pairs or tuple(map(PlannedPair.of, load_track(options.track or "smoke")))
     for number, gate in enumerate(parse_gates(options.gate)):
         lines = gate_plan_lines(gate, planned, expected.base, expected.gain, options.loss)
         yield ["", *lines] if number else lines

@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import (
+    Commands,
     add_examination,
     add_expert,
     add_substrate,
+    examining,
     manifest_of,
-    substrate_options,
-    tell,
+    option,
+    whole_number,
 )
 from pytest_libero_max.cli.terminal import say
-from pytest_libero_max.cli.work import Work
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
     """Add ``preflight`` to the parser."""
     preflight = commands.add_parser("preflight", help="Examine the cases of a track or manifest")
     preflight.add_argument("cases", metavar="TRACK|MANIFEST", help="A track's name or a manifest's path")
-    preflight.add_argument("--limit", type=int, metavar="N", help="Only N of them, spread evenly")
+    option(preflight, "--limit N", "Only N of them, spread evenly", type=whole_number(1))
     add_expert(preflight, default=None)
     add_examination(preflight)
     add_substrate(preflight)
@@ -33,14 +30,12 @@ def add_command(commands: Commands) -> None:
 
 def _preflight(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.sampling import stratified
-    from pytest_libero_max.construction.examiner import Examiner
     from pytest_libero_max.construction.overview import certificate_lines, preflight_lines
 
     cases = manifest_of(options.cases).cases
     if options.limit is not None:
         cases = stratified(cases, options.limit)
-    where = options.substrate, substrate_options(options)
-    with Work() as work, Examiner(options.work, options.jobs, tell(work), *where) as examiner:
+    with examining(options) as (_, examiner):
         found = examiner.examine(cases)
         say(preflight_lines(found))
         if options.expert is not None:

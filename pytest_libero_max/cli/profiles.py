@@ -8,12 +8,11 @@ import textwrap
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
 
 if TYPE_CHECKING:
     from pytest_libero_max.policies.profile import Profile
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -45,7 +44,7 @@ def _profiles(options: argparse.Namespace) -> int:
 
 def _about(profile: Profile) -> list[str]:
     """Return the comment with which the file of a profile begins; an empty line where there is none."""
-    text = (profile.folder / f"{profile.name}.toml").read_text(encoding="utf-8")
+    text = profile.path.read_text(encoding="utf-8")
     comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
     return [line.removeprefix("#").removeprefix(" ") for line in comment] or [""]
 

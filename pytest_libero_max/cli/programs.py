@@ -8,12 +8,11 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.programs import Program
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:

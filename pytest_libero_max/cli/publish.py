@@ -8,13 +8,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import whole_number
+from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.store import StoredRun
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -24,10 +22,10 @@ def add_command(commands: Commands) -> None:
     )
     publish.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
     publish.add_argument("folder", type=Path, metavar="FOLDER", help="For example reports/lite/expert")
-    publish.add_argument(
+    switch(
+        publish,
         "--actions",
-        action="store_true",
-        help="Also the recorded actions, with which others replay pairs without the policy (the run must "
+        "Also the recorded actions, with which others replay pairs without the policy (the run must "
         "have kept them: --libero-max-traces=all)",
     )
     publish.set_defaults(run=_publish)
@@ -41,33 +39,25 @@ def add_command(commands: Commands) -> None:
         "--pairs=0 prints the name alone. Exit status 1 if anything differs.",
     )
     check.add_argument("folder", type=Path, metavar="FOLDER", help="Written by libero-max publish")
-    check.add_argument(
-        "--pairs",
-        type=whole_number(0),
-        default=2,
-        metavar="K",
-        help="Number of pairs to play again; 0 plays none (default: %(default)s)",
-    )
-    check.add_argument(
-        "--seed", metavar="TEXT", help="Draw the same pairs again (default: a new one, printed)"
-    )
-    check.add_argument(
-        "--policy",
-        metavar="REFERENCE",
-        help="The policy of the run as it is found here, as for pytest --libero-max-policy (default: that "
+    option(check, "--pairs K", "Number of pairs to play again; 0 plays none", type=whole_number(0), default=2)
+    option(check, "--seed TEXT", "Draw the same pairs again (default: a new one, printed)")
+    option(
+        check,
+        "--policy REFERENCE",
+        "The policy of the run as it is found here, as for pytest --libero-max-policy (default: that "
         "of the run)",
     )
-    check.add_argument(
+    switch(
+        check,
         "--actions",
-        action="store_true",
-        help="Execute the recorded actions of these pairs instead, and load no policy: shows that they lead "
+        "Execute the recorded actions of these pairs instead, and load no policy: shows that they lead "
         "to the recorded ends, not that the policy chose them",
     )
-    check.add_argument(
-        "--record",
+    option(
+        check,
+        "--record FILE",
+        "Note here that pairs were played again and ended alike, for libero-max index --verified",
         type=Path,
-        metavar="FILE",
-        help="Note here that pairs were played again and ended alike, for libero-max index --verified",
     )
     check.set_defaults(run=_verify_run)
 
@@ -81,18 +71,12 @@ def add_command(commands: Commands) -> None:
     index.add_argument(
         "folders", type=Path, nargs="+", metavar="FOLDER", help="A published run, or a folder above several"
     )
-    index.add_argument(
-        "--output",
+    option(index, "--output FILE", "The page", type=Path, default=Path("index.html"))
+    option(
+        index,
+        "--verified FILE",
+        "Checks of those who run the index, written by libero-max verify-run --record",
         type=Path,
-        default=Path("index.html"),
-        metavar="FILE",
-        help="The page (default: %(default)s)",
-    )
-    index.add_argument(
-        "--verified",
-        type=Path,
-        metavar="FILE",
-        help="Checks of those who run the index, written by libero-max verify-run --record",
     )
     index.set_defaults(run=_index)
 

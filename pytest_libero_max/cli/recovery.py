@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option, switch
 from pytest_libero_max.cli.terminal import say
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -24,10 +21,8 @@ def add_command(commands: Commands) -> None:
         metavar="FOLDER",
         help="The output folders of runs with --libero-max-restore=native, always and gated, in any order",
     )
-    recovery.add_argument(
-        "--restrict", action="store_true", help="Compare on common cases where the runs have different ones"
-    )
-    recovery.add_argument("--json", type=Path, metavar="FILE", help="Also write the numbers here")
+    switch(recovery, "--restrict", "Compare on common cases where the runs have different ones")
+    option(recovery, "--json FILE", "Also write the numbers here", type=Path)
     recovery.set_defaults(run=_recovery)
 
 

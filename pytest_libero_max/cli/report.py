@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option, switch
 from pytest_libero_max.cli.terminal import say_coloured
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -18,23 +15,16 @@ def add_command(commands: Commands) -> None:
         "report", help="Compute the report of a run again from its pairs.jsonl alone"
     )
     report.add_argument("folder", type=Path, metavar="FOLDER", help="The output folder of the run")
-    report.add_argument(
-        "--gate",
-        action="append",
-        default=[],
-        metavar="CONDITION",
-        help="Show the verdict on this gate; may be repeated (default: libero_max_gate of the ini file). "
+    option(
+        report,
+        "--gate CONDITION",
+        "Show the verdict on this gate; may be repeated (default: libero_max_gate of the ini file). "
         "No verdict changes the exit status; libero-max gate has one",
+        many=True,
     )
-    report.add_argument(
-        "--figures",
-        action="store_true",
-        help="Also write the figures, as SVG and (with the extra figures) PNG",
-    )
-    report.add_argument("--tables", action="store_true", help="Also write the tables as CSV and LaTeX")
-    report.add_argument(
-        "--badge", action="store_true", help="Also write badge.json, which a badge of shields.io can show"
-    )
+    switch(report, "--figures", "Also write the figures, as SVG and (with the extra figures) PNG")
+    switch(report, "--tables", "Also write the tables as CSV and LaTeX")
+    switch(report, "--badge", "Also write badge.json, which a badge of shields.io can show")
     report.set_defaults(run=_report)
 
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.film import add_pairs, write_each
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -28,10 +25,9 @@ def _rerun(options: argparse.Namespace) -> int:
     from pytest_libero_max.films.recorded import record_pair
     from pytest_libero_max.runs.media import RERUN_NAME
 
-    made = write_each(
+    return write_each(
         options,
         RERUN_NAME,
         lambda folder, record: folder / f"{record.item_id}.rrd",
         lambda ran: record_pair,
     )
-    return made.exit_status

@@ -6,13 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError, ReportError
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.status import Seen
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 _HEAD = ("run", "policy", "cases", "Base", "Dynamic", "change", "status", "began (UTC)")
 

@@ -5,13 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import PORT
+from pytest_libero_max.cli.arguments import PORT, Commands, add_cadence, number, option, switch, whole_number
 from pytest_libero_max.errors import AdapterError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -20,30 +16,27 @@ def add_command(commands: Commands) -> None:
         "serve", help="Serve a policy of an adapter, for workers here or elsewhere, until Ctrl-C"
     )
     serve.add_argument("adapter", metavar="ADAPTER", help="As for pytest --libero-max-policy")
-    serve.add_argument("--host", default="127.0.0.1", help="Interface to listen at (default: %(default)s)")
-    serve.add_argument("--port", type=PORT, default=8000, metavar="PORT", help="Default: %(default)s")
-    serve.add_argument("--horizon", type=int, metavar="ACTIONS", help="Override H (chunk size)")
-    serve.add_argument(
-        "--query-interval", type=int, metavar="ACTIONS", help="Override Q (execution horizon, replan steps)"
-    )
-    serve.add_argument(
-        "--max-batch",
-        type=int,
+    option(serve, "--host", "Interface to listen at", default="127.0.0.1")
+    option(serve, "--port PORT", "Default: %(default)s", type=PORT, default=8000)
+    add_cadence(serve)
+    option(
+        serve,
+        "--max-batch N",
+        "Queries that a policy with predict_batch answers together (default: %(default)s, each alone)",
+        type=whole_number(1),
         default=1,
-        metavar="N",
-        help="Queries that a policy with predict_batch answers together (default: %(default)s, each alone)",
     )
-    serve.add_argument(
-        "--max-wait-ms",
-        type=float,
+    option(
+        serve,
+        "--max-wait-ms MS",
+        "Longest time that the first query of a batch waits for others",
+        type=number(0, 60_000),
         default=5.0,
-        metavar="MS",
-        help="Longest time that the first query of a batch waits for others (default: %(default)s)",
     )
-    serve.add_argument(
+    switch(
+        serve,
         "--pad-batch",
-        action="store_true",
-        help="Fill every batch up to --max-batch, so that the arithmetic always has the same shape",
+        "Fill every batch up to --max-batch, so that the arithmetic always has the same shape",
     )
     serve.set_defaults(run=_serve)
 

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import add_substrate, manifest_of, substrate_options
+from pytest_libero_max.cli.arguments import (
+    Commands,
+    add_substrate,
+    manifest_of,
+    option,
+    substrate_options,
+    switch,
+    whole_number,
+)
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -21,16 +28,14 @@ def add_command(commands: Commands) -> None:
     show = commands.add_parser("show", help="Show the tracks, one of them, or one case of it")
     show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: an overview of all tracks")
     show.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
-    show.add_argument("--json", action="store_true", help="The manifest's own text, unpacked")
-    show.add_argument(
-        "--pictures",
+    switch(show, "--json", "The manifest's own text, unpacked")
+    option(
+        show,
+        "--pictures FOLDER",
+        "Also write what each camera sees just before and after the event of CASE, without a policy",
         type=Path,
-        metavar="FOLDER",
-        help="Also write what each camera sees just before and after the event of CASE, without a policy",
     )
-    show.add_argument(
-        "--size", type=int, default=256, metavar="PX", help="Side of a picture (default: %(default)s)"
-    )
+    option(show, "--size PX", "Side of a picture", type=whole_number(1, 4096), default=256)
     add_substrate(show)
     show.set_defaults(run=_show)
 
@@ -64,9 +69,6 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
     say(case_lines(case, certificates))
     if options.pictures is None:
         return
-    substrate = open_substrate(options.substrate, substrate_options(options))
-    try:
+    with closing(open_substrate(options.substrate, substrate_options(options))) as substrate:
         paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
-    finally:
-        substrate.close()
     say(f"Written: {path}" for path in paths)

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, option
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.comparison.comparison_document import ComparedRun
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 _HEAD = ("run", "Base [95%]", "Dynamic [95%]", "change [95%]", "lost", "causes of what was lost")
 _CAUSES = 3
@@ -31,9 +30,9 @@ def add_command(commands: Commands) -> None:
         "alone; libero-max compare has the paired contrasts of two.",
     )
     trend.add_argument("folders", type=Path, nargs="+", metavar="RUN", help="Folders of two or more runs")
-    trend.add_argument("--csv", type=Path, metavar="FILE", help="Also write the numbers here")
-    trend.add_argument("--html", type=Path, metavar="FILE", help="Also write a page with charts here")
-    trend.add_argument("--figure", type=Path, metavar="FILE", help="Also draw success by run here, as SVG")
+    option(trend, "--csv FILE", "Also write the numbers here", type=Path)
+    option(trend, "--html FILE", "Also write a page with charts here", type=Path)
+    option(trend, "--figure FILE", "Also draw success by run here, as SVG", type=Path)
     trend.set_defaults(run=_trend)
 
 

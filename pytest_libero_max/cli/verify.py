@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
+from pytest_libero_max.cli.arguments import Commands
 
 
 def add_command(commands: Commands) -> None:
@@ -18,10 +16,11 @@ def add_command(commands: Commands) -> None:
 
 
 def _verify(options: argparse.Namespace) -> None:
-    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE
+    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, require_tracks
     from pytest_libero_max.construction.verification import verify
 
-    folders = [options.folder] if options.folder else [FOLDER, FOLDER / GENUINE]
-    for folder in folders:
-        if options.folder or folder.is_dir():
+    if options.folder:
+        require_tracks(options.folder)
+    for folder in [options.folder] if options.folder else [FOLDER, FOLDER / GENUINE]:
+        if folder.is_dir():
             print("\n".join(verify(folder)))

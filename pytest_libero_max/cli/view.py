@@ -10,14 +10,11 @@ from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pytest_libero_max.cli.arguments import PORT
+from pytest_libero_max.cli.arguments import PORT, Commands, option, switch
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import ReportError
-
-if TYPE_CHECKING:
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 _PAGE = "report.html"
 _RANGE = re.compile(r"bytes=(\d+)-(\d*)")
@@ -32,8 +29,8 @@ def add_command(commands: Commands) -> None:
         "page that is missing is made first.",
     )
     view.add_argument("folder", type=Path, metavar="RUN", help="Folder of the run")
-    view.add_argument("--port", type=PORT, default=0, metavar="PORT", help="Default: one that is free")
-    view.add_argument("--no-browser", action="store_true", help="Print the address alone")
+    option(view, "--port PORT", "Default: one that is free", type=PORT, default=0)
+    switch(view, "--no-browser", "Print the address alone")
     view.set_defaults(run=_view)
 
 

@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.cli.arguments import Commands, number, option, switch
 from pytest_libero_max.cli.terminal import say
-from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.status import Seen
-
-    Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 
 def add_command(commands: Commands) -> None:
@@ -34,13 +32,9 @@ def add_command(commands: Commands) -> None:
         metavar="RUN",
         help="The output folder of a run; of several, for example shards, there is a line each and their sum",
     )
-    watch.add_argument("--once", action="store_true", help="Print the status once; do not wait")
-    watch.add_argument(
-        "--interval",
-        type=float,
-        default=2.0,
-        metavar="SECONDS",
-        help="Between two looks at the folder (default: %(default)s)",
+    switch(watch, "--once", "Print the status once; do not wait")
+    option(
+        watch, "--interval SECONDS", "Between two looks at the folder", type=number(0.01, 3600), default=2.0
     )
     watch.set_defaults(run=_watch)
 
@@ -50,8 +44,6 @@ def _watch(options: argparse.Namespace) -> int:
     from pytest_libero_max.runs.progress import Pace
     from pytest_libero_max.runs.status import Follower
 
-    if options.interval <= 0:
-        raise OptionError.seen("--interval", options.interval, ", but must be more than 0 seconds.")
     followers = [Follower(folder) for folder in options.run_folders]
     seen = [follower.look() for follower in followers]
     if not options.once:

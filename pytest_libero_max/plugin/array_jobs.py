@@ -16,53 +16,41 @@ class Scheduler:
     Attributes:
         name: For messages.
         index: Variable with the number of this job.
+        cure: Option that numbers an array so that its jobs are shards 1 to N.
         first: The number of the first job, or the variable that has it.
         last: Variable with the number of the last job; None where there is none.
         step: Variable with the step between two numbers; None where it is 1.
         count: Variable with the number of jobs; None where there is none.
-        cure: Option that numbers an array so that its jobs are shards 1 to N.
     """
 
     name: str
     index: str
-    first: int | str
-    last: str | None
-    step: str | None
-    count: str | None
     cure: str
+    first: int | str = 1
+    last: str | None = None
+    step: str | None = None
+    count: str | None = None
 
 
 SCHEDULERS = (
     Scheduler(
         "Slurm",
         "SLURM_ARRAY_TASK_ID",
+        "sbatch --array=1-N",
         "SLURM_ARRAY_TASK_MIN",
         "SLURM_ARRAY_TASK_MAX",
         "SLURM_ARRAY_TASK_STEP",
         "SLURM_ARRAY_TASK_COUNT",
-        "sbatch --array=1-N",
     ),
-    Scheduler("Kubernetes", "JOB_COMPLETION_INDEX", 0, None, None, None, "completionMode: Indexed"),
+    Scheduler("Kubernetes", "JOB_COMPLETION_INDEX", "completionMode: Indexed", 0),
     Scheduler(
-        "AWS Batch",
-        "AWS_BATCH_JOB_ARRAY_INDEX",
-        0,
-        None,
-        None,
-        "AWS_BATCH_JOB_ARRAY_SIZE",
-        "an array size of N",
+        "AWS Batch", "AWS_BATCH_JOB_ARRAY_INDEX", "an array size of N", 0, count="AWS_BATCH_JOB_ARRAY_SIZE"
     ),
-    Scheduler("PBS", "PBS_ARRAY_INDEX", 1, None, None, None, "qsub -J 1-N"),
-    Scheduler("Torque", "PBS_ARRAYID", 1, None, None, None, "qsub -t 1-N"),
-    Scheduler("LSF", "LSB_JOBINDEX", 1, "LSB_JOBINDEX_END", "LSB_JOBINDEX_STEP", None, 'bsub -J "name[1-N]"'),
+    Scheduler("PBS", "PBS_ARRAY_INDEX", "qsub -J 1-N"),
+    Scheduler("Torque", "PBS_ARRAYID", "qsub -t 1-N"),
+    Scheduler("LSF", "LSB_JOBINDEX", 'bsub -J "name[1-N]"', 1, "LSB_JOBINDEX_END", "LSB_JOBINDEX_STEP"),
     Scheduler(
-        "Grid Engine",
-        "SGE_TASK_ID",
-        "SGE_TASK_FIRST",
-        "SGE_TASK_LAST",
-        "SGE_TASK_STEPSIZE",
-        None,
-        "qsub -t 1-N",
+        "Grid Engine", "SGE_TASK_ID", "qsub -t 1-N", "SGE_TASK_FIRST", "SGE_TASK_LAST", "SGE_TASK_STEPSIZE"
     ),
 )
 

@@ -11,7 +11,7 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
 from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
-from pytest_libero_max.errors import LiberoMaxError, did_you_mean
+from pytest_libero_max.errors import did_you_mean
 from pytest_libero_max.events.kind import VARIANTS
 from pytest_libero_max.events.registry import (
     BENCHMARK_EVENTS,
@@ -23,7 +23,7 @@ from pytest_libero_max.events.registry import (
 )
 from pytest_libero_max.plugin import options
 from pytest_libero_max.plugin.case_support import supported_cases
-from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.options import Settings, usage_errors
 from pytest_libero_max.plugin.stash_keys import (
     CASES,
     MANIFEST,
@@ -97,20 +97,14 @@ def manifest_of(config: pytest.Config) -> Manifest:
         from pytest_libero_max.benchmark.tracks import load_track
 
         settings = settings_of(config)
-        try:
+        with usage_errors():
             manifest = load_manifest(settings.manifest) if settings.manifest else load_track(settings.track)
-        except LiberoMaxError as error:
-            raise pytest.UsageError(str(error)) from None
-        try:
+        with usage_errors(f"{settings.manifest or settings.case_set}: "):
             check_cases(manifest.cases)
-        except LiberoMaxError as error:
-            raise pytest.UsageError(f"{settings.manifest or settings.case_set}: {error}") from None
         if settings.program is not None:
-            try:
+            with usage_errors("--libero-max-program: "):
                 manifest = manifest.playing(settings.program)
                 check_cases(manifest.cases)
-            except LiberoMaxError as error:
-                raise pytest.UsageError(f"--libero-max-program: {error}") from None
         config.stash[MANIFEST] = manifest
     return config.stash[MANIFEST]
 
@@ -132,11 +126,9 @@ def _cases(config: pytest.Config) -> tuple[Case, ...]:
 
     settings, cases = settings_of(config), cases_of_all_shards(config)
     if settings.shard is not None:
-        try:
-            cases = shard(cases, *settings.shard)
-        except LiberoMaxError as error:
-            number, count = settings.shard
-            raise pytest.UsageError(f"--libero-max-shard={number}/{count}: {error}") from None
+        number, count = settings.shard
+        with usage_errors(f"--libero-max-shard={number}/{count}: "):
+            cases = shard(cases, number, count)
     return settings.order.of(cases)
 
 
@@ -153,10 +145,8 @@ def cases_of_all_shards(config: pytest.Config) -> tuple[Case, ...]:
     if settings.program is not None:
         cases = tuple(case for case in cases if case.program is not None)
     if settings.only_installed:
-        try:
+        with usage_errors("--libero-max-only-installed: "):
             cases = supported_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
-        except LiberoMaxError as error:
-            raise pytest.UsageError(f"--libero-max-only-installed: {error}") from None
     return cases if settings.limit is None else stratified(cases, settings.limit)
 
 
@@ -226,9 +216,10 @@ def aim(config: pytest.Config) -> None:
     config.args = [_resolve(arg) for arg in config.args]
 
 
-def aim_testpaths(config: pytest.Config) -> None:
+@pytest.hookimpl(tryfirst=True)
+def pytest_load_initial_conftests(early_config: pytest.Config) -> None:
     """Let ``libero-max`` in the ini file's ``testpaths`` stand for the pairs, before pytest looks for it."""
-    paths = config.getini("testpaths")
+    paths = early_config.getini("testpaths")
     paths[:] = map(_resolve, paths)  # the list that pytest itself keeps
 
 
@@ -254,7 +245,7 @@ def _resolve(arg: str) -> str:
     return f"{PAIRS_FILE}{separator}{rest}" if path == PSEUDO_PATH and not Path(path).exists() else arg
 
 
-def header_without_pairs(config: pytest.Config) -> str | None:
+def pytest_report_header(config: pytest.Config) -> str | None:
     """Return a note on a policy in the ini file in a session without pairs; None with pairs, or no policy."""
     if not options.policy_in_ini_file(config) or is_run(config):
         return None
@@ -262,14 +253,14 @@ def header_without_pairs(config: pytest.Config) -> str | None:
     return f"libero-max: policy {policy} is for tests that ask for it; to play the pairs: pytest libero-max"
 
 
-def pair_module(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
+def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
     """Return the collector of the pairs; None for any other module."""
     if module_path != PAIRS_FILE:
         return None
     return PairModule.from_parent(parent, path=module_path, nodeid=PSEUDO_PATH)
 
 
-def leave_out_measured(config: pytest.Config, items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect the pairs that a resumed run has measured, the same ones on every worker."""
     on_worker: dict[str, list[str]] = getattr(config, "workerinput", {})
     measured = {*on_worker.get(MEASURED_INPUT, ()), *config.stash.get(MEASURED, ())}
@@ -328,7 +319,7 @@ def register_markers(config: pytest.Config, *, in_use: bool) -> None:
         _register(config, f"variant_{variant}", "with this parameter variant")
 
 
-def parametrize(metafunc: pytest.Metafunc) -> None:
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Give every test that asks for a case one item a case."""
     if CASE_FIXTURE not in metafunc.fixturenames:
         return

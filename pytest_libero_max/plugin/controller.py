@@ -5,17 +5,16 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterable
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import (
     DiskError,
     LiberoMaxError,
-    OptionError,
     OtherRunError,
     ReportError,
 )
@@ -36,7 +35,7 @@ from pytest_libero_max.plugin.collection import (
     settings_of,
 )
 from pytest_libero_max.plugin.junit_file import tell_junit
-from pytest_libero_max.plugin.options import gates_from
+from pytest_libero_max.plugin.options import gates_from, usage_errors
 from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, keep_status, result_of
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
@@ -69,6 +68,9 @@ from pytest_libero_max.runs.store import PairStore, StoredRun, read_to_resume, r
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.substrates.registry import SUBSTRATES, describe_substrate, scores_of
 from pytest_libero_max.worlds.rendering import gl
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.stopping_rule import NamedRule
 
 STOP_AFTER_ERRORS = 8
 """Pairs that end in the same error of the policy, none being measured, after which a run is stopped."""
@@ -104,7 +106,7 @@ class RunController:
         self._collected: list[str] = []  # node ids, by the first worker of xdist
         self._hook_raised = False
         self._adapter_errors: Counter[str] = Counter()  # pairs by message
-        try:
+        with usage_errors():
             check_reference(self.settings.reference, self.settings.profile, self.settings.revision)
             self._served = self._read_servers()
             if self.settings.ray is None:  # otherwise its nodes draw
@@ -114,8 +116,6 @@ class RunController:
             if self.settings.resume and not only_lists(config):
                 require_free(self.settings.output)
                 self._read_to_resume()
-        except LiberoMaxError as error:
-            raise pytest.UsageError(str(error)) from None
 
     @property
     def has_all(self) -> bool:
@@ -178,14 +178,14 @@ class RunController:
         """Look at the output folder, which only a session that plays may touch."""
         if only_lists(self.config):
             return
-        try:
+        with usage_errors():
             require_writable(self.settings.output)
             require_free(self.settings.output)
             require_disk_space(self.settings.output, len(self.cases))
             self._require_usable_gates()
-            self._check_rule()
-        except LiberoMaxError as error:
-            raise pytest.UsageError(str(error)) from None
+        if self.settings.stop is not None:
+            with usage_errors(f"--libero-max-stop={self.settings.stop.text}: "):
+                self._remark = self._checked_rule(self.settings.stop)
 
     def _require_usable_gates(self) -> None:
         if self.settings.gate:
@@ -196,23 +196,18 @@ class RunController:
             start = gates_from(self.config)
             require_usable(self.settings.gate, pairs, chosen, self.settings.output, start)
 
-    def _check_rule(self) -> None:
-        """Let the stopping rule look at what is declared of the run, before anything is played."""
-        settings, before = self.settings, self._before
-        if settings.stop is None:
-            return
+    def _checked_rule(self, stop: NamedRule) -> str | None:
+        """Let the stopping rule look at what is declared of the run; return its remark."""
         from pytest_libero_max.report.stopping_rule import Declared
 
+        settings, before = self.settings, self._before
         declared = Declared(
             settings.order,
             settings.gate,
             1 if settings.shard is None else settings.shard[1],
             None if before is None else before.run.provenance,
         )
-        try:
-            self._remark = settings.stop.rule.check(declared)
-        except OptionError as error:
-            raise OptionError(f"--libero-max-stop={settings.stop.text}: {error}") from None
+        return stop.rule.check(declared)
 
     def _read_to_resume(self) -> None:
         self._before = read_to_resume(self.settings.output)
@@ -327,10 +322,13 @@ class RunController:
                 "code": adapter_digest(settings.reference, settings.profile, settings.revision),
                 "horizon": settings.horizon,
                 "query_interval": settings.query_interval,
-                **({} if settings.profile is None else {"profile": settings.profile}),
-                **self._servers_said(),
-                **({} if settings.restore == "native" else {"restore": settings.restore}),
-                **({} if settings.adaptive is None else {"adaptive": settings.adaptive}),
+                **known(
+                    profile=settings.profile,
+                    servers=None if self.servers is None else self.servers.to_list(),
+                    revision=settings.revision,
+                    restore=None if settings.restore == "native" else settings.restore,
+                    adaptive=settings.adaptive,
+                ),
             },
             substrate=self.substrate,
             scores=scores_of(self.settings.substrate),
@@ -338,9 +336,11 @@ class RunController:
                 "name": settings.case_set,
                 "digest": manifest.digest,
                 "limit": settings.limit,
-                **({} if settings.manifest is None else {"path": str(settings.manifest)}),
-                **({} if settings.program is None else {"program": settings.program.source}),
-                **({} if manifest.recognition is None else {"released_as": str(manifest.recognition)}),
+                **known(
+                    path=None if settings.manifest is None else str(settings.manifest),
+                    program=None if settings.program is None else settings.program.source,
+                    released_as=None if manifest.recognition is None else str(manifest.recognition),
+                ),
             },
             selection=selection.to_dict(),
             order=str(settings.order),
@@ -351,14 +351,6 @@ class RunController:
             folder=self.config.rootpath,
             fingerprint=kept(self.substrate),
         )
-
-    def _servers_said(self) -> Json:
-        """Return the servers and the weights that the user declares, for the provenance of the run."""
-        revision = self.settings.revision
-        return {
-            **({} if self.servers is None else {"servers": self.servers.to_list()}),
-            **({} if revision is None else {"revision": revision}),
-        }
 
     # What arrives.
 

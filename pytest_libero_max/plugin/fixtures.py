@@ -7,6 +7,7 @@ fixture, gets one item for each case of the track.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -38,11 +39,11 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 @pytest.fixture(scope="session")
 def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings) -> Policy:
     """Return the policy under test, loaded once a worker."""
-    from pytest_libero_max.policies.adaptive import with_adaptive_queries
+    from pytest_libero_max.policies.adaptive import AdaptivePolicy
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.clients.waiting import note_in
     from pytest_libero_max.policies.loading import load_policy
-    from pytest_libero_max.policies.restoration import with_restoration
+    from pytest_libero_max.policies.restoration import RestoringPolicy
 
     settings = libero_max_settings
     if settings.policy is None:
@@ -61,7 +62,10 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
             revision=settings.revision,
             seat=_seat(pytestconfig, settings),
         )
-        policy = with_adaptive_queries(with_restoration(policy, settings.restore), settings.adaptive)
+        if settings.restore != "native":
+            policy = RestoringPolicy(policy, settings.restore)
+        if settings.adaptive is not None:
+            policy = AdaptivePolicy(policy, settings.adaptive)
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise
@@ -86,9 +90,9 @@ def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     """Yield the substrate, which builds the worlds; every scene is built once a worker."""
     from pytest_libero_max.substrates.registry import open_substrate
 
-    substrate = open_substrate(libero_max_settings.substrate, libero_max_settings.substrate_options)
-    yield substrate
-    substrate.close()
+    settings = libero_max_settings
+    with closing(open_substrate(settings.substrate, settings.substrate_options)) as substrate:
+        yield substrate
 
 
 @pytest.fixture

@@ -1,4 +1,7 @@
-"""Values of options from their text: each function returns one, or raises ``ValueError`` with the rule."""
+"""Values of options from their text.
+
+Each function returns one, or raises ``ValueError``, or an error of this package, with the rule.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import OptionError, ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.plugin.array_jobs import shard_of_job
 
 if TYPE_CHECKING:
@@ -127,25 +130,14 @@ def stopping_rule(text: str) -> NamedRule:
     """Parse a stopping rule with its arguments."""
     from pytest_libero_max.report.stopping_rule import parse_rule
 
-    try:
-        return parse_rule(text)
-    except OptionError as error:
-        raise ValueError(str(error)) from None
+    return parse_rule(text)
 
 
 def gate(text: str) -> Gate:
     """Parse a condition on the report."""
     from pytest_libero_max.report.gates import parse_gate
 
-    try:
-        return parse_gate(text)
-    except OptionError as error:
-        raise ValueError(str(error)) from None
-
-
-def one_of(*known: str) -> Callable[[str], str]:
-    """Return a parser that accepts one of a few names."""
-    return known_in(known)
+    return parse_gate(text)
 
 
 def known_in(known: Collection[str]) -> Callable[[str], str]:

@@ -6,16 +6,17 @@ Precedence, for every option: command line, then ini file, then default.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
@@ -30,13 +31,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.gates import Gate
     from pytest_libero_max.report.stopping_rule import NamedRule
     from pytest_libero_max.studies.study import Study
-
-PREFIX_MODES = ("fork", "replay")
-ADAPTIVE_MODES = ("image", "privileged")
-RESTORE_MODES = ("native", "gated", "always")
-STRICT_MODES = ("regression",)
-FILM_MODES = ("none", *FILM_SELECTIONS)
-PROGRESS_FORMS = ("auto", "live", "lines", "none")
 
 DEFAULT_OUTPUT = "libero-max-results"
 
@@ -70,10 +64,28 @@ class Option:
         return f"libero_max_{self.name.replace('-', '_')}"
 
 
-# Help texts: capital letter, no final period for one phrase.
-OPTIONS = (
-    Option(
-        "policy",
+def _option(
+    metavar: str, help: str, parse: Callable[[str], Any], *, default: Any = None, many: bool = False
+) -> Any:
+    """Declare the option of a field of :class:`Settings`; arguments as there."""
+    told = {"metavar": metavar, "help": help, "parse": parse, "default": () if many else default}
+    return field(metadata={**told, "many": many})
+
+
+def _switch(help: str) -> Any:
+    """Declare an option without a value, likewise."""
+    return field(metadata={"metavar": "", "help": help, "parse": bool, "default": False, "switch": True})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Resolved options. Without a policy the plugin only offers its fixtures.
+
+    Each field declares an option: its name, its type once resolved, and how it is read. They are in the order
+    of the help, whose texts have a capital letter, and no final period for one phrase.
+    """
+
+    policy: str | None = _option(
         "ADAPTER",
         "Policy to test: the name of a policy (expert, stale_expert, servo, noop, random), FILE.py, "
         "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
@@ -81,64 +93,52 @@ OPTIONS = (
         "on the command line without test paths, every pair of the track is collected; given in the ini "
         "file, pytest libero-max plays them, and so does testpaths = libero-max",
         read.text,
-    ),
-    Option(
-        "profile",
+    )
+    profile: str | None = _option(
         "NAME|PATH",
         "Profile of the policy behind a server's address: one of this package, or a TOML file",
         read.text,
-    ),
-    Option(
-        "revision",
+    )
+    revision: str | None = _option(
         "TEXT",
         "Identity of the weights behind servers, for example a checkpoint's digest; runs over other "
         "addresses that declare the same are one measurement",
         read.text,
-    ),
-    Option(
-        "track",
+    )
+    track: str = _option(
         "NAME",
         "Frozen set of cases to play (default: smoke; on the libero substrate, original if what is installed "
         "does not play smoke)",
         read.text,
-    ),
-    Option("manifest", "PATH", "Play the cases of this manifest instead of a track", read.text),
-    Option(
-        "program",
+    )
+    manifest: Path | None = _option("PATH", "Play the cases of this manifest instead of a track", read.text)
+    program: Program | None = _option(
         "NAME|FILE",
         "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
         "`libero-max programs`, or a JSON file",
         read.text,
-    ),
-    Option(
-        "only-installed",
-        "",
+    )
+    only_installed: bool = _switch(
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
-        "otherwise nothing is played; before the limit",
-        bool,
-        False,
-        switch=True,
-    ),
-    Option("limit", "N", "Play a stratified, deterministic subset of N cases", read.positive),
-    Option(
-        "shard",
+        "otherwise nothing is played; before the limit"
+    )
+    limit: int | None = _option("N", "Play a stratified, deterministic subset of N cases", read.positive)
+    shard: tuple[int, int] | None = _option(
         "I/N",
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
         "say it); join the runs with libero-max merge",
         read.shard,
-    ),
-    Option(
-        "order",
+    )
+    order: Order = _option(
         "ORDER",
         "Order of play: sorted, which keeps the cases of a scene together; blocks:SEED, a permutation in "
         "which every prefix has about the same share of each event and suite; or shuffled:SEED, one in which "
         "every prefix is a simple random sample, which the rule anytime needs; results do not depend on it "
         "(default: sorted)",
         read.order,
-    ),
-    Option(
-        "stop",
+    )
+    stop: NamedRule | None = _option(
         "RULE",
         "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
         " not be measured), first_regression, certain (no remaining outcome can change a gate), "
@@ -147,359 +147,246 @@ OPTIONS = (
         "change), worse_than:RUN (Dynamic is shown to be worse than that of an earlier run), or a rule of "
         "another package, NAME or NAME:ARGUMENTS (default: none)",
         read.stopping_rule,
-    ),
-    Option(
-        "substrate",
+    )
+    substrate: str = _option(
         "NAME",
         "Builder of the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
         "(a toy scene for manifests that name its entities)",
         read.known_in(SUBSTRATES),
-        "embedded",
-    ),
-    Option(
-        "libero",
+        default="embedded",
+    )
+    libero: tuple[Path, ...] = _option(
         "FOLDER",
         "Checkout of LIBERO, LIBERO-Plus or LIBERO-PRO for the libero substrate; may be repeated, once a "
         "kind (default: what import libero finds)",
         read.text,
-        default=(),
         many=True,
-    ),
-    Option(
-        "libero-assets",
+    )
+    libero_assets: Path | None = _option(
         "FOLDER",
         "Models and textures for an installation of the libero substrate that has none of its own",
         read.text,
-    ),
-    Option(
-        "semantics",
+    )
+    semantics: Literal["published", "corrected"] = _option(
         "WHICH",
         "Events of the libero substrate as published, defects included, or corrected",
-        read.one_of(*SEMANTICS),
-        "published",
-    ),
-    Option(
-        "instruction",
+        read.known_in(SEMANTICS),
+        default="published",
+    )
+    instruction: Literal["published", "clean"] = _option(
         "WHICH",
         "Prompts of the libero substrate as published, where LIBERO-Plus's name the variation, or clean",
-        read.one_of(*INSTRUCTIONS),
-        "published",
-    ),
-    Option(
-        "source-variations",
+        read.known_in(INSTRUCTIONS),
+        default="published",
+    )
+    source_variations: Literal["installed", "own"] = _option(
         "WHICH",
         "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: the installed ones, or "
         "this package's own, made at reset on LIBERO's scenes",
-        read.one_of(*SOURCE_VARIATIONS),
-        "installed",
-    ),
-    Option(
-        "prefix",
+        read.known_in(SOURCE_VARIATIONS),
+        default="installed",
+    )
+    prefix: Literal["fork", "replay"] = _option(
         "MODE",
         "Way of Dynamic to the event: fork (from a snapshot taken in Base) or "
         "replay (the recorded actions, from reset)",
-        read.one_of(*PREFIX_MODES),
-        "fork",
-    ),
-    Option(
-        "strength",
+        read.known_in(("fork", "replay")),
+        default="fork",
+    )
+    strength: float = _option(
         "FRACTION",
         "Let every event happen at this share of its change, 0 to 1; refused for events that happen whole or "
         "not at all",
         read.fraction,
-        1.0,
-    ),
-    Option(
-        "study",
+        default=1.0,
+    )
+    study: Study | None = _option(
         "NAME",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
         "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
         "audit and repeats, or one of another package",
         read.known_in(STUDIES),
-    ),
-    Option(
-        "cadence",
+    )
+    cadence: str | None = _option(
         "SETTINGS",
         "Play the study cadence with these settings: values of Q, for example 2,4,8, or of H/Q, for example "
         "2/2,4/4,8/8; the policy's own cadence is always played",
         read.text,
-    ),
-    Option(
-        "delays",
+    )
+    delays: str | None = _option(
         "SETTINGS",
         "Play the study latency with these settings: steps that a query takes, for example 1,2,4,8, or 4sync "
         "for the runner that waits; no delay is always played",
         read.text,
-    ),
-    Option(
-        "repeats",
+    )
+    repeats: str | None = _option(
         "PLAYS",
         "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
         "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
         read.text,
-    ),
-    Option(
-        "probe",
+    )
+    probe: tuple[str, ...] = _option(
         "NAME",
         "Read this in every arm as well, and keep its columns in the records; may be repeated "
         "(contact_timeline, or a probe of another package)",
         read.known_in(PROBES),
-        default=(),
         many=True,
-    ),
-    Option(
-        "latency",
+    )
+    latency: Latency = _option(
         "TIME",
         "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
         "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
         "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
         "query from the query times of a run",
         read.latency,
-    ),
-    Option("horizon", "ACTIONS", "Override H (chunk size), the most actions a query returns", read.positive),
-    Option(
-        "query-interval",
+    )
+    horizon: int | None = _option(
+        "ACTIONS", "Override H (chunk size), the most actions a query returns", read.positive
+    )
+    query_interval: int | None = _option(
         "ACTIONS",
         "Override Q (execution horizon, replan steps), the actions executed before the next query",
         read.positive,
-    ),
-    Option(
-        "restore",
+    )
+    restore: Literal["native", "always", "gated"] = _option(
         "MODE",
         "Restore the images before the policy sees them, by what they show alone: native (never), gated "
         "(those that look damaged) or always",
-        read.one_of(*RESTORE_MODES),
-        "native",
-    ),
-    Option(
-        "adaptive",
+        read.known_in(("native", "gated", "always")),
+        default="native",
+    )
+    adaptive: Literal["image", "privileged"] | None = _option(
         "WATCH",
         "Execute whole chunks, and ask the policy early where something changed, on average no oftener than "
         "every Q steps; watched are the fixed cameras (image) or the objects (privileged)",
-        read.one_of(*ADAPTIVE_MODES),
-    ),
-    Option(
-        "strict",
+        read.known_in(("image", "privileged")),
+    )
+    strict: str | None = _option(
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
-        read.one_of(*STRICT_MODES),
-    ),
-    Option(
-        "traces",
+        read.known_in(("regression",)),
+    )
+    traces: str = _option(
         "WHICH",
         "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
         "films: none, regression or all",
-        read.one_of(*TRACE_MODES),
-        "none",
-    ),
-    Option(
-        "film",
+        read.known_in(TRACE_MODES),
+        default="none",
+    )
+    film: str = _option(
         "WHICH",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all",
-        read.one_of(*FILM_MODES),
-        "none",
-    ),
-    Option(
-        "film-limit",
+        read.known_in(("none", *FILM_SELECTIONS)),
+        default="none",
+    )
+    film_limit: int | None = _option(
         "PAIRS",
         "Film at most so many regressions and so many gains: at first one of each cause and event (default: "
         f"{MOST_FILMS}; with --libero-max-film=all, all pairs)",
         read.positive,
-    ),
-    Option(
-        "progress",
+    )
+    progress: str = _option(
         "FORM",
         "Progress of the run: live (a line below pytest's output that is redrawn), lines (one a "
         "minute, later fewer), none, or auto (live in a terminal, otherwise lines, and with -q none)",
-        read.one_of(*PROGRESS_FORMS),
-        "auto",
-    ),
-    Option(
-        "noise-floor",
+        read.known_in(("auto", "live", "lines", "none")),
+        default="auto",
+    )
+    noise_floor: int | None = _option(
         "PAIRS",
         "Play Base twice for a stratified subset of so many pairs and report how often it flips",
         read.positive,
-    ),
-    Option(
-        "sham",
+    )
+    sham: float | None = _option(
         "SHARE",
         "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given "
         "other seeds, and nothing changes. What is lost then is lost by the policy's own chance. Dynamic is "
         "played with other seeds as well, so that flips beyond chance are known (default: 0.2 for a policy "
         "that is not repeatable, else 0)",
         read.fraction,
-    ),
-    Option(
-        "verify",
+    )
+    verify: int = _option(
         "PAIRS",
         "At the end play so many pairs again, by turns of each suite, each in a process of its own, and "
         "compare outcome, steps and proofs: what a policy keeps from pair to pair shows there",
         read.count,
-        0,
-    ),
-    Option(
-        "gate",
+        default=0,
+    )
+    gate: tuple[Gate, ...] = _option(
         "CONDITION",
         "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. "
         "Then the pairs are played by a worker, also without -n; gates of a shard are decided by "
         "libero-max merge",
         read.gate,
-        default=(),
         many=True,
-    ),
-    Option(
-        "query-timeout",
+    )
+    query_timeout: float | None = _option(
         "SECONDS",
         "Wall-clock limit of one call of the policy; what takes longer makes its pair an error, never a "
         "failed episode (default: none)",
         read.seconds,
-    ),
-    Option(
-        "step-timeout",
+    )
+    step_timeout: float | None = _option(
         "SECONDS",
         "Wall-clock limit of one step, reset or image of the simulator (default: none)",
         read.seconds,
-    ),
-    Option(
-        "pair-timeout",
+    )
+    pair_timeout: float | None = _option(
         "SECONDS",
         "Wall-clock limit of a pair with all its arms, without the loading of the policy (default: none)",
         read.seconds,
-    ),
-    Option(
-        "retries",
+    )
+    retries: int = _option(
         "N",
         "Play a pair again in a fresh process, so many times, after the process that played it has died",
         read.count,
-        2,
-    ),
-    Option(
-        "isolate",
-        "",
-        "Play each pair in a process of its own, with the policy loaded in it",
-        bool,
-        False,
-        switch=True,
-    ),
-    Option(
-        "memory",
+        default=2,
+    )
+    isolate: bool = _switch("Play each pair in a process of its own, with the policy loaded in it")
+    memory: float | None = _option(
         "GIB",
         "Memory limit of a process that plays pairs: GiB, none, or auto, which is its share of 0.9 of this "
         "machine's memory and at least 4 (default: auto)",
         read.gibibytes,
-    ),
-    Option(
-        "ray",
+    )
+    ray: str | None = _option(
         "ADDRESS",
         "Play the pairs on a Ray cluster: HOST:PORT, ray://HOST:PORT, or auto for the cluster that this "
         "machine belongs to; needs the extra ray",
         read.text,
-    ),
-    Option(
-        "ray-actors",
+    )
+    ray_actors: int | None = _option(
         "N",
         "Actors that play at once on the Ray cluster, or auto: as many as have room, also when nodes join or "
         "leave (default: auto)",
         read.positive_or_auto,
-    ),
-    Option("ray-cpus", "CPUS", "CPUs of the Ray cluster that an actor takes", read.amount, 1.0),
-    Option(
-        "ray-gpus",
+    )
+    ray_cpus: float = _option("CPUS", "CPUs of the Ray cluster that an actor takes", read.amount, default=1.0)
+    ray_gpus: float = _option(
         "GPUS",
         "GPUs of the Ray cluster that an actor takes, for example 0.25 where four policies share one "
         "(default: none)",
         read.amount,
-        0.0,
-    ),
-    Option(
-        "ray-ship",
-        "",
-        "Send the folder in which pytest is called to the nodes of the Ray cluster, which do not share it",
-        bool,
-        False,
-        switch=True,
-    ),
-    Option(
-        "output",
+        default=0.0,
+    )
+    ray_ship: bool = _switch(
+        "Send the folder in which pytest is called to the nodes of the Ray cluster, which do not share it"
+    )
+    output: Path = _option(
         "FOLDER|auto",
         f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
         "--libero-max-resume the last of them",
         read.text,
-        DEFAULT_OUTPUT,
-    ),
-    Option(
-        "compare",
+        default=DEFAULT_OUTPUT,
+    )
+    compare: str | None = _option(
         "RUN|last",
         "At the end, compare the run with this one; last: with the last complete run of the same cases "
         "beside the output folder",
         read.text,
-    ),
-    Option(
-        "resume",
-        "",
-        "Continue the run in the output folder, skipping the pairs it has measured",
-        bool,
-        False,
-        switch=True,
-    ),
-)
-"""Every option, in the order of the help."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Resolved options. Without a policy the plugin only offers its fixtures."""
-
-    policy: str | None
-    profile: str | None
-    revision: str | None
-    track: str
-    manifest: Path | None
-    program: Program | None
-    only_installed: bool
-    limit: int | None
-    substrate: str
-    libero: tuple[Path, ...]
-    libero_assets: Path | None
-    semantics: Literal["published", "corrected"]
-    instruction: Literal["published", "clean"]
-    source_variations: Literal["installed", "own"]
-    prefix: Literal["fork", "replay"]
-    strength: float
-    study: Study | None
-    latency: Latency
-    probe: tuple[str, ...]
-    horizon: int | None
-    query_interval: int | None
-    restore: Literal["native", "always", "gated"]
-    adaptive: Literal["image", "privileged"] | None
-    strict: str | None
-    traces: str
-    film: str
-    film_limit: int | None
-    progress: str
-    shard: tuple[int, int] | None
-    order: Order
-    stop: NamedRule | None
-    noise_floor: int | None
-    sham: float | None
-    verify: int
-    gate: tuple[Gate, ...]
-    query_timeout: float | None
-    step_timeout: float | None
-    pair_timeout: float | None
-    retries: int
-    isolate: bool
-    memory: float | None
-    ray: str | None
-    ray_actors: int | None
-    ray_cpus: float
-    ray_gpus: float
-    ray_ship: bool
-    output: Path
-    compare: str | None
-    resume: bool
+    )
+    resume: bool = _switch("Continue the run in the output folder, skipping the pairs it has measured")
 
     @property
     def reference(self) -> str:
@@ -527,17 +414,16 @@ class Settings:
     @property
     def protocol(self) -> Json:
         """Choices for the run that could change a result, for its header."""
+        program = self.program
         return {
             "prefix": self.prefix,
             "noise_floor": self.noise_floor,
-            **({} if self.sham is None else {"sham": self.sham}),
-            **({} if self.strength == 1.0 else {"strength": self.strength}),
-            **({} if self.study is None else {"study": self.study.to_dict()}),
-            **({} if self.latency == NO_LATENCY else {"latency": str(self.latency)}),
-            **(
-                {}
-                if self.program is None
-                else {"program": {**self.program.to_dict(), "digest": self.program.digest}}
+            **known(
+                sham=self.sham,
+                strength=None if self.strength == 1.0 else self.strength,
+                study=None if self.study is None else self.study.to_dict(),
+                latency=None if self.latency == NO_LATENCY else str(self.latency),
+                program=None if program is None else {**program.to_dict(), "digest": program.digest},
             ),
         }
 
@@ -558,7 +444,20 @@ class Settings:
         return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
 
 
-def add_options(parser: pytest.Parser) -> None:
+OPTIONS = tuple(Option(item.name.replace("_", "-"), **item.metadata) for item in fields(Settings))
+"""Every option, in the order of the help."""
+
+
+@contextmanager
+def usage_errors(begin: str = "") -> Iterator[None]:
+    """Turn an error of this package in the block into a usage error, whose message begins with ``begin``."""
+    try:
+        yield
+    except LiberoMaxError as error:
+        raise pytest.UsageError(f"{begin}{error}") from None
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare every option and its ini twin."""
     group = parser.getgroup(
         "libero-max", "LIBERO-MAX: paired evaluation of robot policies under mid-execution events"
@@ -637,10 +536,10 @@ def _check_substrate_options(config: pytest.Config, substrate: str) -> None:
     Raises:
         pytest.UsageError: It does not.
     """
-    for name, field in _SUBSTRATE_OPTIONS.items():
+    for name, filled in _SUBSTRATE_OPTIONS.items():
         given = config.getoption(f"libero_max_{name.replace('-', '_')}") is not None
-        if given and field not in SUBSTRATES[substrate].reads:
-            readers = [kind.name for kind in SUBSTRATES.values() if field in kind.reads]
+        if given and filled not in SUBSTRATES[substrate].reads:
+            readers = [kind.name for kind in SUBSTRATES.values() if filled in kind.reads]
             raise pytest.UsageError(
                 f"--libero-max-{name} is for the {' or '.join(readers)} substrate, but the substrate is "
                 f"{substrate}. Add --libero-max-substrate={readers[0]}."
@@ -682,7 +581,7 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
             strengths itself.
     """
     options = SETTINGS_OPTIONS.items()
-    given = {swept: text for swept, option in options if (text := values.pop(option)) is not None}
+    given = {swept: text for swept, option in options if (text := values[option]) is not None}
     name = values["study"] = values["study"] or next(iter(given), None)
     for swept in given:
         if swept != name:
@@ -692,10 +591,8 @@ def _study(config: pytest.Config, values: dict[str, Any]) -> Study | None:
             )
     if name is None:
         return None
-    try:
+    with usage_errors():
         study = STUDIES[name].of(given.get(name))
-    except OptionError as error:
-        raise pytest.UsageError(str(error)) from None
     if name in ("cadence", "latency") and values["adaptive"] is not None:
         raise pytest.UsageError(
             f"--libero-max-study={name} plays fixed query intervals, but "
@@ -731,10 +628,8 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
             f"--libero-max-study={values['study']} plays its arms beside Base and Dynamic of the event, but "
             "--libero-max-program chooses the arms. Leave one of the two out."
         )
-    try:
+    with usage_errors("--libero-max-program: "):
         return find_program(values["program"], config.invocation_params.dir)
-    except OptionError as error:
-        raise pytest.UsageError(f"--libero-max-program: {error}") from None
 
 
 def given(config: pytest.Config, name: str) -> bool:
@@ -805,15 +700,17 @@ _OF_FILES = (
 
 def _beside_ini_file(config: pytest.Config, text: str) -> str:
     """Return a value with the path from the working directory, if it names a file beside the ini file."""
-    if text.startswith(read.RECORDED) and config.inipath is not None:
+    if config.inipath is None:
+        return text
+    if text.startswith(read.RECORDED):
         run = config.inipath.parent / Path(text.removeprefix(read.RECORDED)).expanduser()
         return f"{read.RECORDED}{os.path.relpath(run, config.invocation_params.dir)}"
-    ending = next((ending for ending in (".py", ".toml", ".json.gz", ".json") if ending in text), None)
-    if config.inipath is None or ending is None:
-        return text
-    end = text.index(ending) + len(ending)
-    file = config.inipath.parent / text[:end]
-    return f"{os.path.relpath(file, config.invocation_params.dir)}{text[end:]}" if file.is_file() else text
+    for ending in (".py", ".toml", ".json.gz", ".json"):
+        begin, _, rest = text.rpartition(ending)
+        file = config.inipath.parent / f"{begin}{ending}"
+        if file.is_file():
+            return f"{os.path.relpath(file, config.invocation_params.dir)}{rest}"
+    return text
 
 
 def gates_from(config: pytest.Config) -> Path:
@@ -833,7 +730,7 @@ def _ini_value(config: pytest.Config, key: str) -> Any:
 def _parsed(option: Option, text: str, where: str) -> Any:
     try:
         return option.parse(str(text))
-    except ValueError as error:
+    except (ValueError, LiberoMaxError) as error:
         raise pytest.UsageError(f"{where}={text!r}: {error}") from None
 
 

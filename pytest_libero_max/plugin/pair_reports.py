@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Generator
 from contextlib import suppress
 from typing import Any
 
@@ -28,20 +29,32 @@ RECORD_PHASE = "record"
 """Phase of a pair error: the pair was played, and its record cannot be stored."""
 
 
-def attach_result(item: pytest.Item, when: str, report: pytest.TestReport) -> None:
-    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types.
-
-    Args:
-        item: The test.
-        when: Phase of the test.
-        report: Of this phase.
-    """
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types."""
+    report = yield
     result = item.stash.get(RESULT, None)
-    if result is not None and when == ("setup" if is_error(result) else "call"):
+    if result is not None and call.when == ("setup" if is_error(result) else "call"):
         setattr(report, RESULT_ATTRIBUTE, result)
         setattr(report, NOTE_ATTRIBUTE, item.stash.get(NOTE, None))
         setattr(report, STOP_ATTRIBUTE, item.stash.get(STOP, None))
         del item.stash[RESULT]  # another plugin may play the item again
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_to_serializable() -> Generator[None, dict[str, Any] | None, dict[str, Any] | None]:
+    """Send the result of a pair as one text."""
+    return packed((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_report_from_serializable(data: dict[str, Any]) -> Generator[None, Any, Any]:
+    """Read the text back."""
+    unpacked(data)
+    return (yield)
 
 
 def packed(data: dict[str, Any] | None) -> dict[str, Any] | None:
@@ -100,7 +113,7 @@ def _of_its_length(result: PairRecord | PairError, case: Case) -> PairRecord | P
     return result
 
 
-def status_of(report: Any) -> tuple[str, str, str] | None:
+def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
     """Return category, letter and sentence of a measured pair for the terminal; None for any other report.
 
     They stay on the report: it is asked for them again at the end with ``-rA``, without its record.

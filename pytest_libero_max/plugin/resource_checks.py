@@ -44,5 +44,5 @@ def memory_note(workers: int, kind: SubstrateKind) -> str | None:
     return (
         f"libero-max: {available / GIB:.1f} GiB of memory are free, and {workers} workers take about "
         f"{workers * each / GIB:.1f} GiB on the {kind.name} substrate, without the policy. "
-        f" Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
+        f"Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from multiprocessing.connection import Connection, wait
 
 from pytest_libero_max.benchmark.cases import Case
@@ -88,8 +89,7 @@ def _film(settings: Settings, cases: Mapping[str, Case], records: Sequence[PairR
     from pytest_libero_max.runs.media import POSES_NAME, TRACES_NAME, poses_name
     from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 
-    substrate = open_substrate(settings.substrate, settings.substrate_options)
-    try:
+    with closing(open_substrate(settings.substrate, settings.substrate_options)) as substrate:
         for record in records:
             path = film_path(settings.output / FILMS_NAME, record)
             poses = settings.output / POSES_NAME / poses_name(record.item_id)
@@ -106,8 +106,6 @@ def _film(settings: Settings, cases: Mapping[str, Case], records: Sequence[PairR
             except Exception as error:
                 reason = f"{class_name(error)}: {text_of(error)}"
             told(record.item_id, reason)
-    finally:
-        substrate.close()
 
 
 def _film_in_processes(

@@ -14,7 +14,8 @@ from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.report.exit_status import INCOMPLETE
 
 
-def configure(config: pytest.Config) -> None:
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
     """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures.
 
     Raises:
@@ -72,7 +73,16 @@ def _be_controller(config: pytest.Config) -> None:
         config.stash[STDERR] = os.dup(2)
 
 
-def choose_distribution(config: pytest.Config) -> None:
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
+    """Choose the distribution of a session that plays, and its exit status."""
+    if hasattr(config, "workerinput") or not collection.is_run(config):
+        return (yield)
+    _choose_distribution(config)
+    return (yield from _keep_status(config))
+
+
+def _choose_distribution(config: pytest.Config) -> None:
     """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
 
     Where the order of play matters, it hands out one pair after another. What the user chooses stays. Where
@@ -110,7 +120,7 @@ def _decides_what_it_plays(config: pytest.Config) -> bool:
     return options.given(config, "gate") and not (elsewhere or collection.only_lists(config))
 
 
-def keep_status(config: pytest.Config) -> Generator[None, Any, Any]:
+def _keep_status(config: pytest.Config) -> Generator[None, Any, Any]:
     """Return the exit status of a session that plays: 0 only where the end of its run has decided so.
 
     A hook of a ``conftest.py`` may end the session (``sys.exit``), or leave the end of the run out.

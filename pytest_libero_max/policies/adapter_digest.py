@@ -13,7 +13,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.references import (
     BUILT_IN,
@@ -22,6 +21,7 @@ from pytest_libero_max.policies.references import (
     file_of,
     find_spec,
     parse_reference,
+    refusal,
     submodule_file,
 )
 
@@ -61,9 +61,7 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     try:
         code = code_digest(adapter_files(reference))
     except OSError as error:
-        raise AdapterError.seen(
-            "policy", text, f" cannot be read ({error}). Check the file's permissions."
-        ) from None
+        raise refusal(text, f" cannot be read ({error}). Check the file's permissions.") from None
     return hashlib.sha256(f"{reference.name}|{code}".encode()).hexdigest()
 
 

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.policies.check import ask
+from pytest_libero_max.policies.check import Actions, ask
 from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
 from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Array, Image, Observation, World
@@ -35,8 +34,6 @@ MOVED_M = 0.02
 
 _ON_THE_HAND = "eye_in_hand"
 
-Chunk = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class _Memory:
@@ -51,7 +48,7 @@ class _Memory:
         inner: Memory of the inner policy, if it offers one.
     """
 
-    chunk: Chunk
+    chunk: Actions
     asked: int = 0
     images: tuple[Image, ...] = ()
     changes: tuple[Array, ...] = ()
@@ -109,7 +106,7 @@ class AdaptivePolicy(WrappedPolicy):
         self._memory = _Memory(np.zeros((0, 7)))
         self.inner.reset(episode)
 
-    def predict(self, observation: Observation, query: Query) -> Chunk:
+    def predict(self, observation: Observation, query: Query) -> Actions:
         memory = self._memory
         images = self._images(observation)
         changes = tuple(map(block_changes, memory.images, images))
@@ -191,8 +188,3 @@ def has_moved(world: World, places: Mapping[str, Array]) -> bool:
         return True
     far = (name for name, place in now.items() if float(np.linalg.norm(place - places[name])) > MOVED_M)
     return any(not {ROBOT, GRIPPER} & set(world.contacts(name)) for name in far)
-
-
-def with_adaptive_queries(policy: Policy, mode: AdaptiveMode | None) -> Policy:
-    """Return a policy that is asked early by the mode's signal; the policy itself for None."""
-    return policy if mode is None else AdaptivePolicy(policy, mode)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import operator
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
@@ -83,15 +83,9 @@ class PolicySpec:
             object.__setattr__(self, field, self._count(field, getattr(self, field)))
         object.__setattr__(self, "image_size", self._size())
         if self.revision is not None and not (isinstance(self.revision, str) and self.revision):
-            raise AdapterError.seen(
-                "revision",
-                self.revision,
-                f" of policy {self.name!r}, but must be None or a string that is not empty.",
-            )
+            raise self._refusal("revision", "must be None or a string that is not empty")
         if not isinstance(self.history, bool):
-            raise AdapterError.seen(
-                "history", self.history, f" of policy {self.name!r}, but must be True or False."
-            )
+            raise self._refusal("history", "must be True or False")
         if self.control not in get_args(Control):
             raise AdapterError.seen(
                 "control",
@@ -107,9 +101,7 @@ class PolicySpec:
                 "(Q <= H). Lower Q or raise H."
             )
         if isinstance(self.cameras, str):
-            raise AdapterError.seen(
-                "cameras", self.cameras, f" of policy {self.name!r}, but must be a tuple of names."
-            )
+            raise self._refusal("cameras", "must be a tuple of names")
         object.__setattr__(self, "cameras", tuple(self.cameras))
 
     def supports(self, suite: str) -> bool:
@@ -118,9 +110,7 @@ class PolicySpec:
 
     def _known_suites(self) -> tuple[str, ...]:
         if isinstance(self.suites, str) or not self.suites:
-            raise AdapterError.seen(
-                "suites", self.suites, f" of policy {self.name!r}, but must be None or a tuple of names."
-            )
+            raise self._refusal("suites", "must be None or a tuple of names")
         for suite in self.suites:
             if suite not in SUITE_BUDGETS:
                 raise AdapterError.seen(
@@ -137,9 +127,7 @@ class PolicySpec:
         if not isinstance(value, list | tuple):
             return self._count("image_size", value)
         if len(value) != 2:
-            raise AdapterError.seen(
-                "image_size", value, f" of policy {self.name!r}, but must be a side, or height and width."
-            )
+            raise self._refusal("image_size", "must be a side, or height and width")
         height, width = (self._count("image_size", side) for side in value)
         return height if height == width else (height, width)
 
@@ -150,29 +138,26 @@ class PolicySpec:
         except TypeError:
             count = 0
         if isinstance(value, bool | np.bool_) or count < 1:
-            raise AdapterError.seen(
-                field, value, f" of policy {self.name!r}, but must be an integer of at least 1."
-            )
+            raise self._refusal(field, "must be an integer of at least 1", value)
         if count > MOST[field]:
-            raise AdapterError.seen(
-                field, value, f" of policy {self.name!r}, but may be {MOST[field]} at most."
-            )
+            raise self._refusal(field, f"may be {MOST[field]} at most", value)
         return count
+
+    def _refusal(self, field: str, rule: str, *part: Any) -> AdapterError:
+        """Return the error of a field, or of a part of its value, that breaks a rule."""
+        value = part[0] if part else getattr(self, field)
+        return AdapterError.seen(field, value, f" of policy {self.name!r}, but {rule}.")
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON types; without the fields from ``suites`` on where they are at their defaults."""
-        values = {**asdict(self), "cameras": list(self.cameras)}
-        if isinstance(self.image_size, tuple):
-            values["image_size"] = list(self.image_size)
-        names = ("suites", "control", "wrappers", "history")
-        suites, control, wrappers, history = (values.pop(name) for name in names)
-        if suites is not None:
-            values["suites"] = list(suites)
-        if wrappers:
-            values["wrappers"] = list(wrappers)
-        if history:
-            values["history"] = True
-        return values if control == "delta" else {**values, "control": control}
+        values = {
+            name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()
+        }
+        for name, default in (("suites", None), ("wrappers", []), ("history", False), ("control", "delta")):
+            value = values.pop(name)
+            if value != default:
+                values[name] = value
+        return values
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.policies.check import (
+    Actions,
     ask,
     ask_together,
     batches,
@@ -29,10 +30,9 @@ from pytest_libero_max.policies.check import (
 )
 from pytest_libero_max.policies.clients.transport import LOG as SERVER_LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy
-from pytest_libero_max.policies.finding import Finding, Shown
+from pytest_libero_max.policies.finding import Finding, Shown, note, ok, wrong
 from pytest_libero_max.policies.model_inputs import compare_inputs, marked_observation, model_inputs
 
-Actions = NDArray[np.float64]
 FAR_BEYOND = 3.0
 """Components larger than this are in other units, not movements that overshoot [-1, 1]."""
 
@@ -58,8 +58,7 @@ def examine(policy: Policy, shown: Shown) -> list[Finding]:
             findings += look(policy, shown)
     except LiberoMaxError as error:
         findings.append(
-            Finding(
-                "wrong",
+            wrong(
                 "query",
                 str(error).rstrip("."),
                 "an answer to every query",
@@ -107,33 +106,28 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
         seconds.append(time.perf_counter() - began)
     later = float(np.median(seconds[1:]))
     per_episode = shown.episode.max_steps / spec.query_interval
-    yield Finding(
-        "ok",
+    yield ok(
         "latency",
         f"first query {seconds[0]:.3f} s, later ones {later:.3f} s: about {2 * per_episode * later:.0f} s of "
         f"policy for a pair of 2 x {shown.episode.max_steps} steps",
     )
     lengths = sorted({len(answer) for answer in answers})
     if len(lengths) > 1:
-        yield Finding(
-            "note",
+        yield note(
             "length",
             f"answers of {', '.join(map(str, lengths))} actions",
             "the same number from every query",
             "The chunk drifts: a queue inside the adapter may hand out what is left of it.",
         )
     elif lengths[0] != spec.horizon:
-        yield Finding(
-            "note",
+        yield note(
             "horizon",
             f"every query returns {lengths[0]} actions",
             f"horizon={spec.horizon}, as declared",
             "Declare the H that the model really returns.",
         )
     else:
-        yield Finding(
-            "ok", "horizon", f"every query returns H={spec.horizon} actions; Q={spec.query_interval}"
-        )
+        yield ok("horizon", f"every query returns H={spec.horizon} actions; Q={spec.query_interval}")
     everything = np.concatenate(answers)
     if spec.control == "absolute":
         yield _poses([answer[0] for answer in answers], shown)
@@ -148,8 +142,7 @@ def _range(actions: Actions) -> Finding:
     beyond = np.abs(actions) > 1.0
     largest, share = float(np.abs(actions).max()), float(beyond.mean())
     if largest > FAR_BEYOND:
-        return Finding(
-            "wrong",
+        return wrong(
             "range",
             f"components up to {largest:.3g}",
             "movements within [-1, 1]",
@@ -157,22 +150,20 @@ def _range(actions: Actions) -> Finding:
             'declared with PolicySpec(control="absolute").',
         )
     if not actions[:, :6].any():
-        return Finding(
-            "note",
+        return note(
             "range",
             "no movement at all",
             "movements",
             "A policy that holds still, or one that got zeros.",
         )
     if share > 0.05:
-        return Finding(
-            "note",
+        return note(
             "range",
             f"{share:.0%} of the components are beyond 1 and will be clipped",
             "few",
             "Look at the un-normalisation.",
         )
-    return Finding("ok", "range", f"components up to {largest:.3g}, {share:.0%} of them clipped")
+    return ok("range", f"components up to {largest:.3g}, {share:.0%} of them clipped")
 
 
 def _poses(actions: list[Actions], shown: Shown) -> Finding:
@@ -180,14 +171,13 @@ def _poses(actions: list[Actions], shown: Shown) -> Finding:
     hands = [observation["robot0_eef_pos"] for observation in shown.observations[: len(actions)]]
     farthest = float(np.linalg.norm(np.array(actions)[:, :3] - hands, axis=1).max())
     if farthest > FAR_AWAY_M:
-        return Finding(
-            "wrong",
+        return wrong(
             "range",
             f"the first pose of an answer is up to {farthest:.2g} m from the hand",
             "poses in the world that begin near the hand",
             "These are movements, of another frame, or normalised still.",
         )
-    return Finding("ok", "range", f"poses; the first of an answer is up to {farthest:.2g} m from the hand")
+    return ok("range", f"poses; the first of an answer is up to {farthest:.2g} m from the hand")
 
 
 def _gripper(values: NDArray[Any], first: NDArray[Any]) -> Finding:
@@ -196,30 +186,27 @@ def _gripper(values: NDArray[Any], first: NDArray[Any]) -> Finding:
         and len(set(np.round(values, 6))) <= 2
         and (values == 0.0).any()
     ):
-        return Finding(
-            "wrong",
+        return wrong(
             "gripper",
             "0 or 1",
             "-1 opens, +1 closes",
             "It is a flag: write 1 - 2 * (g > 0.5) where 1 means open.",
         )
     if ((values >= 0.0) & (values <= 1.0)).all() and not (values == 1.0).all():
-        return Finding(
-            "wrong",
+        return wrong(
             "gripper",
             f"from {values.min():.2g} to {values.max():.2g}",
             "-1 opens, +1 closes",
             "It is a probability or an opening from 0 to 1: write -sign(2 g - 1) where 1 means open.",
         )
     if (first > 0.0).mean() > 0.9:
-        return Finding(
-            "note",
+        return note(
             "gripper",
             "closes at once, far from any object",
             "open (-1) at the beginning of an episode",
             "The sign may be the wrong way round: LIBERO's gripper closes at +1.",
         )
-    return Finding("ok", "gripper", "open at the beginning of the episode, as far as it was asked")
+    return ok("gripper", "open at the beginning of the episode, as far as it was asked")
 
 
 def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
@@ -231,8 +218,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
     other = _ask(policy, shown, 0, seed=shown.query(0).seed ^ 0x5A5A)
     same = first.tobytes() == again.tobytes()
     if not same and policy.spec.repeatable:
-        yield Finding(
-            "wrong",
+        yield wrong(
             "seed",
             "the same first query of an episode got two different answers",
             "the same bytes",
@@ -240,19 +226,17 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "that cannot be seeded declares repeatable=False.",
         )
     elif not same:
-        yield Finding(
-            "note",
+        yield note(
             "seed",
             "the same query got two different answers, and repeatable=False says so",
             mistake="Measure how often Base flips by itself: --libero-max-noise-floor=16.",
         )
     elif first.tobytes() == other.tobytes():
-        yield Finding("ok", "seed", "deterministic: the same answer with another seed as well")
+        yield ok("seed", "deterministic: the same answer with another seed as well")
     else:
-        yield Finding("ok", "seed", "the same query gets the same answer, another seed another one")
+        yield ok("seed", "the same query gets the same answer, another seed another one")
     if same and not policy.spec.repeatable:
-        yield Finding(
-            "note",
+        yield note(
             "repeatable",
             "declared False, but the answer repeated itself",
             mistake="If the server is deterministic, repeatable=True lets every pair check it.",
@@ -272,8 +256,7 @@ def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
     _ask(policy, shown, 0)
     start(policy, shown.episode)
     if _ask(policy, shown, 0).tobytes() != fresh.tobytes():
-        yield Finding(
-            "wrong",
+        yield wrong(
             "reset",
             "the first answer of an episode depends on the episodes before",
             "a new episode forgets everything",
@@ -283,14 +266,13 @@ def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
     start(policy, shown.episode)
     alone = _ask(policy, shown, 1)
     if after.tobytes() == alone.tobytes():
-        yield Finding("ok", "memory", "an answer depends on its own observation and query alone")
+        yield ok("memory", "an answer depends on its own observation and query alone")
     elif remembers(policy):
-        yield Finding("ok", "memory", "answers depend on earlier queries, and snapshot() is offered")
+        yield ok("memory", "answers depend on earlier queries, and snapshot() is offered")
     elif memory_of(policy) != "none":
-        yield Finding("ok", "memory", "answers depend on earlier queries, as the policy declares")
+        yield ok("memory", "answers depend on earlier queries, as the policy declares")
     else:
-        yield Finding(
-            "wrong",
+        yield wrong(
             "memory",
             "an answer depends on the queries before it",
             "no memory, or snapshot() and restore(memory)",
@@ -309,8 +291,7 @@ def _writes(policy: Policy, shown: Shown) -> Iterator[Finding]:
         if key not in observation or not np.array_equal(value, observation[key])
     ]
     if written:
-        yield Finding(
-            "wrong",
+        yield wrong(
             "observation",
             f"{', '.join(written)} was written to",
             "an observation that stays as it is",
@@ -337,22 +318,20 @@ def _looks(policy: Policy, shown: Shown) -> Iterator[Finding]:
         if _ask(policy, shown, 0, **change).tobytes() == first.tobytes():
             ignored.append(name)
     if len(ignored) == len(changes):
-        yield Finding(
-            "wrong",
+        yield wrong(
             "observation",
             "the answer stays the same whatever is shown",
             "an answer to the observation",
             "An old chunk is returned, or the model is not asked.",
         )
     elif ignored:
-        yield Finding(
-            "note",
+        yield note(
             "observation",
             f"the answer does not depend on {', '.join(ignored)}",
             mistake="If the model reads it, it does not arrive there.",
         )
     else:
-        yield Finding("ok", "observation", "the answer depends on every image, the state and the instruction")
+        yield ok("observation", "the answer depends on every image, the state and the instruction")
 
 
 def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
@@ -366,15 +345,14 @@ def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
     for _ in range(2):
         restore_memory(policy, memory)
         if _ask(policy, shown, 1).tobytes() != first.tobytes():
-            yield Finding(
-                "wrong",
+            yield wrong(
                 "snapshot",
                 "after restore(), the same query got another answer",
                 "the memory that snapshot() copied",
                 "Let snapshot() copy all that answers depend on (copy.deepcopy), and restore() copy from it.",
             )
             return
-    yield Finding("ok", "snapshot", "restore() brings back what snapshot() copied")
+    yield ok("snapshot", "restore() brings back what snapshot() copied")
 
 
 def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
@@ -392,8 +370,7 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
     padded = [ask_together(policy, [item] * QUERIES)[0] for item in items]
     every = [*zip(alone, together, strict=True), *zip(alone, turned, strict=True)]
     if any(one.shape != other.shape or np.abs(one - other).max() > MIXED_UP for one, other in every):
-        yield Finding(
-            "wrong",
+        yield wrong(
             "company",
             "predict_batch gives other answers than predict",
             "the answer that each query gets alone, in the order of the items",
@@ -401,7 +378,7 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
         )
         return
     if all(one.tobytes() == other.tobytes() for one, other in every):
-        yield Finding("ok", "company", "the same bytes alone and in a batch")
+        yield ok("company", "the same bytes alone and in a batch")
         return
     furthest = max(float(np.abs(one - other).max()) for one, other in every)
     same_size = zip(together, turned, padded, strict=True)
@@ -411,7 +388,7 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
     else:
         observed = f"answers change by up to {furthest:.1g} with the company, also at the same batch size"
         mistake = "Serve it without --max-batch, or declare repeatable=False."
-    yield Finding("note", "company", observed, "the same bytes alone and in a batch", mistake)
+    yield note("company", observed, "the same bytes alone and in a batch", mistake)
 
 
 def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
@@ -430,8 +407,7 @@ def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
         with _unheard():
             part = _ask(policy, shown, 0)
     except LiberoMaxError:
-        yield Finding(
-            "note",
+        yield note(
             "horizon",
             f"--libero-max-horizon={spec.query_interval} is not followed",
             mistake="Return actions[: self.spec.horizon].",
@@ -441,10 +417,9 @@ def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:
         policy.spec = spec
     count = len(part)
     if part.tobytes() == whole[:count].tobytes():
-        yield Finding("ok", "prefix", "a smaller H gives the first actions of the chunk")
+        yield ok("prefix", "a smaller H gives the first actions of the chunk")
     elif part.tobytes() == whole[-count:].tobytes():
-        yield Finding(
-            "wrong",
+        yield wrong(
             "prefix",
             "a smaller H gives the last actions of the chunk",
             "the first ones",
@@ -467,8 +442,7 @@ def _inputs(policy: Policy, shown: Shown) -> Iterator[Finding]:
     start(policy, shown.episode)
     told = model_inputs(policy, observation, query)
     if told is None:
-        yield Finding(
-            "note",
+        yield note(
             "inputs",
             "the policy does not tell what its model is shown",
             mistake="Offer model_inputs(observation, query), a mapping of names to the arrays that predict "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
@@ -35,6 +36,9 @@ class Finding:
         if self.expected:
             text += f"; expected: {self.expected}"
         return f"{text}. {self.mistake}" if self.mistake else text
+
+
+ok, note, wrong = partial(Finding, "ok"), partial(Finding, "note"), partial(Finding, "wrong")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,14 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.contract import Policy
-from pytest_libero_max.policies.references import Reference, file_of, find_spec, no_module, parse_reference
+from pytest_libero_max.policies.references import (
+    Reference,
+    file_of,
+    find_spec,
+    no_module,
+    parse_reference,
+    refusal,
+)
 
 HORIZON_FLAG = "--libero-max-horizon"
 QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
@@ -119,9 +126,7 @@ def check_reference(text: str, profile: str | None = None, revision: str | None 
     except (SyntaxError, ValueError) as error:
         raise _failed(error, reference, path, "reading it") from error
     except OSError as error:
-        raise AdapterError.seen(
-            "policy", text, f" cannot be read: {error}. Check the file's permissions."
-        ) from None
+        raise refusal(text, f" cannot be read: {error}. Check the file's permissions.") from None
     defined = _defined_names(tree.body)
     if reference.name not in defined and "*" not in defined:
         raise _no_such_name(reference, [known for known in defined if known[:1] != "_"])
@@ -129,16 +134,14 @@ def check_reference(text: str, profile: str | None = None, revision: str | None 
 
 def _refuse_server_options(text: str, profile: str | None, revision: str | None) -> None:
     if revision is not None:
-        raise AdapterError.seen(
-            "policy",
+        raise refusal(
             text,
             f" with revision={revision!r}: that declares the weights behind servers, and this one is no "
             "address. Let the adapter declare PolicySpec(revision=...), and leave --libero-max-revision out.",
         )
     if profile is not None:
         parse_reference(text)  # which knows an address that lacks its scheme
-        raise AdapterError.seen(
-            "policy",
+        raise refusal(
             text,
             f" with profile={profile!r}: a profile says how a policy behind a server is "
             "asked, and this one is no address (openpi://host:8000). Leave --libero-max-profile out.",

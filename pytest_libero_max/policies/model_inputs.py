@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import Policy, Query
-from pytest_libero_max.policies.finding import Finding
+from pytest_libero_max.policies.finding import Finding, note, ok, wrong
 from pytest_libero_max.policies.transforms import states
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 
@@ -122,13 +122,10 @@ def _one_image(name: str, image: Image, observation: Observation, meant: str | N
     distance, camera, turn, reversed_colours = best
     where = f"input {name!r}"
     if distance > 12.0:
-        yield Finding(
-            "note", where, "is like no camera's image in any orientation", mistake="Look at the picture."
-        )
+        yield note(where, "is like no camera's image in any orientation", mistake="Look at the picture.")
         return
     if reversed_colours:
-        yield Finding(
-            "wrong",
+        yield wrong(
             where,
             "has blue and red exchanged",
             "RGB, as the world delivers it",
@@ -136,23 +133,21 @@ def _one_image(name: str, image: Image, observation: Observation, meant: str | N
         )
     expected_camera = _camera_named(name) or meant
     if expected_camera is not None and camera != expected_camera:
-        yield Finding(
-            "wrong",
+        yield wrong(
             where,
             f"is the image of {camera}",
             f"that of {expected_camera}, by its name or place",
             "The two cameras may be exchanged.",
         )
     if turn != USUAL:
-        yield Finding(
-            "note",
+        yield note(
             where,
             f"is {turn}",
             f"{USUAL}, unless the model was trained otherwise",
             "If its own evaluation code turns images by [::-1, ::-1], do so too: no error tells.",
         )
     elif not reversed_colours:
-        yield Finding("ok", where, f"{camera}, {turn}")
+        yield ok(where, f"{camera}, {turn}")
 
 
 def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
@@ -203,18 +198,16 @@ def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Ite
     ]
     where = f"input {name!r}"
     if "kept" in found:
-        yield Finding("ok", where, "orientation as axis times angle, the sign of the quaternion kept")
+        yield ok(where, "orientation as axis times angle, the sign of the quaternion kept")
     elif "antipodal" in found:
-        yield Finding(
-            "note",
+        yield note(
             where,
             "orientation as axis times angle of at most pi (antipodal rule)",
             "the sign kept, as robosuite has it, unless the model was trained otherwise",
             "pytest_libero_max.transforms.axis_angle keeps it.",
         )
     elif found:
-        yield Finding(
-            "wrong",
+        yield wrong(
             where,
             "orientation from a quaternion read in the wrong order",
             "x, y, z, w",

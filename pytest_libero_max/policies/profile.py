@@ -93,14 +93,19 @@ class Profile:
     """A profile as read, including everything that it extends.
 
     Attributes:
-        name: Of the file, without its ending.
+        path: The file.
         tables: The tables of :data:`SECTIONS`.
-        folder: Folder in which the files that it names are looked for.
+        folder: Folder in which its statistics are looked for: that of the profile that names them.
     """
 
-    name: str
+    path: Path
     tables: Mapping[str, Table]
     folder: Path
+
+    @property
+    def name(self) -> str:
+        """Name of the file, without its ending."""
+        return self.path.stem
 
     def get(self, section: str, field: str, default: Any = None) -> Any:
         """Return a field; ``default`` where the profile does not have it."""
@@ -229,12 +234,14 @@ def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
             )
         below = _load(extends, path.parent, (*above, path))
         tables = _merged(below.tables, content)
+        if "statistics" not in content.get("actions", {}):
+            folder = below.folder
     for field in ("name", "protocol"):
         if not isinstance(tables.get("policy", {}).get(field), str):
             raise AdapterError.seen(
                 "profile", text, f" lacks policy.{field}. Add it, or extend a profile that has it."
             )
-    return Profile(path.stem, tables, folder)
+    return Profile(path, tables, folder)
 
 
 def _check(content: Table, path: Path) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
 from importlib.machinery import ModuleSpec, all_suffixes
-from importlib.metadata import EntryPoint
+from operator import attrgetter
 from pathlib import Path
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
@@ -35,19 +35,13 @@ def registry() -> Registry[str]:
     These are the policies that ship with the package and those that installed packages offer. Nothing is
     imported.
     """
-    return Registry("policy", GROUP, _built_in, _accept, AdapterError, _value)
+    return Registry(
+        "policy", GROUP, _built_in, lambda _, value: str(value), AdapterError, attrgetter("value")
+    )
 
 
 def _built_in() -> Mapping[str, Callable[[], str]]:
     return {name: partial("pytest_libero_max.experts.{}:{}".format, name, DEFAULT_NAME) for name in BUILT_IN}
-
-
-def _value(point: EntryPoint) -> str:
-    return point.value
-
-
-def _accept(name: str, reference: object) -> str:
-    return str(reference)
 
 
 POLICIES = registry()
@@ -80,6 +74,11 @@ class Reference:
         return f"{self.target}:{self.name}"
 
 
+def refusal(text: str, rest: str) -> AdapterError:
+    """Return the error about a reference: its text, and the rule and the cure with the punctuation before."""
+    return AdapterError.seen("policy", text, rest)
+
+
 def parse_reference(text: str) -> Reference:
     """Parse a reference.
 
@@ -97,16 +96,13 @@ def parse_reference(text: str) -> Reference:
         target, name = reference, DEFAULT_NAME
     target = os.path.expanduser(target)  # reports write the home folder as ~
     if name.isdigit():
-        raise AdapterError.seen(
-            "policy",
-            text,
-            f" is no reference to a policy. The address of a server has a scheme: openpi://{text}",
+        raise refusal(
+            text, f" is no reference to a policy. The address of a server has a scheme: openpi://{text}"
         )
     if not name.isidentifier():
-        raise AdapterError.seen("policy", text, f": {name!r} is not the name of anything in Python. {FORMS}")
+        raise refusal(text, f": {name!r} is not the name of anything in Python. {FORMS}")
     if not target.endswith(".py") and not all(part.isidentifier() for part in target.split(".")):
-        raise AdapterError.seen(
-            "policy",
+        raise refusal(
             text,
             f": {target!r} is neither a Python file nor the dotted name of a module."
             f"{_instead(Path(target), colon + name if colon else '')} {FORMS}",
@@ -136,17 +132,15 @@ def _existing_file(reference: Reference) -> Path:
     if path.is_file():
         return path.resolve()
     if path.is_dir():
-        raise AdapterError.seen(
-            "policy", reference.text, f": {str(path)!r} is a folder, but an adapter is a file. Give the file."
+        raise refusal(
+            reference.text, f": {str(path)!r} is a folder, but an adapter is a file. Give the file."
         )
     if not folder.is_dir():
-        raise AdapterError.seen(
-            "policy", reference.text, f": there is no folder {str(folder)!r}. Check the path."
-        )
+        raise refusal(reference.text, f": there is no folder {str(folder)!r}. Check the path.")
     siblings = sorted(file.name for file in folder.glob("*.py"))
     close = get_close_matches(path.name, siblings, n=1, cutoff=0.5)
     hint = f"Did you mean {str(folder / close[0])!r}?" if close else "Check the path."
-    raise AdapterError.seen("policy", reference.text, f": there is no file {str(path)!r}. {hint}")
+    raise refusal(reference.text, f": there is no file {str(path)!r}. {hint}")
 
 
 def _module_file(reference: Reference) -> Path | None:
@@ -156,8 +150,7 @@ def _module_file(reference: Reference) -> Path | None:
         raise no_module(reference, top)
     if not rest:
         if spec.origin is None and spec.submodule_search_locations is not None:
-            raise AdapterError.seen(
-                "policy",
+            raise refusal(
                 reference.text,
                 f": {top!r} is a folder without __init__.py, but an adapter is a "
                 "file or a module. Give the file in it.",
@@ -188,15 +181,13 @@ def find_spec(name: str) -> ModuleSpec | None:
 def no_module(reference: Reference, missing: str) -> AdapterError:
     """Return the error for a module that is not there."""
     if reference.text == reference.target and "." not in reference.target:
-        return AdapterError.seen(
-            "policy",
+        return refusal(
             reference.text,
             f" is neither the name of a policy nor a module on the import path. "
             f"{did_you_mean(reference.text, POLICIES)} For an adapter of your own, give its file: "
             f"{reference.text}.py.",
         )
-    return AdapterError.seen(
-        "policy",
+    return refusal(
         reference.text,
         f": there is no module {missing!r} on the import path. Install it, put "
         f"its folder on PYTHONPATH, or give the file: {reference.target.replace('.', '/')}.py.",

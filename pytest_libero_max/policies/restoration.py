@@ -58,12 +58,22 @@ class RestoringPolicy(WrappedPolicy):
     Args:
         policy: The inner policy.
         mode: ``always`` or ``gated``.
+
+    Raises:
+        AdapterError: The policy asks for no images, so there is nothing to restore.
     """
 
     def __init__(self, policy: Policy, mode: RestoreMode = "gated") -> None:
         if mode not in RESTORE_MODES or mode == "native":
             raise AdapterError.seen(
                 "mode", mode, f" of a RestoringPolicy. {did_you_mean(mode, ('always', 'gated'))}"
+            )
+        if not policy.spec.cameras:
+            raise AdapterError.seen(
+                "restore",
+                mode,
+                f" with policy {policy.spec.name!r}, which asks for no images (cameras=()), so "
+                "nothing can be restored. Leave --libero-max-restore out.",
             )
         super().__init__(policy, f"restore={mode}")
         self._mode = mode
@@ -94,21 +104,3 @@ class RestoringPolicy(WrappedPolicy):
             counts["noisy"] += quality.is_noisy
             counts["covered"] += quality.is_covered
         return shown, counts
-
-
-def with_restoration(policy: Policy, mode: RestoreMode) -> Policy:
-    """Return a policy in a mode of restoration: itself for ``native``, otherwise wrapped.
-
-    Raises:
-        AdapterError: It asks for no images, so there is nothing to restore.
-    """
-    if mode == "native":
-        return policy
-    if not policy.spec.cameras:
-        raise AdapterError.seen(
-            "restore",
-            mode,
-            f" with policy {policy.spec.name!r}, which asks for no images (cameras=()), so "
-            "nothing can be restored. Leave --libero-max-restore out.",
-        )
-    return RestoringPolicy(policy, mode)

@@ -58,11 +58,9 @@ class WrappedPolicy:
         self._spec = spec
 
     def reset(self, episode: Episode) -> None:
-        """Begin an episode."""
         self.inner.reset(episode)
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
-        """Actions for the coming steps."""
         return self.inner.predict(self.seen(observation), query)
 
     def seen(self, observation: Observation) -> Observation:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.cli.check import _soon
 from tests.policies.clients import fakes
 from tests.policies.forgetting import forget_adapter
 
@@ -50,6 +51,25 @@ def test_a_server_that_is_not_there_is_tried_for_seconds_and_said_in_two_lines(
     )
     assert "given up" in given_up
     assert "--libero-max" not in given_up
+
+
+def test_each_of_several_servers_is_tried_for_seconds() -> None:
+    assert _soon("openpi://a:1,openpi://b:2?timeout=9,openpi://c:3?patience=60") == (
+        "openpi://a:1?patience=5,openpi://b:2?timeout=9&patience=5,openpi://c:3?patience=60"
+    )
+
+
+def test_servers_of_a_file_are_tried_as_long_as_that_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    file = tmp_path / "servers.toml"
+    file.write_text(
+        f'[[servers]]\naddress = "openpi://127.0.0.1:{port}?patience=0.5"\nprofile = "pi05_libero"\n'
+    )
+    assert main(["check", str(file)]) == 1
+    assert capsys.readouterr().err.startswith("Trying as long as its patience lasts: policy server ")
 
 
 def test_an_address_without_its_scheme_is_completed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,7 +59,7 @@ def test_an_error_names_options_as_the_command_does(capsys: pytest.CaptureFixtur
     assert "Add --profile=NAME" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["certify", "freeze"])
+@pytest.mark.parametrize("command", ["certify", "freeze", "verify"])
 def test_a_folder_without_tracks_is_named(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "nope"]) == 1
     assert capsys.readouterr().err == (
@@ -81,6 +81,14 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
         ("bench --scene libero_spatial/x", "argument --scene: 'libero_spatial/x' is no scene"),
         ("serve noop --port 70000", "argument --port: '70000', but must be a whole number from 0 to 65535"),
         ("view run --port one", "argument --port: 'one', but must be a whole number from 0 to 65535"),
+        ("preflight smoke --jobs 0", "argument --jobs: '0', but must be a whole number of at least 1"),
+        ("bench-images --seconds -1", "argument --seconds: '-1', but must be a number from 0.001 to 3600"),
+        ("watch run --interval nan", "argument --interval: 'nan', but must be a number from 0.01 to 3600"),
+        ("demos here --disturb 2", "argument --disturb: '2', but must be a number from 0 to 1"),
+        ("plan run --workers 0", "argument --workers: '0', but must be a whole number from 1 to 1000000"),
+        ("plan run --query-ms nan", "argument --query-ms: 'nan', but must be a number from 0 to 1e+06"),
+        ("launch slurm --shards 1 -- -q", "argument --shards: '1', but must be a whole number of at least 2"),
+        ("film run --size 31", "argument --size: '31', but must be a whole number of at least 32"),
     ],
 )
 def test_a_number_out_of_range_names_the_command_the_argument_and_the_rule(
@@ -88,5 +96,14 @@ def test_a_number_out_of_range_names_the_command_the_argument_and_the_rule(
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(arguments.split())
-    command = arguments.split()[0]
+    command = "launch slurm" if arguments.startswith("launch") else arguments.split()[0]
     assert f"libero-max {command}: error: {message}" in capsys.readouterr().err
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "nowhere" / "claim.csv"
+    assert main(["claim", "78/100", "74/100", f"--output={file}"]) == 1
+    assert capsys.readouterr().err == (
+        f"libero-max: {str(file)!r} cannot be read or written: No such file or directory. Give another path, "
+        "or make its folder.\n"
+    )

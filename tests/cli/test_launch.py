@@ -102,8 +102,6 @@ def test_the_script_is_one_that_bash_reads(tmp_path: Path, capsys: pytest.Captur
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["slurm", "--shards=1", "--", "-q"], "--shards=1, but must be at least 2"),
-        (["slurm", "--shards=2", "--workers=0", "--", "-q"], "--workers=0, but must be at least 1"),
         (["slurm", "--shards=2", "--", "--libero-max-shard=1/2"], "shard=1/2: each job gives that"),
         (["slurm", "--shards=2", "--", "-k", "a\nEND_OF_JOB"], "several lines"),
     ],

@@ -29,7 +29,6 @@ def test_a_gate_is_planned(capsys: pytest.CaptureFixture[str]) -> None:
     assert "decided on 4 pairs" in capsys.readouterr().out
     for wrong, words in (
         (["power", "--base", "0.9", "--track", "lite"], "there is no --gate"),
-        ([*gate, "--pairs", "0"], "at least one pair"),
         ([*gate, "--loss", "0.95"], "only what succeeds in Base can be lost"),
         (["power", "--base", "0.9", "--gate", "event.nothing.delta >= -30%"], "unknown event"),
     ):

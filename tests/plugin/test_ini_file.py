@@ -135,11 +135,16 @@ def test_a_session_that_cannot_collect_writes_nothing(project: pytest.Pytester) 
     assert list((project.path / "libero-max-results").iterdir()) == []
 
 
+@pytest.mark.parametrize("adapter", ["adapter.py", "my.pyramid/adapter.py"])
 def test_files_of_the_ini_file_lie_beside_it(
-    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, results: Results
+    adapter: str, project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, results: Results
 ) -> None:
+    file = project.path / adapter
+    file.parent.mkdir(exist_ok=True)
+    project.path.joinpath("adapter.py").rename(file)
+    project.makeini(INI.replace("adapter.py", adapter))
     monkeypatch.chdir(project.path / "tests")
     monkeypatch.setenv("PYTHONPATH", str(project.path), prepend=os.pathsep)
     done = project.runpytest_subprocess("libero-max", "--rootdir=..", "-c", "../tox.ini")
     done.assert_outcomes(passed=2)
-    assert results("tests/libero-max-results")[1]["provenance"]["policy"]["reference"] == "../adapter.py"
+    assert results("tests/libero-max-results")[1]["provenance"]["policy"]["reference"] == f"../{adapter}"

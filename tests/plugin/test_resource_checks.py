@@ -47,7 +47,7 @@ def test_too_little_memory_for_the_workers_is_said_with_a_cure(monkeypatch: pyte
     note = memory_note(8, SUBSTRATES["embedded"])
     assert note is not None
     assert "2.5 GiB of memory are free, and 8 workers take about 6.4 GiB" in note
-    assert "Play with -n 3," in note
+    assert "without the policy. Play with -n 3," in note
     assert "8 workers take about 24.8 GiB on the libero substrate" in str(
         memory_note(8, SUBSTRATES["libero"])
     )

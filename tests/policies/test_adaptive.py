@@ -17,7 +17,6 @@ from pytest_libero_max.policies.adaptive import (
     AdaptivePolicy,
     block_changes,
     surprise,
-    with_adaptive_queries,
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.policies.restoration import RestoringPolicy
@@ -176,5 +175,3 @@ def test_what_cannot_be_watched_is_refused() -> None:
         AdaptivePolicy(Approaching(cameras=("agentview",)), "privileged")
     with pytest.raises(AdapterError, match="mode='both'"):
         AdaptivePolicy(Approaching(cameras=("agentview",)), "both")  # type: ignore[arg-type]
-    policy = Approaching()
-    assert with_adaptive_queries(policy, None) is policy

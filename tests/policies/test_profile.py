@@ -45,6 +45,18 @@ def write(folder: Path, text: str, name: str = "mine.toml") -> str:
     return str(path)
 
 
+def test_statistics_lie_beside_the_profile_that_names_them(tmp_path: Path) -> None:
+    weights = tmp_path / "weights"
+    weights.mkdir()
+    own = 'extends = "vla_jepa"\n[actions]\nstatistics = "statistics.json"\n'
+    write(weights, own)
+    deeper = load_profile(
+        write(tmp_path, 'extends = "weights/mine.toml"\n[policy]\nhorizon = 4\n', "deeper.toml")
+    )
+    assert (deeper.name, deeper.folder) == ("deeper", weights)
+    assert load_profile(write(tmp_path, own)).folder == tmp_path
+
+
 def test_a_field_that_is_not_established_is_refused_until_it_is_given(tmp_path: Path) -> None:
     with pytest.raises(
         AdapterError, match=r"does not know policy\.horizon, policy\.query_interval.*or give --lib"
@@ -60,7 +72,8 @@ def test_a_field_that_is_not_established_is_refused_until_it_is_given(tmp_path: 
 
 def test_a_profile_of_ones_own_replaces_what_it_names_and_files_lie_beside_it(tmp_path: Path) -> None:
     base = write(tmp_path, 'extends = "pi05_libero"\n[policy]\nquery_interval = 10\n', "base.toml")
-    mine = load_profile(write(tmp_path, 'extends = "base.toml"\n[request]\nprompt = "$instruction"\n'))
+    own = '[request]\nprompt = "$instruction"\n[actions]\nstatistics = "own.json"\n'
+    mine = load_profile(write(tmp_path, f'extends = "base.toml"\n{own}'))
     assert mine.get("policy", "query_interval") == 10
     assert mine.tables["request"] == {"prompt": "$instruction"}
     assert mine.folder == Path(base).parent

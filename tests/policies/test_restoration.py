@@ -17,7 +17,7 @@ from pytest_libero_max.policies.check import check_policy, notes_of, remembers
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
 from pytest_libero_max.policies.image_quality import assess
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.policies.restoration import COUNTS, RestoringPolicy, restore, with_restoration
+from pytest_libero_max.policies.restoration import COUNTS, RestoringPolicy, restore
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 from tests.pairing.actors import Approaching, make_case
@@ -119,15 +119,15 @@ def test_restoration_brings_an_image_nearer_to_what_it_was(images: list[Image]) 
 
 def test_gated_shows_undamaged_images_as_they_are_and_always_does_not(world: TinyWorld) -> None:
     observation = world.observe(CAMERAS, 128)
-    gated, always = (with_restoration(Looks(), mode) for mode in ("gated", "always"))
+    gated, always = (RestoringPolicy(Looks(), mode) for mode in ("gated", "always"))
     for policy in (gated, always):
         policy.predict(observation, QUERY)
     seen = gated.inner.shown[0]  # type: ignore[attr-defined]
     assert all(seen[key] is observation[key] for key in observation)
-    assert gated.query_notes == dict(zip(COUNTS, (1, 0, 2, 0, 0, 0), strict=True))  # type: ignore[attr-defined]
+    assert gated.query_notes == dict(zip(COUNTS, (1, 0, 2, 0, 0, 0), strict=True))
     changed = always.inner.shown[0]  # type: ignore[attr-defined]
     assert all(not np.array_equal(changed[f"{name}_image"], observation[f"{name}_image"]) for name in CAMERAS)
-    assert always.query_notes["restored"] == 2  # type: ignore[attr-defined]
+    assert always.query_notes["restored"] == 2
 
 
 def test_only_the_damaged_image_is_restored_and_nothing_is_written_to(world: TinyWorld) -> None:
@@ -144,38 +144,33 @@ def test_only_the_damaged_image_is_restored_and_nothing_is_written_to(world: Tin
     assert policy.query_seconds["restore_s"] > 0.0
 
 
-def test_native_is_the_policy_itself() -> None:
-    policy = Looks()
-    assert with_restoration(policy, "native") is policy
-
-
 def test_a_policy_without_images_is_refused() -> None:
     with pytest.raises(AdapterError, match="asks for no images"):
-        with_restoration(Looks(cameras=()), "gated")
+        RestoringPolicy(Looks(cameras=()), "gated")
     with pytest.raises(AdapterError, match="mode='sometimes'"):
         RestoringPolicy(Looks(), "sometimes")  # type: ignore[arg-type]
 
 
 def test_the_wrapper_is_part_of_the_spec_and_keeps_what_the_policy_offers() -> None:
     inner = load_policy("servo", horizon=8)
-    wrapped: Policy = check_policy(with_restoration(inner, "gated"), "here")
+    wrapped: Policy = check_policy(RestoringPolicy(inner, "gated"), "here")
     assert wrapped.spec.to_dict() == {**inner.spec.to_dict(), "wrappers": ["restore=gated"]}
     assert remembers(wrapped)
-    assert not remembers(with_restoration(Looks(), "always"))
+    assert not remembers(RestoringPolicy(Looks(), "always"))
 
 
 def test_a_cadence_that_is_assigned_to_the_wrapper_reaches_the_policy() -> None:
-    wrapped = with_restoration(Looks(horizon=4, query_interval=4), "gated")
+    wrapped = RestoringPolicy(Looks(horizon=4, query_interval=4), "gated")
     own = wrapped.spec
     wrapped.spec = replace(own, horizon=3, query_interval=2)
-    inner = wrapped.inner.spec  # type: ignore[attr-defined]
+    inner = wrapped.inner.spec
     assert (inner.horizon, inner.query_interval, inner.wrappers) == (3, 2, ())
     wrapped.spec = own
-    assert wrapped.inner.spec == Looks(horizon=4, query_interval=4).spec  # type: ignore[attr-defined]
+    assert wrapped.inner.spec == Looks(horizon=4, query_interval=4).spec
 
 
 def test_counts_and_times_are_in_the_record(world: TinyWorld) -> None:
-    policy = with_restoration(Approaching(wait=4, horizon=4, interval=2, cameras=CAMERAS), "gated")
+    policy = RestoringPolicy(Approaching(wait=4, horizon=4, interval=2, cameras=CAMERAS), "gated")
     record = play_pair(make_case("sensor_noise_onset"), world, policy)
     base, dynamic = record.arms["base"], record.arms["dynamic"]
     assert record.trigger is not None

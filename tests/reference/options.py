@@ -30,7 +30,11 @@ def page() -> str:
             for option in OPTIONS
         ),
     )
-    fixtures = "\n\n".join(_fixture(name) for name in ("libero_max_case", *sorted(hooks.__all__)))
+    fixtures = "\n\n".join(
+        _fixture(name)
+        for name in ("libero_max_case", *sorted(hooks.__all__))
+        if name.startswith("libero_max_")
+    )
     hooks_of_ours = "\n\n".join(
         f"**`{name}{inspect.signature(value)}`**. {prose(description(value))}".replace("'", "")
         for name, value in vars(hookspec).items()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import os
 import signal
@@ -18,6 +17,7 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.machine import end_with_parent
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.processes.crash_log import CrashLog, Death, read_death
@@ -26,9 +26,6 @@ from pytest_libero_max.plugin.processes.retries import keep_text, pair_error
 from pytest_libero_max.plugin.run_pair import BROKEN_POLICY, Unsupported, explain, play
 from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import NOTE, POLICY_PHASE, RESULT
-
-_PARENT_DEATH_SIGNAL = 1
-"""Operation of ``prctl``: which signal a process gets when its parent dies."""
 
 
 def play_isolated(request: pytest.FixtureRequest, case: Case) -> PairRecord:
@@ -108,7 +105,7 @@ def _in_child(folder: Path, play: Callable[[CrashLog], Json]) -> Json | Death:
 
 def _be_child(log: Path, answer: Path, play: Callable[[CrashLog], Json]) -> NoReturn:
     try:
-        ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+        end_with_parent()
         os.setpgid(0, 0)
         told = play(CrashLog(log))
         part = answer.with_name("part")

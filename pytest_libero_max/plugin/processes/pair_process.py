@@ -109,7 +109,7 @@ def pair_process_of(config: pytest.Config) -> PairProcess:
         settings = settings_of(config)
         worker = getattr(config, "workerinput", None)
         if worker is None:
-            config.stash[_PROCESS] = PairProcess(settings, 1, None, _stderr(config))
+            config.stash[_PROCESS] = PairProcess(settings, 1, None, config.stash.get(STDERR, 2))
         else:
             path = Path(worker.get(CRASH_LOG_INPUT, ""))
             if not path.parent.is_dir() or not path.name:  # the controller is on another machine
@@ -122,18 +122,14 @@ STDERR = pytest.StashKey[int]()
 """On the config: stderr as it was before pytest captures it."""
 
 
-def _stderr(config: pytest.Config) -> int:
-    return config.stash.get(STDERR, 2)
-
-
 def keep_from_children(config: pytest.Config) -> None:
     """Let no process that this worker forks hold its connection to the controller open.
 
     An adapter may fork helpers. The connection of a worker that is killed would stay open as long as one of
     them lives, and the controller would wait for the worker instead of replacing it.
     """
-    descriptors = [number for plugin in config.pluginmanager.get_plugins() for number in _descriptors(plugin)]
-    close_in_children(descriptors)
+    plugins = config.pluginmanager.get_plugins()
+    close_in_children([number for plugin in plugins for number in _descriptors(plugin)])
 
 
 def close_in_children(descriptors: Sequence[int]) -> None:

@@ -54,7 +54,7 @@ class Cluster:
             ray.init(address=address, runtime_env=sent, log_to_driver=False, logging_level=logging.ERROR)
         except Exception as error:  # of Ray, of gRPC, of the system: whatever it is, there is no cluster
             raise OptionError(
-                f"--libero-max-ray={address}: no cluster can be used ({_first_line(error)}). Start one with "
+                f"--libero-max-ray={address}: no cluster can be used ({_line(error)}). Start one with "
                 "`ray start --head`, or give the address of yours. Its Ray and its Python have to be the "
                 f"same as here: Ray {ray.__version__}."
             ) from None
@@ -88,14 +88,13 @@ class Cluster:
         try:
             return str(self._ray.get(answer))
         except exceptions.RayError as error:
-            text = _first_line(error)
             hopeless = (exceptions.RuntimeEnvSetupError, exceptions.ActorUnschedulableError)
             if isinstance(error, hopeless) or "creation task" in str(error):
                 raise OptionError(
-                    f"No actor can start: {_last_line(error)}. The nodes need pytest-libero-max, in the same "
+                    f"No actor can start: {_line(error, -1)}. The nodes need pytest-libero-max, in the same "
                     "version and for the same Python."
                 ) from None
-            return Death(CrashError(f"Its actor or node was lost: {text}"), "", "")
+            return Death(CrashError(f"Its actor or node was lost: {_line(error)}"), "", "")
 
     def end(self, actor: Any) -> None:
         """Kill an actor."""
@@ -135,11 +134,7 @@ def _require_answer(address: str) -> None:
         socket.create_connection((host.strip("[]"), int(port)), _REACH_S).close()
 
 
-def _first_line(error: BaseException) -> str:
+def _line(error: BaseException, number: int = 0) -> str:
+    """Return the first line of an error's text, or the last one (-1)."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0][:300] if lines else type(error).__name__
-
-
-def _last_line(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return lines[-1][:300] if lines else type(error).__name__
+    return lines[number][:300] if lines else type(error).__name__

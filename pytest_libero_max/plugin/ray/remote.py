@@ -6,11 +6,9 @@ stdout when it starts.
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import json
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -22,12 +20,10 @@ import pytest
 import pytest_libero_max
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.machine import end_with_parent
 from pytest_libero_max.plugin.collection import manifest_of, settings_of
 from pytest_libero_max.plugin.processes.pair_process import close_in_children
 from pytest_libero_max.policies.adapter_digest import adapter_digest
-
-_PARENT_DEATH_SIGNAL = 1
-"""Operation of ``prctl``: which signal a process gets when its parent dies."""
 
 
 class RemoteSession:
@@ -133,13 +129,6 @@ def _own_digest() -> str:
     return digest.hexdigest()
 
 
-def _end_with_parent() -> None:
-    parent = os.getppid()
-    ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
-    if os.getppid() != parent:  # it died meanwhile
-        os._exit(1)
-
-
 def _own_pipes() -> tuple[BinaryIO, BinaryIO]:
     """Return the pipes to the actor, which nothing else in this process reads from or writes to."""
     commands, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
@@ -156,7 +145,7 @@ def main(arguments: Sequence[str]) -> int:
     Args:
         arguments: The arguments of the pytest session.
     """
-    _end_with_parent()
+    end_with_parent()
     commands, answers = _own_pipes()
     close_in_children([commands.fileno(), answers.fileno()])
     session = RemoteSession(json.loads(commands.readline()), commands, answers)

@@ -18,7 +18,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin.collection import PairItem, only_lists
-from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.options import Settings, usage_errors
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.progress_display import RunProgress
@@ -111,7 +111,7 @@ class RayRun:
         settings, here = self._settings, str(self._config.invocation_params.dir)
         output = settings.output
         inside = [str(output.relative_to(here))] if output.is_relative_to(here) else []
-        try:
+        with usage_errors():
             self._cluster = Cluster(
                 settings.ray or "",
                 settings.ray_cpus,
@@ -126,8 +126,6 @@ class RayRun:
                     f"{settings.ray_gpus:g} GPUs. Lower --libero-max-ray-cpus or --libero-max-ray-gpus, or "
                     "name a number of actors with --libero-max-ray-actors, which waits for room."
                 )
-        except OptionError as error:
-            raise pytest.UsageError(str(error)) from None
 
     def pytest_report_header(self) -> str | None:
         if self._cluster is None:

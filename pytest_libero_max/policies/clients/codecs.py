@@ -155,11 +155,6 @@ def as_lists(array: AnyArray) -> Any:
     return array.tolist()
 
 
-def as_json_numpy(array: AnyArray) -> dict[str, Any]:
-    """Return an array as a map of the json-numpy dialect."""
-    return JSON_NUMPY.encode(array)
-
-
 def as_json_numpy_text(array: AnyArray) -> str:
     """Return an array as a string that holds a JSON document of the json-numpy dialect."""
     return json.dumps(JSON_NUMPY.encode(array))
@@ -224,12 +219,7 @@ def _check_counts(parts: int, values: int) -> None:
 
 
 def _openpi_encode(array: AnyArray) -> dict[Any, Any]:
-    return {
-        b"__ndarray__": True,
-        b"data": array.tobytes(),
-        b"dtype": array.dtype.str,
-        b"shape": list(array.shape),
-    }
+    return {key.encode(): value for key, value in _vla_eval_encode(array).items()}
 
 
 def _openpi_decode(value: dict[Any, Any]) -> Any:

@@ -10,8 +10,9 @@ from typing import Any
 from weakref import WeakSet
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.request import Request
-from pytest_libero_max.policies.clients.served import Actions, Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.worlds.contract import Observation
@@ -97,11 +98,6 @@ class DeclaredPolicy(ServedPolicy):
     """A policy whose server may take the cadence that is played, or the seed of its noise, and says so."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """Return the request.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
         request = super().request(observation, query)
         if self.greeting.get("cadence") is True:
             request["cadence"] = [self.spec.horizon, self.spec.query_interval]
@@ -114,11 +110,15 @@ class RememberingPolicy(DeclaredPolicy):
     """A policy behind a server that keeps its memory.
 
     Each request names the memory that it begins with, and those that may still be restored; the reply names
-    the one after it. So a query can be asked again after an interruption, like any other.
+    the one after it. So a query can be asked again after an interruption, like any other. It raises a
+    ``ServerError`` where the server was started again and has no memories.
     """
 
     _at: str | None = None
     """The server's name for the memory that the next request begins with; None for that of a new episode."""
+
+    _frames: tuple[dict[str, Any], ...] = ()
+    """Steps that the policy was shown since, which the next request holds."""
 
     @cached_property
     def _name(self) -> str:
@@ -129,19 +129,15 @@ class RememberingPolicy(DeclaredPolicy):
         return WeakSet()
 
     def reset(self, episode: Episode) -> None:
-        """Begin with no memory."""
         super().reset(episode)
-        self._at = None
+        self._at, self._frames = None, ()
 
     def predict(self, observation: Observation, query: Query) -> Actions:
-        """Ask the server, from the memory that was last gained or restored.
-
-        Raises:
-            ServerError: It was given up, for example because it was started again and has no memories.
-        """
         keep = sorted({kept.name for kept in self._kept if kept.name is not None})
         request = self.request(observation, query)
         request["memory"] = {"client": self._name, "at": self._at, "keep": keep}
+        if self._frames:  # without the query's own, which is in it
+            request["frames"] = [frame for frame in self._frames if frame["step"] < query.step]
 
         def read(reply: Any) -> tuple[Actions, str]:
             actions, name = self.read(reply), reply.get("memory")
@@ -150,11 +146,12 @@ class RememberingPolicy(DeclaredPolicy):
             return actions, name
 
         actions, self._at = self.client.ask(request, read)
+        self._frames = ()
         return actions
 
     def snapshot(self) -> object:
         """Return a name of the memory, which the server keeps as long as the caller keeps this."""
-        kept = Kept(self._at)
+        kept = Kept(self._at, self._frames)
         self._kept.add(kept)
         return kept
 
@@ -166,18 +163,11 @@ class RememberingPolicy(DeclaredPolicy):
         """
         if not isinstance(memory, Kept):
             raise AdapterError.seen("memory", memory, ", but must be what snapshot() returned.")
-        self._at = memory.name
+        self._at, self._frames = memory.name, memory.frames
 
 
 class SeeingPolicy(RememberingPolicy):
     """A policy behind a server that is shown every step: each request holds the steps since the last one."""
-
-    _frames: tuple[dict[str, Any], ...] = ()
-
-    def reset(self, episode: Episode) -> None:
-        """Begin with no memory."""
-        super().reset(episode)
-        self._frames = ()
 
     def see(self, observation: Observation, step: int) -> None:
         """Keep a step for the next request.
@@ -186,40 +176,5 @@ class SeeingPolicy(RememberingPolicy):
             AdapterError: An input cannot be made.
         """
         query = Query(0, step, self._episode.instruction, 0)
-        shown = super().request(observation, query)["observation"]
+        shown = self.request(observation, query)["observation"]
         self._frames = (*self._frames, {"observation": shown, "step": step})
-
-    def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """Return the request.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
-        before = [frame for frame in self._frames if frame["step"] < query.step]  # the query's own is in it
-        return {**super().request(observation, query), "frames": before}
-
-    def predict(self, observation: Observation, query: Query) -> Actions:
-        """Ask the server, which is shown the steps since the last query first.
-
-        Raises:
-            ServerError: See :class:`RememberingPolicy`.
-        """
-        actions = super().predict(observation, query)
-        self._frames = ()
-        return actions
-
-    def snapshot(self) -> object:
-        """Return a name of the memory, with the steps that the server has not received yet."""
-        kept = Kept(self._at, self._frames)
-        self._kept.add(kept)
-        return kept
-
-    def restore(self, memory: object) -> None:
-        """Go back to a memory.
-
-        Raises:
-            AdapterError: It is none of a snapshot.
-        """
-        super().restore(memory)
-        assert isinstance(memory, Kept)
-        self._frames = memory.frames

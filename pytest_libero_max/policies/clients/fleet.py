@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from numpy.typing import NDArray
-
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.check import Actions, memory_of
 from pytest_libero_max.policies.clients.address import LEFT_OUT, PATIENCE_S
 from pytest_libero_max.policies.clients.opening import open_server, parse_address
-from pytest_libero_max.policies.clients.served import Actions, ServedPolicy
+from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.servers import ServerGroup, Servers, joined_revisions
-from pytest_libero_max.policies.clients.transport import Client
+from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
-
-LOG = logging.getLogger("pytest_libero_max.servers")
 
 WITH_OTHERS_S = 10.0
 """Longest time, s, to wait for a server while others are left. The last one has the time of a single one."""
@@ -154,7 +150,8 @@ class ServerFleet:
     """A policy behind several servers, as the pair runner knows policies.
 
     Each process asks one server of a group until that is given up. Then another one is asked the same query,
-    or, where the server kept the policy's memory, the pair is played again.
+    or, where the server kept the policy's memory, the pair is played again. What is not defined here, such as
+    the memory or the number of actions returned, is that of the policy behind the server that is asked.
 
     Attributes:
         troubles: Sentences about servers that were left out, in order; the caller may empty it.
@@ -186,25 +183,15 @@ class ServerFleet:
         for pool in self._pools:
             self._set_cadence(pool)
 
-    @property
-    def client(self) -> Client:
-        """Connection to the server that is asked."""
-        return self._pool.policy.client
+    def __getattr__(self, name: str) -> Any:
+        if name == "_pool":  # not yet
+            raise AttributeError(name)
+        return getattr(self._pool.policy, name)
 
     @property
     def waited_s(self) -> float:
         """Time spent waiting for servers after interruptions, s."""
         return sum(pool.waited_s + pool.policy.client.waited_s for pool in self._pools)
-
-    @property
-    def batch_size(self) -> int:
-        """Number of queries in the last answered batch."""
-        return self._pool.policy.batch_size
-
-    @property
-    def returned(self) -> int | None:
-        """Number of actions in the last reply, before they were cut to H."""
-        return self._pool.policy.returned
 
     @property
     def server(self) -> str:
@@ -221,7 +208,6 @@ class ServerFleet:
         self._pool = self._pools[self._servers.group_of(marks)]
 
     def reset(self, episode: Episode) -> None:
-        """Begin an episode."""
         self._episode = episode
         marks = (episode.suite,) if self._marks is None else self._marks
         self._pool = self._pools[self._servers.group_of(marks)]
@@ -234,27 +220,11 @@ class ServerFleet:
             ServerError: All were given up.
             OtherServer: The one with the policy's memory was.
         """
-        return self._asked(lambda policy: policy.predict(observation, query))
-
-    def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the request by the profile's names, for inspection."""
-        return self._pool.policy.model_inputs(observation, query)
-
-    def close(self) -> None:
-        """Close every connection."""
-        for pool in self._pools:
-            pool.policy.client.close()
-
-    @property
-    def _keeps_memory(self) -> bool:
-        return hasattr(self._pool.policy, "snapshot") or self.spec.history
-
-    def _asked(self, ask: Callable[[ServedPolicy], Actions]) -> Actions:
         while True:
             try:
-                answer = ask(self._pool.policy)
+                answer = self._pool.policy.predict(observation, query)
             except ServerError as error:
-                kept = self._keeps_memory
+                kept = hasattr(self._pool.policy, "snapshot") or self.spec.history
                 self.troubles.append(self._pool.move_on(error))
                 self._set_cadence(self._pool)
                 self._pool.policy.reset(self._episode)
@@ -266,30 +236,15 @@ class ServerFleet:
                 self._pool.answered()
                 return answer
 
+    def close(self) -> None:
+        """Close every connection."""
+        for pool in self._pools:
+            pool.policy.client.close()
+
     def _set_cadence(self, pool: Pool) -> None:
         pool.policy.spec = replace(
             pool.policy.spec, horizon=self._spec.horizon, query_interval=self._spec.query_interval
         )
-
-
-class RememberingFleet(ServerFleet):
-    """Servers that keep the memory of the policy; a pair stays with one of them."""
-
-    def snapshot(self) -> object:
-        """Return the server's name for the memory."""
-        return self._pool.policy.snapshot()  # type: ignore[attr-defined]
-
-    def restore(self, memory: object) -> None:
-        """Go back to a memory."""
-        self._pool.policy.restore(memory)  # type: ignore[attr-defined]
-
-
-class SeeingFleet(RememberingFleet):
-    """Servers of a policy that is shown every step."""
-
-    def see(self, observation: Observation, step: int) -> None:
-        """Keep a step for the next request."""
-        self._pool.policy.see(observation, step)  # type: ignore[attr-defined]
 
 
 def open_fleet(
@@ -308,19 +263,11 @@ def open_fleet(
         AdapterError: The groups are no one policy.
     """
     pools = [Pool(group, seat, (horizon, query_interval)) for group in servers.groups]
-    kinds = {_kind(pool.policy) for pool in pools}
-    if len(kinds) > 1:
+    if len({memory_of(pool.policy) for pool in pools}) > 1:
         raise AdapterError(
             "Some of the servers keep the policy's memory and others do not. Serve one policy."
         )
-    (kind,) = kinds
-    return kind(servers, pools)
-
-
-def _kind(policy: ServedPolicy) -> type[ServerFleet]:
-    if hasattr(policy, "see"):
-        return SeeingFleet
-    return RememberingFleet if hasattr(policy, "snapshot") else ServerFleet
+    return ServerFleet(servers, pools)
 
 
 def in_order_of(addresses: Sequence[str], seat: int) -> tuple[str, ...]:

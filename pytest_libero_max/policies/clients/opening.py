@@ -22,6 +22,7 @@ from pytest_libero_max.policies.profile import (
     load_profile,
     profile_names,
 )
+from pytest_libero_max.policies.references import refusal
 
 _REFUSED = {
     "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
@@ -131,8 +132,7 @@ def require_profile(text: str, profile_text: str | None) -> Profile:
     """
     address = parse_address(text)
     if profile_text is None:
-        raise AdapterError.seen(
-            "policy",
+        raise refusal(
             text,
             f" is the address of a server, and how it is asked depends on the policy behind "
             f"it. Add --libero-max-profile=NAME; for {address.scheme}:// there are {_fitting(address)}, or "
@@ -167,35 +167,27 @@ def parse_address(text: str) -> Address:
     """
     scheme = text.partition("://")[0].lower()
     if scheme in _REFUSED and scheme not in PROTOCOLS:
-        raise AdapterError.seen(
-            "policy",
+        raise refusal(
             text,
             f" {_REFUSED[scheme]}. Whoever answers with a pickle can run any code here, so "
             "none is ever read. Put the model behind one of the protocols that are spoken "
             f"({', '.join(PROTOCOLS)}): a server is a few lines around it.",
         )
     if scheme in ("ws", "wss"):
-        raise AdapterError.seen(
-            "policy",
+        raise refusal(
             text,
             " names a WebSocket, but not what is spoken over it. Write openpi://, "
             "vla-eval:// or starvla:// instead.",
         )
     if scheme not in PROTOCOLS:
-        raise AdapterError.seen(
-            "policy", text, f": {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}"
-        )
+        raise refusal(text, f": {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}")
     try:
         parts = urlsplit(text)
         port = parts.port
     except ValueError as error:
-        raise AdapterError.seen(
-            "policy", text, f" is no address: {error}. Write {scheme}://HOST:PORT."
-        ) from None
+        raise refusal(text, f" is no address: {error}. Write {scheme}://HOST:PORT.") from None
     if not parts.hostname or parts.username or parts.fragment:
-        raise AdapterError.seen(
-            "policy", text, f": an address is {scheme}://HOST:PORT, without a user name or a fragment."
-        )
+        raise refusal(text, f": an address is {scheme}://HOST:PORT, without a user name or a fragment.")
     seconds = _seconds(text, parts)
     return Address(
         text,
@@ -212,15 +204,11 @@ def _seconds(text: str, parts: SplitResult) -> dict[str, float]:
     found: dict[str, float] = {}
     for name, value in parse_qsl(parts.query, keep_blank_values=True):
         if name not in ("timeout", "patience"):
-            raise AdapterError.seen(
-                "policy", text, f": {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}"
-            )
+            raise refusal(text, f": {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}")
         try:
             found[name] = float(value)
         except ValueError:
             found[name] = math.nan
         if not 0.0 < found[name] < math.inf:
-            raise AdapterError.seen(
-                "policy", text, f": {name}={value!r}, but must be a number of seconds above 0."
-            )
+            raise refusal(text, f": {name}={value!r}, but must be a number of seconds above 0.")
     return found

@@ -6,15 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.actions import Statistics, read_statistics, unnormalise
 from pytest_libero_max.policies.transforms.steps import ACTION_STEPS, parse_steps
 from pytest_libero_max.worlds.contract import ACTION_DIM
-
-Actions = NDArray[np.float64]
 
 
 class Reply:

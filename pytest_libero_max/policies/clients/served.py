@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.transport import Client
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
-
-Actions = NDArray[np.float64]
 
 Adapt = Callable[[Any, PolicySpec], tuple[Any, PolicySpec]]
 """Function from a server's greeting and the spec so far to the layout of its requests and the spec."""

@@ -17,18 +17,21 @@ import hashlib
 import json
 import socket
 import tomllib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.structs import Text, fits, rule, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.clients.opening import parse_address, require_profile
 from pytest_libero_max.policies.profile import Profile, declares_weights
+from pytest_libero_max.policies.references import refusal
 
-_FIELDS = ("address", "addresses", "for", "profile", "revision")
+_Listed = Annotated[list[Text], rule("a list of texts that are not empty", min_length=1)]
+_FIELDS = {"address": Text, "addresses": _Listed, "for": _Listed, "profile": Text, "revision": Text}
 _KEEPS_ITS_NAME = ("https",)
 """Schemes whose servers are asked by name, because a certificate is issued for it."""
 
@@ -168,44 +171,50 @@ def read_servers(text: str, profile: str | None, revision: str | None = None) ->
     try:
         table = tomllib.loads(Path(text).expanduser().read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise AdapterError.seen(
-            "policy", text, f" cannot be read: {error}. Repair the file of servers."
-        ) from None
+        raise refusal(text, f" cannot be read: {error}. Repair the file of servers.") from None
     return _from_table(text, table, profile, revision)
 
 
 def _from_table(text: str, table: dict[str, Any], profile: str | None, revision: str | None) -> Servers:
-    _require_known(text, table, ("name", "servers"))
-    name, entries = table.get("name"), table.get("servers")
+    entries = table.get("servers")
     if not isinstance(entries, list) or not entries or not all(isinstance(entry, dict) for entry in entries):
-        raise AdapterError.seen("policy", text, ": the file lacks [[servers]] tables, one for each group.")
-    if name is not None and not (isinstance(name, str) and name):
-        raise AdapterError.seen("policy", text, f": name={name!r}, but must be a text that is not empty.")
+        raise refusal(text, ": the file lacks [[servers]] tables, one for each group.")
+    _check(text, table, {"name": Text, "servers": list[dict[str, Any]]})
     groups = []
     for number, entry in enumerate(entries):
         where = f"{text}: servers[{number}]"
-        _require_known(where, entry, _FIELDS)
-        single, several = entry.get("address"), entry.get("addresses")
-        if (single is None) == (several is None):
+        _check(where, entry, _FIELDS)
+        if ("address" in entry) == ("addresses" in entry):
             raise AdapterError(f"{where} must have either 'address' or 'addresses'.")
-        addresses = _texts(where, "addresses", [single] if several is None else several)
-        marks = _texts(where, "for", entry["for"]) if "for" in entry else ()
-        own = {field: entry.get(field) for field in ("profile", "revision")}
-        for field, value in own.items():
-            if value is not None and not (isinstance(value, str) and value):
-                raise AdapterError(f"{where}.{field}={value!r}, but must be a text that is not empty.")
-        chosen = own["profile"] or profile
-        beside = Path(text).expanduser().parent
-        if (
-            own["profile"]
-            and own["profile"].endswith(".toml")
-            and not Path(own["profile"]).expanduser().is_file()
-        ):
-            chosen = str(beside / own["profile"])
-        groups.append(_group(where, list(addresses), chosen, marks, own["revision"] or revision))
-    servers = Servers(tuple(groups), name)
+        addresses = entry.get("addresses") or [entry["address"]]
+        marks = tuple(entry.get("for", ()))
+        groups.append(
+            _group(where, addresses, _profile(text, entry, profile), marks, entry.get("revision", revision))
+        )
+    servers = Servers(tuple(groups), table.get("name"))
     _require_one_policy(text, servers)
     return servers
+
+
+def _profile(text: str, entry: dict[str, Any], profile: str | None) -> str | None:
+    """Return name or path of the profile of a group; a path in the file may be that of a file beside it."""
+    own: str | None = entry.get("profile", profile)
+    if "profile" in entry and own and own.endswith(".toml") and not Path(own).expanduser().is_file():
+        return str(Path(text).expanduser().parent / own)
+    return own
+
+
+def _check(where: str, table: dict[str, Any], known: Mapping[str, Any]) -> None:
+    """Check that a table has known fields alone, each of its type.
+
+    Raises:
+        AdapterError: It has another one; suggests the closest.
+    """
+    for field, value in table.items():
+        if field not in known:
+            raise AdapterError(f"{where}: {field!r} is unknown. {did_you_mean(field, known)}")
+        if not fits(value, known[field]):
+            raise AdapterError(f"{where}: {field}={value!r}, but must be {words(known[field])}.")
 
 
 def _require_one_policy(text: str, servers: Servers) -> None:
@@ -235,10 +244,8 @@ def _group(
         raise AdapterError(f"{where}: no address is listed.")
     for address in addresses:
         if not is_address(address):
-            raise AdapterError.seen(
-                "policy",
-                address,
-                f" in {where!r} is no address. Write SCHEME://HOST:PORT, several with commas.",
+            raise refusal(
+                address, f" in {where!r} is no address. Write SCHEME://HOST:PORT, several with commas."
             )
     read = [require_profile(address, profile) for address in addresses]
     twice = sorted({address for address in addresses if addresses.count(address) > 1})
@@ -253,18 +260,6 @@ def _group(
                 "Name the profile of this suite."
             )
     return ServerGroup(tuple(addresses), read[0], profile, marks, revision)
-
-
-def _texts(where: str, field: str, value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list) or not value or not all(isinstance(item, str) and item for item in value):
-        raise AdapterError(f"{where}.{field}={value!r}, but must be a list of texts that are not empty.")
-    return tuple(value)
-
-
-def _require_known(where: str, table: dict[str, Any], known: Collection[str]) -> None:
-    for field in table:
-        if field not in known:
-            raise AdapterError(f"{where}: {field!r} is unknown. {did_you_mean(field, known)}")
 
 
 def _resolved(text: str) -> list[str]:

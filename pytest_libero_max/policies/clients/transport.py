@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import logging
+import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from threading import Event, Timer
 from typing import Any, Protocol, TypeVar
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.codecs import shortened
 from pytest_libero_max.policies.clients.waiting import Wait, waiting
 
 LOG = logging.getLogger("pytest_libero_max.servers")
@@ -23,6 +27,43 @@ Answer = TypeVar("Answer")
 
 class Unreachable(ServerError):
     """No connection, a lost connection or no answer in time: worth waiting for."""
+
+
+def late(timeout_s: float) -> Unreachable:
+    """Return the error of an answer that did not come in time."""
+    return Unreachable(f"no answer came within {timeout_s:g} s (?timeout=SECONDS changes that)")
+
+
+def reported(error: object) -> ServerError:
+    """Return the error of a server that says it has one."""
+    return ServerError(f"the server reports an error: {shortened(str(error))}")
+
+
+@contextmanager
+def time_limit(connection: socket.socket, seconds: float) -> Iterator[None]:
+    """Shut a connection down if the block takes longer, also where each part of it goes on in time.
+
+    Raises:
+        Unreachable: It did.
+    """
+    over = Event()
+
+    def end() -> None:
+        over.set()
+        with suppress(OSError):
+            connection.shutdown(socket.SHUT_RDWR)
+
+    timer = Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    except ServerError:
+        if over.is_set():
+            raise late(seconds) from None
+        raise
+    finally:
+        timer.cancel()
 
 
 class Link(Protocol):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
-from pytest_libero_max.policies.clients.transport import Unreachable
+from pytest_libero_max.policies.clients.transport import Unreachable, late, time_limit
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -59,14 +59,16 @@ class Socket:
         """Send a binary message.
 
         Raises:
-            Unreachable: The connection was lost.
+            Unreachable: The connection was lost, or the server did not take it in time.
         """
         from websockets.exceptions import ConnectionClosed
 
-        try:
-            self._open_connection().send(content)
-        except (ConnectionClosed, OSError) as error:
-            raise Unreachable(f"the connection was lost ({error})") from error
+        connection = self._open_connection()
+        with time_limit(connection.socket, self._address.timeout_s):
+            try:
+                connection.send(content)
+            except (ConnectionClosed, OSError) as error:
+                raise Unreachable(f"the connection was lost ({error})") from error
 
     def receive(self) -> bytes | str:
         """Return the next message.
@@ -80,9 +82,7 @@ class Socket:
         try:
             return self._open_connection().recv(timeout=self._address.timeout_s)
         except TimeoutError:
-            raise Unreachable(
-                f"no answer came within {self._address.timeout_s:g} s (?timeout=SECONDS changes that)"
-            ) from None
+            raise late(self._address.timeout_s) from None
         except ConnectionClosed as error:
             if error.sent is not None and error.sent.code == 1009:
                 raise ServerError(f"a message of more than {MOST_BYTES} bytes came") from error

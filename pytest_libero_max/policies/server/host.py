@@ -8,13 +8,11 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.cadence import played_at
 from pytest_libero_max.policies.check import (
+    Actions,
     ask,
     ask_together,
     batches,
@@ -31,8 +29,6 @@ from pytest_libero_max.policies.server.batching import Batching, BatchQueue, Pen
 from pytest_libero_max.policies.server.memories import Memories, Place
 from pytest_libero_max.policies.server.metrics import Metrics
 from pytest_libero_max.worlds.contract import Observation
-
-Actions = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

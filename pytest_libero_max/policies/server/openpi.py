@@ -7,15 +7,16 @@ connection.
 
 from __future__ import annotations
 
-import logging
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 import numpy as np
 
 from pytest_libero_max.errors import LiberoMaxError, ServerError
 from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
+from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query
 from pytest_libero_max.policies.server.host import Host, InferenceRequest
 from pytest_libero_max.policies.server.memories import Place
@@ -23,11 +24,44 @@ from pytest_libero_max.policies.server.memories import Place
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection
 
-    from pytest_libero_max.worlds.contract import Observation
-
-LOG = logging.getLogger("pytest_libero_max.servers")
-
 CLOSE_AFTER_ERROR = 1011
+
+
+class _Query(msgspec.Struct):
+    index: int
+    step: int
+    seed: int
+
+
+class _Episode(msgspec.Struct):
+    suite: str
+    task_index: int
+    instruction: str
+    seed: int
+    max_steps: int
+
+
+class _Frame(msgspec.Struct):
+    observation: dict[str, np.ndarray[Any, Any]]
+    step: int
+
+
+class _Request(msgspec.Struct):
+    """A request; fields beside these are ignored.
+
+    Attributes:
+        cadence: H and Q that the client plays; None where it does not say.
+        frames: Steps that a policy that sees every step has to be shown first.
+        memory: See :class:`.memories.Place`.
+    """
+
+    prompt: str
+    observation: dict[str, np.ndarray[Any, Any]]
+    query: _Query
+    episode: _Episode
+    cadence: tuple[int, int] | None = None
+    frames: tuple[_Frame, ...] = ()
+    memory: Any = None
 
 
 def greeting(host: Host) -> dict[str, Any]:
@@ -50,9 +84,13 @@ def answer(host: Host, request: Any) -> dict[str, Any]:
         ServerError: The request is not that of the profile ``served``.
         LiberoMaxError: See :meth:`Host.ask`.
     """
-    item = _item(request)
-    place = Place.read(request.get("memory")) if host.remembers else None
-    found = host.ask(InferenceRequest(item, place, _cadence(request), _frames(request)))
+    asked = _read(request)
+    query = Query(asked.query.index, asked.query.step, asked.prompt, asked.query.seed)
+    item = BatchItem(asked.observation, query, Episode(**msgspec.structs.asdict(asked.episode)))
+    place = Place.read(asked.memory) if host.remembers else None
+    cadence = None if asked.cadence is None else Cadence(asked.cadence[1], asked.cadence[0])
+    frames = tuple((frame.observation, frame.step) for frame in asked.frames)
+    found = host.ask(InferenceRequest(item, place, cadence, frames))
     reply = {"actions": found.actions, "batch": found.batch}
     return reply if found.memory is None else {**reply, "memory": found.memory}
 
@@ -75,76 +113,13 @@ def talk(connection: ServerConnection, host: Host) -> None:
             connection.send(reply)
 
 
-def _item(request: Any) -> BatchItem:
-    try:
-        observation, query, episode = (request[key] for key in ("observation", "query", "episode"))
-        return BatchItem(
-            _arrays(observation),
-            Query(
-                _integer(query, "index"),
-                _integer(query, "step"),
-                _text(request, "prompt"),
-                _integer(query, "seed"),
-            ),
-            Episode(
-                _text(episode, "suite"),
-                _integer(episode, "task_index"),
-                _text(episode, "instruction"),
-                _integer(episode, "seed"),
-                _integer(episode, "max_steps"),
-            ),
-        )
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise ServerError(
-            f"a request that is not that of the profile 'served' ({type(error).__name__}: {error})"
-        ) from error
-
-
-def _cadence(request: Any) -> Cadence | None:
-    """H and Q that the client plays; None where it does not say.
+def _read(request: Any) -> _Request:
+    """Return what a client asks.
 
     Raises:
-        ServerError: They are no two integers.
-    """
-    value = request.get("cadence")
-    if value is None:
-        return None
-    if not isinstance(value, list) or len(value) != 2 or not all(type(number) is int for number in value):
-        raise ServerError("a request whose 'cadence' is no list of H and Q")
-    horizon, query_interval = value
-    return Cadence(query_interval, horizon)
-
-
-def _frames(request: Any) -> tuple[tuple[Observation, int], ...]:
-    """Return steps that a policy that sees every step has to be shown first.
-
-    Raises:
-        ServerError: They are no list of maps with an observation and a step.
+        ServerError: It is not a request of the profile ``served``.
     """
     try:
-        return tuple(
-            (_arrays(frame["observation"]), _integer(frame, "step")) for frame in request.get("frames", [])
-        )
-    except (LookupError, TypeError, AttributeError) as error:
-        raise ServerError(f"a request with frames that are none ({type(error).__name__}: {error})") from error
-
-
-def _arrays(observation: Any) -> Observation:
-    for key, value in observation.items():
-        if not (isinstance(key, str) and isinstance(value, np.ndarray)):
-            raise TypeError("an observation holds arrays by their names")
-    return dict(observation)
-
-
-def _integer(values: Any, key: str) -> int:
-    value = values[key]
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise TypeError(f"{key} is a {type(value).__name__}, but must be an integer")
-    return value
-
-
-def _text(values: Any, key: str) -> str:
-    value = values[key]
-    if not isinstance(value, str):
-        raise TypeError(f"{key} is a {type(value).__name__}, but must be a text")
-    return value
+        return msgspec.convert(request, _Request)
+    except msgspec.ValidationError as error:
+        raise ServerError(f"a request that is not that of the profile 'served' ({error})") from error

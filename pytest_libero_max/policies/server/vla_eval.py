@@ -9,7 +9,6 @@ actions of its last answer are used up, and when an episode begins.
 from __future__ import annotations
 
 import io
-import logging
 import math
 import secrets
 import time
@@ -25,6 +24,7 @@ from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, array_from, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocols.vla_eval import PROTOCOL_VERSION
+from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query_seed
 from pytest_libero_max.policies.server.host import Host, InferenceRequest
 from pytest_libero_max.policies.server.memories import Place
@@ -33,8 +33,6 @@ from pytest_libero_max.worlds.contract import CAMERAS, height_and_width
 
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection
-
-LOG = logging.getLogger("pytest_libero_max.servers")
 
 MOST_PIXELS = 2**24
 """The largest image that is decoded."""

@@ -47,7 +47,7 @@ def test_an_array_is_read_as_it_was_written(dialect: Dialect, array: Any) -> Non
 @given(array=ARRAYS)
 @settings(max_examples=15)
 def test_json_numpy_is_read_as_it_was_written(array: Any) -> None:
-    again = codecs.from_json(codecs.to_json({"a": array}, codecs.as_json_numpy))["a"]
+    again = codecs.from_json(codecs.to_json({"a": array}, codecs.JSON_NUMPY.encode))["a"]
     assert (again.dtype, again.shape, again.tobytes()) == (array.dtype, array.shape, array.tobytes())
     text = json.loads(codecs.to_json({"a": array}, codecs.as_json_numpy_text))["a"]
     assert codecs.from_json(text.encode()).tobytes() == array.tobytes()

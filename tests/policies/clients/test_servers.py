@@ -67,7 +67,10 @@ def test_a_file_maps_markers_to_servers(tmp_path: Path) -> None:
             "[[servers]]\naddress = 'openpi://b'\nprofile = 'fastwam'",
             "several policies .fast-wam, pi05-libero.*give its `name`",
         ),
-        ("[[servers]]\naddress = 'openpi://a'\nrevision = 3", "revision=3, but must be a text"),
+        (
+            "[[servers]]\naddress = 'openpi://a'\nrevision = 3",
+            "revision=3, but must be text that is not empty",
+        ),
         ("[[servers", "cannot be read"),
     ],
 )

@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from websockets.http11 import Request
+from websockets.server import ServerProtocol
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import codecs, transport
 from pytest_libero_max.policies.clients.codecs import MSGPACK_NUMPY, NPY, OPENPI, pack
-from pytest_libero_max.policies.clients.opening import load_served
+from pytest_libero_max.policies.clients.opening import load_served, parse_address
 from pytest_libero_max.policies.clients.served import ServedPolicy
+from pytest_libero_max.policies.clients.websocket import Socket
 from tests.policies.clients import fakes
 
 GOOD = {"actions": np.zeros((10, 7))}
@@ -321,3 +324,27 @@ def test_an_answer_that_drips_ends_with_the_timeout() -> None:
         with pytest.raises(ServerError, match=r"no answer came within 0\.3 s"):
             ask(connect("http", port, "dm05", "timeout=0.3&patience=0.2"))
         assert time.monotonic() - began < 10
+
+
+def test_a_server_that_reads_nothing_ends_with_the_timeout() -> None:
+    """A large request fills what the system holds for it, and no byte more is ever taken."""
+    held = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def shake_hands() -> None:
+            connection, _ = server.accept()
+            held.append(connection)
+            protocol = ServerProtocol()
+            protocol.receive_data(connection.recv(2**16))
+            (request,) = protocol.events_received()
+            assert isinstance(request, Request)
+            protocol.send_response(protocol.accept(request))
+            connection.sendall(b"".join(protocol.data_to_send()))
+
+        threading.Thread(target=shake_hands, daemon=True).start()
+        link = Socket(parse_address(f"openpi://127.0.0.1:{server.getsockname()[1]}?timeout=0.5"))
+        link.open()
+        with pytest.raises(ServerError, match=r"no answer came within 0\.5 s"):
+            link.send(bytes(2**25))
+        link.close()
+        held[0].close()

@@ -47,12 +47,12 @@ def test_a_server_that_is_connected_to_again_is_the_same_one_at_any_cadence(prof
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"frames": [1]}, "frames that are none"),
-        ({"frames": 7}, "frames that are none"),
-        ({"frames": [{"observation": {"x": "text"}, "step": 0}]}, "arrays by their names"),
-        ({"frames": [{"observation": {}, "step": 0.5}]}, "must be an integer"),
-        ({"cadence": [4]}, "no list of H and Q"),
-        ({"cadence": [4, 2.0]}, "no list of H and Q"),
+        ({"frames": [1]}, r"Expected `object`, got `int` - at `\$.frames\[0\]`"),
+        ({"frames": 7}, r"Expected `array`, got `int` - at `\$.frames`"),
+        ({"frames": [{"observation": {"x": "text"}, "step": 0}]}, "Expected `numpy.ndarray`, got `str`"),
+        ({"frames": [{"observation": {}, "step": 0.5}]}, "Expected `int`, got `float`"),
+        ({"cadence": [4]}, "Expected `array` of length 2"),
+        ({"cadence": [4, 2.5]}, r"Expected `int`, got `float` - at `\$.cadence\[1\]`"),
     ],
 )
 def test_damaged_frames_and_cadences_are_refused(change: Any, message: str) -> None:

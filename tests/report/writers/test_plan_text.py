@@ -65,8 +65,6 @@ def test_suites_that_the_policy_does_not_play_are_left_out() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--workers=0"], "--workers=0, but must be a number from 1 to 1000000"),
-        (["--query-ms=nan"], "--query-ms=nan, but must be"),
         (["--batch=2"], "Give --servers"),
         (["--shards=2"], "--shards=2 also needs --track or --manifest"),
         (["--track=smok"], "smoke"),

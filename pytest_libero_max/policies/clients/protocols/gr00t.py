@@ -18,11 +18,10 @@ from pytest_libero_max.policies.clients.codecs import (
     NPY,
     Dialect,
     pack,
-    shortened,
     unpack,
 )
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-from pytest_libero_max.policies.clients.transport import Unreachable
+from pytest_libero_max.policies.clients.transport import Unreachable, late, reported
 
 DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
 
@@ -88,14 +87,12 @@ class Gr00tLink:
             self._socket.send(pack(request, self._dialect))
             content = self._socket.recv()
         except zmq.Again:
-            raise Unreachable(
-                f"no answer came within {self._address.timeout_s:g} s (?timeout=SECONDS changes that)"
-            ) from None
+            raise late(self._address.timeout_s) from None
         except zmq.ZMQError as error:
             raise Unreachable(f"the connection was lost ({error})") from error
         reply = unpack(content, self._dialect)
         if isinstance(reply, dict) and "error" in reply:
-            raise ServerError(f"the server reports an error: {shortened(str(reply['error']))}")
+            raise reported(reply["error"])
         return reply
 
 

@@ -7,18 +7,15 @@ base64 files.
 from __future__ import annotations
 
 import http.client
-import socket
 import ssl
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from threading import Event, Timer
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import (
+    JSON_NUMPY,
     MOST_BYTES,
-    as_json_numpy,
     as_json_numpy_text,
     as_lists,
     from_json,
@@ -26,10 +23,10 @@ from pytest_libero_max.policies.clients.codecs import (
     to_json,
 )
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-from pytest_libero_max.policies.clients.transport import Unreachable
+from pytest_libero_max.policies.clients.transport import Unreachable, late, reported, time_limit
 
 CODECS: Mapping[str, Callable[[Any], Any]] = {
-    "json-numpy": as_json_numpy,
+    "json-numpy": JSON_NUMPY.encode,
     "json-numpy-text": as_json_numpy_text,
     "lists": as_lists,
 }
@@ -72,22 +69,8 @@ class HttpLink:
             raise Unreachable("the connection is closed")
         if self._connection.sock is None:  # the last answer has closed it
             self.open()
-        over = Event()
-        timer = Timer(self._address.timeout_s, _end, (self._connection.sock, over))
-        timer.daemon = True
-        timer.start()
-        try:
+        with time_limit(self._connection.sock, self._address.timeout_s):
             return self._asked(request)
-        except ServerError:
-            if over.is_set():
-                raise self._late() from None
-            raise
-        finally:
-            timer.cancel()
-
-    def _late(self) -> Unreachable:
-        text = f"no answer came within {self._address.timeout_s:g} s (?timeout=SECONDS changes that)"
-        return Unreachable(text)
 
     def _asked(self, request: Any) -> Any:
         assert self._connection is not None
@@ -97,7 +80,7 @@ class HttpLink:
             response = self._connection.getresponse()
             content = response.read(MOST_BYTES + 1)
         except TimeoutError:
-            raise self._late() from None
+            raise late(self._address.timeout_s) from None
         except (OSError, http.client.HTTPException) as error:
             raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
         if response.status in (502, 503, 504):
@@ -128,13 +111,6 @@ class HttpProtocol(ServerProtocol):
         return HttpLink(opening.address, path, opening.choice("codec", CODECS))
 
 
-def _end(sock: socket.socket, over: Event) -> None:
-    """End a connection whose answer is late as a whole: each part of it may have come in time."""
-    over.set()
-    with suppress(OSError):
-        sock.shutdown(socket.SHUT_RDWR)
-
-
 def _reply(content: bytes) -> Any:
     reply = from_json(content)
     if isinstance(reply, str):
@@ -143,5 +119,5 @@ def _reply(content: bytes) -> Any:
             raise ServerError(f"the server answered {shortened(reply)}")
         reply = from_json(reply.encode(errors="surrogatepass"))
     if isinstance(reply, dict) and "error" in reply:
-        raise ServerError(f"the server reports an error: {shortened(str(reply['error']))}")
+        raise reported(reply["error"])
     return reply

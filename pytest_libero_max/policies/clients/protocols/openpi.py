@@ -10,7 +10,7 @@ from typing import Any
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
-from pytest_libero_max.policies.clients.codecs import OPENPI, pack, shortened, unpack
+from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.clients.declared import (
     DeclaredPolicy,
     RememberingPolicy,
@@ -20,7 +20,7 @@ from pytest_libero_max.policies.clients.declared import (
 )
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
-from pytest_libero_max.policies.clients.transport import Link
+from pytest_libero_max.policies.clients.transport import Link, reported
 from pytest_libero_max.policies.clients.websocket import Socket
 
 
@@ -57,7 +57,7 @@ class OpenpiLink:
         message = self._socket.receive()
         if isinstance(message, str):
             lines = message.strip().splitlines()
-            raise ServerError(f"the server reports an error: {shortened(lines[-1] if lines else '')}")
+            raise reported(lines[-1] if lines else "")
         reply = unpack(message, OPENPI)
         if not isinstance(reply, dict):
             raise ServerError(f"a message is a {type(reply).__name__}, but openpi's are maps")

@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.codecs import shortened
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.protocols.openpi import OpenpiLink
+from pytest_libero_max.policies.clients.transport import reported
 
 
 class StarvlaLink(OpenpiLink):
@@ -21,8 +21,7 @@ class StarvlaLink(OpenpiLink):
         reply = super().ask(request)
         if reply.get("ok") is False or "error" in reply:
             error = reply.get("error")
-            message = error.get("message", error) if isinstance(error, dict) else error
-            raise ServerError(f"the server reports an error: {shortened(str(message))}")
+            raise reported(error.get("message", error) if isinstance(error, dict) else error)
         data = reply.get("data")
         if not isinstance(data, dict):
             raise ServerError(

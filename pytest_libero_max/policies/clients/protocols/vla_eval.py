@@ -16,10 +16,12 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-from pytest_libero_max.policies.clients.served import Actions, Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.transport import reported
 from pytest_libero_max.policies.clients.websocket import Socket
 from pytest_libero_max.policies.contract import PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
@@ -89,7 +91,7 @@ class VlaEvalLink:
         payload: dict[Any, Any] = message["payload"]
         said, number = str(message.get("type")), message.get("seq")
         if said == "error":
-            raise ServerError(f"the server reports an error: {shortened(str(payload.get('error')))}")
+            raise reported(payload.get("error"))
         if said != kind or not isinstance(number, int) or number != seq:
             raise ServerError(
                 f"a message of type {shortened(said)} with seq {shortened(str(number))} came, but {kind!r} "
@@ -102,20 +104,11 @@ class OneByOnePolicy(ServedPolicy):
     """A policy behind a server that may hand out the actions of a chunk one by one."""
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """Return the request and the number of actions needed.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
         return {**super().request(observation, query), "count": self.spec.query_interval}
 
     def read(self, reply: Any) -> Actions:
-        """Return the actions of a reply; the length of a chunk that came one by one stays unknown.
-
-        Raises:
-            ServerError: There are none that can be played.
-        """
         actions = super().read(reply)
+        # The length of a chunk that came one by one stays unknown.
         self.returned = None if reply.get("singly") else self.returned
         return actions
 
