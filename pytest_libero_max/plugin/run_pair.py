@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
@@ -17,7 +17,6 @@ from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
-from pytest_libero_max.plugin.first_pair import require_first_pair_again
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
 from pytest_libero_max.plugin.run_stop import stop_run
@@ -39,10 +38,25 @@ BROKEN_POLICY = "the policy cannot be played"
 """Reason of a stop: every other pair would end in the same way."""
 
 
+AGAIN_AFTER = 8
+"""Pairs that a process has played when it plays its first one again, once."""
+
 LIMIT_REACHED = (
     "a pair reached a limit in the session's own process, which cannot be trusted any more. Play with -n 1 "
     "or --libero-max-isolate, so that the other pairs go on"
 )
+
+
+@dataclass
+class _First:
+    """The first pair of a process, and the number of pairs that it has played."""
+
+    case: Case
+    record: PairRecord
+    pairs: int = 0
+
+
+_FIRST = pytest.StashKey[_First]()
 
 
 def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
@@ -122,23 +136,41 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
 def _require_first_pair_again(
     request: pytest.FixtureRequest, case: Case, record: PairRecord, policy: Policy, process: PairProcess
 ) -> None:
-    """Play the first pair of this process again, as far as Base; see :mod:`.first_pair`."""
-    substrate = request.getfixturevalue("libero_max_substrate")
+    """After some pairs play the first one of this process again: another one if the policy remembers them.
 
-    def play_again(first: Case) -> PairRecord:
-        world = substrate.world(first)
-        arms = _arms(first, policy, request.config)[:1]
-        return _on_servers(
-            policy, first, lambda: _measure_arms(first, world, policy, request.config, process, {}, arms)
-        ).record
+    Base alone is played again: half of the time, and the other arms share its beginning and its policy.
 
-    if policy.spec.repeatable:
+    Raises:
+        AdapterError: It came out otherwise than before.
+    """
+    if not policy.spec.repeatable:
+        return
+    config = request.config
+    first = config.stash.setdefault(_FIRST, _First(case, record))
+    first.pairs += 1
+    if first.pairs != AGAIN_AFTER:
+        return
+    try:
         with process.watchdog.pair():
-            try:
-                require_first_pair_again(request.config, case, record, play_again)
-            except AdapterError:
-                process.enter(POLICY_PHASE)
-                raise
+            world = request.getfixturevalue("libero_max_substrate").world(first.case)
+            arms = _arms(first.case, policy, config)[:1]
+            again = _on_servers(
+                policy,
+                first.case,
+                lambda: _measure_arms(first.case, world, policy, config, process, {}, arms),
+            ).record.arms
+        different = [name for name, arm in again.items() if first.record.arms[name].proof != arm.proof]
+        if different:
+            raise AdapterError(
+                f"the policy remembers something from pair to pair: {first.case.item_id} was played again "
+                f"after {AGAIN_AFTER} pairs, and {' and '.join(different)} came out otherwise, so that "
+                "results depend on what was played before. Let reset() empty queues, histories, counters and "
+                "generators; libero-max check finds most of it. Declare PolicySpec(repeatable=False) only "
+                "for a server whose arithmetic varies."
+            )
+    except AdapterError:
+        process.enter(POLICY_PHASE)
+        raise
 
 
 def _on_servers(policy: Policy, case: Case, measure: Callable[[], Result]) -> Result:

@@ -43,12 +43,10 @@ class Dialect:
     """One way to write an array as a map.
 
     Attributes:
-        name: For messages.
         encode: The map of an array.
         decode: Returns the value of a map: itself, unless it is an array of this dialect.
     """
 
-    name: str
     encode: Callable[[AnyArray], dict[Any, Any]]
     decode: Callable[[dict[Any, Any]], Any]
 
@@ -233,7 +231,7 @@ def _openpi_decode(value: dict[Any, Any]) -> Any:
     return value
 
 
-OPENPI = Dialect("openpi", _openpi_encode, _openpi_decode)
+OPENPI = Dialect(_openpi_encode, _openpi_decode)
 """``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being bytes."""
 
 
@@ -257,7 +255,7 @@ def _vla_eval_decode(value: dict[Any, Any]) -> Any:
     return value
 
 
-VLA_EVAL = Dialect("vla-eval", _vla_eval_encode, _vla_eval_decode)
+VLA_EVAL = Dialect(_vla_eval_encode, _vla_eval_decode)
 """``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being text."""
 
 
@@ -287,7 +285,7 @@ def _msgpack_numpy_decode(value: dict[Any, Any]) -> Any:
     return array_from(value.get(known.get("data", "")), dtype, value.get(known.get("shape", "")))
 
 
-MSGPACK_NUMPY = Dialect("msgpack-numpy", _msgpack_numpy_encode, _msgpack_numpy_decode)
+MSGPACK_NUMPY = Dialect(_msgpack_numpy_encode, _msgpack_numpy_decode)
 """``nd``, ``type``, ``kind``, ``shape``, ``data``, the keys being bytes; read as text as well."""
 
 
@@ -323,7 +321,7 @@ def _npy_decode(value: dict[Any, Any]) -> Any:
     return array.transpose() if fortran else array
 
 
-NPY = Dialect("npy", _npy_encode, _npy_decode)
+NPY = Dialect(_npy_encode, _npy_decode)
 """``__ndarray_class__`` with the content of a ``.npy`` file."""
 
 
@@ -349,5 +347,5 @@ def _json_numpy_decode(value: dict[Any, Any]) -> Any:
     return array_from(data, value.get("dtype"), value.get("shape"))
 
 
-JSON_NUMPY = Dialect("json-numpy", _json_numpy_encode, _json_numpy_decode)
+JSON_NUMPY = Dialect(_json_numpy_encode, _json_numpy_decode)
 """``__numpy__`` with base64, ``dtype``, ``shape``."""

@@ -251,5 +251,5 @@ def _decode(value: dict[Any, Any]) -> Any:
         raise ServerError(f"an image that cannot be read ({type(error).__name__}: {error})") from error
 
 
-WITH_IMAGES = Dialect("vla-eval", VLA_EVAL.encode, _decode)
+WITH_IMAGES = Dialect(VLA_EVAL.encode, _decode)
 """vla-eval's dialect, in which images come as files as well."""
