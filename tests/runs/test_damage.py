@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_text import comparison_lines
 from pytest_libero_max.report.gate_results import decide
@@ -85,3 +86,20 @@ def test_damaged_reports_are_read_or_refused(folder: Path) -> None:
     path = folder / "report.json"
     content = json.dumps(json.loads(path.read_text())).encode() + b"\n"
     _only_our_errors(content, path, lambda seed: expectations_of(read_report(folder)), SEEDS[:40])
+
+
+@pytest.mark.parametrize("changed", [{"by": {}}, {"changed_pairs": None}])
+def test_a_report_that_lacks_a_part_is_refused(folder: Path, changed: Json) -> None:
+    path = folder / "report.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changed}))
+    with pytest.raises(ReportError, match=r"is damaged: .* Compute it again from its pairs.jsonl"):
+        read_report(folder)
+
+
+def test_a_count_beyond_all_bounds_is_refused(folder: Path) -> None:
+    path = folder / "report.json"
+    report = json.loads(path.read_text())
+    report["overall"]["played"] = 10**40
+    path.write_text(json.dumps(report))
+    with pytest.raises(ReportError, match=r"is damaged: "):
+        read_report(folder)

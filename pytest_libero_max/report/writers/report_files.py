@@ -10,10 +10,11 @@ from typing import Any
 
 import msgspec
 
-from pytest_libero_max.benchmark.structs import decode_json
+from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.blocks import Block
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
@@ -163,9 +164,12 @@ def read_report(path: Path) -> Report:
             "Compute it again from its pairs.jsonl."
         )
     try:
-        return msgspec.convert(report, Report)
+        read = msgspec.convert(report, Report)
+        if read.by.keys() != DIMENSIONS.keys():
+            raise msgspec.ValidationError(f"by has the groups {shown([*read.by])}, not {[*DIMENSIONS]}")
     except msgspec.ValidationError as error:
         raise ReportError(f"{path} is damaged: {error}. Compute it again from its pairs.jsonl.") from error
+    return read
 
 
 def make_folder(folder: Path) -> None:

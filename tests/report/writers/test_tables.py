@@ -33,7 +33,7 @@ def test_latex_escapes_and_ends_with_the_whole_run() -> None:
     text = latex_text(REPORT)
     assert text.startswith(
         "% scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded)\n"
-        "% Percent; changes in percentage points with their 95% interval.\n"
+        "% Percent; changes in percentage points with their 95\\% interval.\n"
         "% Measured on the embedded substrate"
     )
     assert r"camera\_shift & 4 & " in text
