@@ -186,7 +186,11 @@ class ServerFleet:
     def __getattr__(self, name: str) -> Any:
         if name == "_pool":  # not yet
             raise AttributeError(name)
-        return getattr(self._pool.policy, name)
+        found = getattr(self._pool.policy, name)
+        if not callable(found):
+            return found
+        # A wrapper keeps the method: it has to reach the server that is asked by then.
+        return lambda *arguments: getattr(self._pool.policy, name)(*arguments)
 
     @property
     def waited_s(self) -> float:
