@@ -7,7 +7,6 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
@@ -29,7 +28,9 @@ export LIBERO_MAX_SHARDS={shards}
 {beginning}# Shortly before its time limit the job is put into the queue again, and goes on where it was.
 again() {{ [ "${{SLURM_RESTART_COUNT:-0}}" -ge {restarts} ] || scontrol requeue "$SLURM_JOB_ID"; }}
 trap again USR1
-{pytest} &
+{pytest} \\
+    --libero-max-shard=env --libero-max-resume \\
+    --libero-max-output={output}/shard-"$SLURM_ARRAY_TASK_ID" &
 pytest=$!
 while true; do
     wait "$pytest"
@@ -43,7 +44,8 @@ END_OF_JOB
 merge_shards() {{
     cat <<'END_OF_JOB'
 #!/bin/bash
-{beginning}exec {merge}
+{beginning}exec {merge} \\
+    {output}/shard-{{1..{shards}}} --output {output}
 END_OF_JOB
 }}
 
@@ -75,7 +77,22 @@ def add_command(commands: Commands) -> None:
         "preempted, or reaches its time limit, goes on where it was. Submit the jobs again to play what is "
         "missing.",
     )
-    _add_shards(slurm)
+    option(slurm, "--shards N", "Number of shards", type=whole_number(2), required=True)
+    option(
+        slurm, "--at-once N", "Shards that are played at the same time (default: all)", type=whole_number(1)
+    )
+    option(slurm, "--workers N", "Workers of each shard", type=whole_number(1), default=1)
+    option(slurm, "--output FOLDER", "On a file system that all nodes share", default="libero-max-results")
+    option(
+        slurm,
+        "--before COMMAND",
+        "A line of shell that each job begins with, for example 'module load cuda'; may be repeated",
+        many=True,
+    )
+    switch(slurm, "--submit", "Submit the jobs instead of printing them")
+    slurm.add_argument(
+        "arguments", nargs="+", metavar="ARGUMENT", help="Of pytest, after --; among them the policy"
+    )
     option(
         slurm,
         "--sbatch OPTION",
@@ -86,147 +103,76 @@ def add_command(commands: Commands) -> None:
 
 
 def _launch(options: argparse.Namespace) -> int:
-    script = slurm_script(Shards.of(options), Path(options.output).absolute(), options.sbatch)
-    if options.submit:
-        return _hand_over(script, ["bash"])
-    print(script, end="")
-    return 0
-
-
-def slurm_script(shards: Shards, output: Path, sbatch: Sequence[str] = ()) -> str:
-    """Return a script for bash that submits an array of shards, and the job that merges them.
-
-    Args:
-        shards: The shards to play.
-        output: Folder of the runs; absolute.
-        sbatch: More options of sbatch for the shards.
-
-    Raises:
-        OptionError: A word has several lines.
-    """
-    _require_lines(*sbatch, str(output))
-    logs = str(output / "logs").replace("%", "%%")
-    # Options of sbatch that come later win.
-    options = [
-        *("--requeue", "--open-mode=append", f"--cpus-per-task={shards.workers}", "--signal=B:USR1@120"),
-        *(f"--output={logs}/%A_%a.log", *sbatch),
-    ]
-    return _SCRIPT.format(
-        shards=shards.count,
-        array=f"1-{shards.count}" + ("" if shards.at_once is None else f"%{shards.at_once}"),
-        output=shlex.quote(str(output)),
-        options=shlex.join(options),
-        merge_options=shlex.join([f"--output={logs}/merge-%j.log"]),
-        beginning=shards.beginning(str(Path.cwd())),
-        restarts=_RESTARTS,
-        pytest=shards.pytest(sys.executable, str(output), "$SLURM_ARRAY_TASK_ID"),
-        merge=shards.merge(sys.executable, str(output), "--finished"),
+    script = slurm_script(
+        options.arguments,
+        options.shards,
+        Path(options.output).absolute(),
+        at_once=options.at_once,
+        workers=options.workers,
+        before=options.before,
+        sbatch=options.sbatch,
     )
+    if not options.submit:
+        print(script, end="")
+        return 0
+    try:
+        return subprocess.run(["bash"], input=script, text=True, check=False).returncode
+    except OSError as error:
+        raise OptionError(
+            f"Cannot run bash: {error}. Without --submit the jobs are printed: submit them where bash is."
+        ) from error
 
 
 _OURS = ("--libero-max-shard", "--libero-max-output", "--libero-max-resume")
 """Options that a job gives to pytest itself."""
 
 
-@dataclass(frozen=True)
-class Shards:
-    """The shards of a run, as they are to be played.
+def slurm_script(
+    arguments: Sequence[str],
+    shards: int,
+    output: Path,
+    *,
+    at_once: int | None = None,
+    workers: int = 1,
+    before: Sequence[str] = (),
+    sbatch: Sequence[str] = (),
+) -> str:
+    """Return a script for bash that submits an array of shards, and the job that merges them.
 
-    Attributes:
+    Args:
         arguments: Of pytest.
-        count: Number of shards.
+        shards: Number of shards.
+        output: Folder of the runs; absolute.
         at_once: Shards that are played at the same time; None for no limit.
         workers: Workers of each shard.
         before: Lines of shell that each job begins with.
+        sbatch: More options of sbatch for the shards.
 
     Raises:
-        OptionError: An argument of pytest cannot be used.
+        OptionError: A word has several lines, or an argument of pytest cannot be used.
     """
-
-    arguments: Sequence[str]
-    count: int
-    at_once: int | None = None
-    workers: int = 1
-    before: Sequence[str] = ()
-
-    def __post_init__(self) -> None:
-        for argument in self.arguments:
-            if argument.split("=")[0] in _OURS:
-                raise OptionError(
-                    f"{argument}: each job gives that to pytest itself. Take it away; --output is ours."
-                )
-        _require_lines(*self.arguments, *self.before)
-
-    @classmethod
-    def of(cls, options: argparse.Namespace) -> Shards:
-        """Return the shards that are asked for."""
-        return cls(options.arguments, options.shards, options.at_once, options.workers, options.before)
-
-    def beginning(self, folder: str) -> str:
-        """Return the first lines of a job's script: it goes to its folder, and gets ready."""
-        return "".join(f"{line}\n" for line in (f"cd {shlex.quote(folder)} || exit", *self.before))
-
-    def pytest(self, python: str, output: str, number: str) -> str:
-        """Return the command that plays a shard.
-
-        Args:
-            python: The interpreter.
-            output: Folder of the runs.
-            number: The number of the shard, from 1, as the shell finds it.
-        """
-        words = shlex.join([python, "-m", "pytest", "-n", str(self.workers), *self.arguments])
-        folder = f'{shlex.quote(output)}/shard-"{number}"'
-        return (
-            f"{words} \\\n    --libero-max-shard=env --libero-max-resume \\\n    --libero-max-output={folder}"
-        )
-
-    def merge(self, python: str, output: str, *flags: str) -> str:
-        """Return the command that merges the shards, for bash."""
-        words = shlex.join([python, "-m", "pytest_libero_max.cli", "merge", *flags])
-        output = shlex.quote(output)
-        return f"{words} \\\n    {output}/shard-{{1..{self.count}}} --output {output}"
-
-
-def _add_shards(parser: argparse.ArgumentParser) -> None:
-    option(parser, "--shards N", "Number of shards", type=whole_number(2), required=True)
-    option(
-        parser, "--at-once N", "Shards that are played at the same time (default: all)", type=whole_number(1)
-    )
-    option(parser, "--workers N", "Workers of each shard", type=whole_number(1), default=1)
-    option(parser, "--output FOLDER", "On a file system that all nodes share", default="libero-max-results")
-    option(
-        parser,
-        "--before COMMAND",
-        "A line of shell that each job begins with, for example 'module load cuda'; may be repeated",
-        many=True,
-    )
-    switch(parser, "--submit", "Submit the jobs instead of printing them")
-    parser.add_argument(
-        "arguments", nargs="+", metavar="ARGUMENT", help="Of pytest, after --; among them the policy"
-    )
-
-
-def _require_lines(*words: str) -> None:
-    """Check that each of some words has one line.
-
-    Raises:
-        OptionError: One has several.
-    """
-    for word in words:
+    for argument in arguments:
+        if argument.split("=")[0] in _OURS:
+            raise OptionError(
+                f"{argument}: each job gives that to pytest itself. Take it away; --output is ours."
+            )
+    for word in (*arguments, *before, *sbatch, str(output)):
         if "\n" in word:
             raise OptionError(f"{word!r} has several lines, which a script of jobs cannot hold. Write one.")
-
-
-def _hand_over(jobs: str, command: Sequence[str]) -> int:
-    """Give jobs to the standard input of a command; return its exit status.
-
-    Raises:
-        OptionError: It cannot be run.
-    """
-    try:
-        return subprocess.run(command, input=jobs, text=True, check=False).returncode
-    except OSError as error:
-        raise OptionError(
-            f"Cannot run {command[0]}: {error}. Without --submit the jobs are printed: submit them where "
-            f"{command[0]} is."
-        ) from error
+    logs = str(output / "logs").replace("%", "%%")
+    # Options of sbatch that come later win.
+    options = [
+        *("--requeue", "--open-mode=append", f"--cpus-per-task={workers}", "--signal=B:USR1@120"),
+        *(f"--output={logs}/%A_%a.log", *sbatch),
+    ]
+    return _SCRIPT.format(
+        shards=shards,
+        array=f"1-{shards}" + ("" if at_once is None else f"%{at_once}"),
+        output=shlex.quote(str(output)),
+        options=shlex.join(options),
+        merge_options=shlex.join([f"--output={logs}/merge-%j.log"]),
+        beginning="".join(f"{line}\n" for line in (f"cd {shlex.quote(str(Path.cwd()))} || exit", *before)),
+        restarts=_RESTARTS,
+        pytest=shlex.join([sys.executable, "-m", "pytest", "-n", str(workers), *arguments]),
+        merge=shlex.join([sys.executable, "-m", "pytest_libero_max.cli", "merge", "--finished"]),
+    )

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.cli.launch import Shards, slurm_script
+from pytest_libero_max.cli.launch import slurm_script
 from pytest_libero_max.runs.merge import merge_folders
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
@@ -171,7 +171,7 @@ def test_a_real_slurm_plays_and_merges_shards(folder: Path) -> None:
     asked = subprocess.run(["sinfo", "--noheader"], capture_output=True, text=True, check=False)
     if asked.returncode or not asked.stdout:
         pytest.skip("Slurm is installed here, but no controller answers")
-    script = slurm_script(Shards(PLAYED, 2), folder / "out")
+    script = slurm_script(PLAYED, 2, folder / "out")
     subprocess.run(["bash"], input=script, text=True, check=True)
     until = time.monotonic() + 240
     while not (folder / "out/report.json").exists() and time.monotonic() < until:

@@ -128,18 +128,17 @@ class Death:
         return cls(kind(values["message"]), values["phase"], values["text"])
 
 
-def read_death(path: Path | None, status: int | None, who: str) -> Death:
+def read_death(path: Path, status: int | None, who: str) -> Death:
     """Read why a process died.
 
     Args:
-        path: Its crash log; None where it is on another machine.
+        path: Its crash log, which is missing where it lies on another machine.
         status: Its exit status, negative for a signal; None where it is not known.
         who: Its name for the message: ``worker gw1``.
     """
     activity, text = Activity(phase=""), ""
-    if path is not None:
-        with suppress(OSError, ValueError, TypeError):  # it died before it could write
-            activity, text = _read(path)
+    with suppress(OSError, ValueError, TypeError):  # it died before it could write
+        activity, text = _read(path)
     if status == -time_signal(hard=True) and activity.limit:
         return Death(TimeLimitError(time_limit_text(activity, _place(text))), activity.phase, text)
     if activity.what == MEMORY:

@@ -8,7 +8,7 @@ from typing import Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import AdapterError, ServerError
-from pytest_libero_max.policies.check import Actions, memory_of
+from pytest_libero_max.policies.check import Actions, remembers, sees
 from pytest_libero_max.policies.clients.address import LEFT_OUT, PATIENCE_S
 from pytest_libero_max.policies.clients.opening import open_server, parse_address
 from pytest_libero_max.policies.clients.served import ServedPolicy
@@ -186,7 +186,11 @@ class ServerFleet:
     def __getattr__(self, name: str) -> Any:
         if name == "_pool":  # not yet
             raise AttributeError(name)
-        return getattr(self._pool.policy, name)
+        found = getattr(self._pool.policy, name)
+        if not callable(found):
+            return found
+        # A wrapper keeps the method: it has to reach the server that is asked by then.
+        return lambda *arguments: getattr(self._pool.policy, name)(*arguments)
 
     @property
     def waited_s(self) -> float:
@@ -263,7 +267,7 @@ def open_fleet(
         AdapterError: The groups are no one policy.
     """
     pools = [Pool(group, seat, (horizon, query_interval)) for group in servers.groups]
-    if len({memory_of(pool.policy) for pool in pools}) > 1:
+    if len({(remembers(pool.policy), sees(pool.policy)) for pool in pools}) > 1:
         raise AdapterError(
             "Some of the servers keep the policy's memory and others do not. Serve one policy."
         )

@@ -37,11 +37,11 @@ with log.capture_stderr():
 
 def test_a_process_without_a_crash_log_died_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "torn").write_bytes(b'{"phase": "ba')
-    for path in (None, tmp_path / "missing", tmp_path / "torn"):
+    for path in (tmp_path / "missing", tmp_path / "torn"):
         death = read_death(path, None, "worker gw0")
         assert str(death.error) == "worker gw0 died."
         assert death.phase == death.text == ""
-    killed = read_death(None, -9, "worker gw0")
+    killed = read_death(tmp_path / "elsewhere", -9, "worker gw0")
     assert "signal 9 (SIGKILL). The kernel sends it to a process when the machine has no memory" in str(
         killed.error
     )

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.adapter_digest import adapter_digest
-from pytest_libero_max.policies.clients.fleet import in_order_of
+from pytest_libero_max.policies.clients.fleet import ServerFleet, in_order_of
 from pytest_libero_max.policies.clients.servers import read_servers, require_known_marks
+from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import declares_weights, load_profile, suite_of_key
 
 MAP = """
@@ -154,3 +156,14 @@ def test_groups_of_the_same_declared_weights_are_one_policy(tmp_path: Path) -> N
     others = read_servers(str(path), "pi05_libero", "w")
     assert others.digest != one.digest
     assert others.revision == "libero_goal: w; other: x"
+
+
+def test_a_method_that_is_kept_reaches_the_server_that_is_asked_by_then() -> None:
+    servers = read_servers("openpi://a,openpi://b", "pi05_libero")
+    first, second = (SimpleNamespace(snapshot=lambda name=name: name, batch_size=3) for name in ("a", "b"))
+    pool: Any = SimpleNamespace(left_out={}, declared=PolicySpec("x"), policy=first)
+    fleet = ServerFleet(servers, [pool])
+    snapshot = fleet.snapshot
+    assert (snapshot(), fleet.batch_size, hasattr(fleet, "see")) == ("a", 3, False)
+    pool.policy = second
+    assert snapshot() == "b"
