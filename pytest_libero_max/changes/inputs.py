@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
@@ -90,8 +90,12 @@ class _InputChange(ManifestFields):
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
+    def scaled(self, strength: float) -> Self | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
     def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)  # type: ignore[arg-type]
+        check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
 
@@ -121,10 +125,6 @@ class HideInputs(_InputChange):
     def _filter(self, world: AlterableWorld) -> PixelFilter:
         return HiddenInputs(self.cameras, self.state)
 
-    def scaled(self, strength: float) -> HideInputs | Nothing:
-        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
 class FreezeImages(_InputChange):
@@ -147,10 +147,6 @@ class FreezeImages(_InputChange):
 
     def _filter(self, world: AlterableWorld) -> PixelFilter:
         return _still_images(world, self.cameras, (self.height, self.width))
-
-    def scaled(self, strength: float) -> FreezeImages | Nothing:
-        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 @dataclass(frozen=True)
@@ -184,7 +180,3 @@ class SwapImages(_InputChange):
         for _ in range(SETTLE_STEPS):
             other.step(NOOP_ACTION)
         return _still_images(other, self.cameras, (self.height, self.width))
-
-    def scaled(self, strength: float) -> SwapImages | Nothing:
-        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
-        return self if all_or_nothing(self.operation, strength) else Nothing()
