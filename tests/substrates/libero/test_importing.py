@@ -44,11 +44,11 @@ def home(tmp_path: Path) -> Path:
 @needs_package
 def test_a_world_is_built_without_a_question_and_without_leaving_anything(home: Path) -> None:
     code = """
-from pytest_libero_max.worlds.rendering import renderer
+from pytest_libero_max.worlds.rendering import context
 substrate = LiberoSubstrate([installation])
 world = substrate.task_world("libero_object", 0, 195)
 world.step([0.0] * 7)
-assert renderer._shared_context.cache_info().currsize == 0, "a context is made too early"
+assert context.shared_context.cache_info().currsize == 0, "a context is made too early"
 assert world.observe(size=64)["agentview_image"].any()
 substrate.close()
 """
