@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import multiprocessing
-import os
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -19,7 +17,7 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_to
 from pytest_libero_max.construction.certificates import Certificate, certify
 from pytest_libero_max.construction.preflight import Preflight, Problem, preflight
 from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError
-from pytest_libero_max.machine import return_large_blocks
+from pytest_libero_max.machine import end_with_parent, return_large_blocks
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
@@ -240,7 +238,7 @@ _substrate: Substrate
 def _begin(substrate: str, options: SubstrateOptions | None) -> None:
     """Set up a process."""
     global _substrate
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()  # otherwise it would wait forever after the parent was killed
     return_large_blocks()
     _substrate = open_substrate(substrate, options)
 
@@ -251,14 +249,6 @@ def _expert(name: str) -> Policy:
     expert = load_policy(name)
     expert.spec = replace(expert.spec, cameras=())
     return expert
-
-
-def _end_with_parent() -> None:
-    """End this process with its parent; otherwise it would wait forever after the parent was killed."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _examine(records: Sequence[Json]) -> list[Preflight]:
