@@ -7,7 +7,6 @@ number.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 
@@ -16,7 +15,7 @@ from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import START
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.report.report_document import Caveat
-from pytest_libero_max.worlds.rendering.context import drawn_by
+from pytest_libero_max.worlds.rendering.context import renderers
 from pytest_libero_max.worlds.versions import is_later_line
 
 _TOKENS = re.compile(
@@ -217,7 +216,7 @@ def _unequal_bases(records: Iterable[PairRecord]) -> int:
 
 def _drawn_otherwise(records: Iterable[PairRecord]) -> int:
     """Count the pairs with another renderer than most; not those whose renderer is not recorded."""
-    drawn = Counter(name for record in records if (name := drawn_by(record.fingerprints)))
+    drawn = renderers(record.fingerprints for record in records)
     return drawn.total() - max(drawn.values(), default=0)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, decode_line, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Pairs
-from pytest_libero_max.worlds.rendering.context import drawn_by
+from pytest_libero_max.worlds.rendering.context import renderers
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class RunOutcomes:
         policy: The spec of the first record; None without a record.
         scenes: Fingerprints of scene and start of each case, in the same order; empty where a record of an
             earlier version has none.
-        renderers: What drew the images, see :func:`.drawn_by`; empty where no record says so.
+        renderers: What drew the images, see :func:`.renderers`; empty where no record says so.
     """
 
     run: Run
@@ -55,16 +55,12 @@ class RunOutcomes:
             pairs=columns_of(records, [tasks.get(record.case_id, "?") for record in records]),
             policy=records[0].policy if records else None,
             scenes=tuple(_scene_of(record.fingerprints) for record in records),
-            renderers=_renderers(record.fingerprints for record in records),
+            renderers=tuple(sorted(renderers(record.fingerprints for record in records))),
         )
 
 
 def _scene_of(fingerprints: Mapping[str, str]) -> str:
     return " ".join(fingerprints.get(name, "") for name in (SCENE, START)).strip()
-
-
-def _renderers(fingerprints: Iterable[Mapping[str, str]]) -> tuple[str, ...]:
-    return tuple(sorted({name for one in fingerprints if (name := drawn_by(one))}))
 
 
 def columns_of(records: Sequence[PairRecord], tasks: Sequence[str]) -> Pairs:
@@ -191,5 +187,5 @@ def _fast(path: Path) -> RunOutcomes | None:
         ),
         policy=None if first is None else policy,
         scenes=tuple(_scene_of(line.fingerprints) for line in lines),
-        renderers=_renderers(line.fingerprints for line in lines),
+        renderers=tuple(sorted(renderers(line.fingerprints for line in lines))),
     )

@@ -9,7 +9,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.query_times import query_times
 from pytest_libero_max.runs.store import StoredRun
-from pytest_libero_max.worlds.rendering.context import DEVICE, drawn_by
+from pytest_libero_max.worlds.rendering.context import DEVICE, renderers
 
 _NOT_RECORDED = "not recorded"
 
@@ -47,7 +47,7 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
         if record.fingerprints.get(name)
     }
     yield "machine", ", ".join([*machine, *sorted(found)]) or _NOT_RECORDED
-    drawn = Counter(name for record in stored.records if (name := drawn_by(record.fingerprints)))
+    drawn = renderers(record.fingerprints for record in stored.records)
     if drawn:
         yield "images drawn by", _counted(drawn, "; ") if len(drawn) > 1 else next(iter(drawn))
     git = origin.get("git")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import atexit
 import ctypes
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import Any
 
@@ -50,6 +51,11 @@ def drawn_by(fingerprints: Mapping[str, str]) -> str | None:
     if RENDERER not in fingerprints or VERSION not in fingerprints:
         return None
     return f"{fingerprints[RENDERER]}, OpenGL {fingerprints[VERSION]}"
+
+
+def renderers(fingerprints: Iterable[Mapping[str, str]]) -> Counter[str]:
+    """Return the number of pairs by what drew their images, without those that do not say."""
+    return Counter(name for one in fingerprints if (name := drawn_by(one)))
 
 
 @cache
