@@ -43,9 +43,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _be_worker(config: pytest.Config) -> None:
     from pytest_libero_max.plugin.processes.pair_process import keep_from_children
+    from pytest_libero_max.plugin.processes.sending import send_only_sendable
     from pytest_libero_max.plugin.run_stop import PairGate
 
     keep_from_children(config)
+    send_only_sendable(config)
     config.pluginmanager.register(PairGate(config))
 
 
