@@ -42,6 +42,7 @@ from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_s
 from pytest_libero_max.plugin.run_end import RunEnd
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import (
+    DIST_NOTE,
     MEASURED,
     MEASURED_INPUT,
     NOTE_ATTRIBUTE,
@@ -233,6 +234,7 @@ class RunController:
             *self._chance_line(),
             *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
+            *([self.config.stash[DIST_NOTE]] if DIST_NOTE in self.config.stash else []),
             *([] if self._remark is None else [self._remark]),
         ]
 

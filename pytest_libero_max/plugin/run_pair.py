@@ -18,6 +18,7 @@ from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, t
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.processes.left_running import left_running
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
 from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, LOADED, NOTE, POLICY_PHASE, RESULT
@@ -63,7 +64,7 @@ def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     """Play a pair in the process of the session or of its worker; an error is kept on the item."""
     process = pair_process_of(request.config)
     try:
-        with process.pair():
+        with process.pair(), left_running(request.config).pair():
             return play(request, case, process)
     except Unsupported as unsupported:
         pytest.skip(str(unsupported))
