@@ -69,14 +69,14 @@ def test_what_ends_by_itself_is_waited_for_and_not_named(run: Run, pytester: pyt
 
 def test_a_program_that_calls_pytest_is_told_and_goes_on(run: Run, pytester: pytest.Pytester) -> None:
     run("--collect-only")  # writes adapter and manifest
-    pytester.makepyfile(leaver=ADAPTER.replace("HOW", HOW["thread"].replace("3600", "4")))
+    pytester.makepyfile(leaver=ADAPTER.replace("HOW", HOW["thread"]))
     pytester.makeconftest(CONFTEST)
     pytester.makepyfile(
         program="""
-        import sys, pytest
+        import os, sys, pytest
         status = pytest.main(sys.argv[1:])
-        print("goes on", int(status))
-        sys.exit(7)
+        print("goes on", int(status), flush=True)
+        os._exit(7)
         """
     )
     arguments = [
