@@ -20,7 +20,7 @@ from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
 GROUPS = {
-    "Start here": ("doctor", "check", "show", "compare", "gate", "film"),
+    "Start here": ("init", "doctor", "check", "show", "compare", "gate", "film"),
     "Before a run": (
         "profiles",
         "events",
