@@ -121,7 +121,7 @@ def _named_as_here(text: str, options: argparse.Namespace) -> str:
     """Return a message about an option of pytest with the name that it has for this command."""
     for name in vars(options):
         flag = name.replace("_", "-")
-        text = re.sub(rf"--libero-max-{flag}\b(?!-)", f"--{flag}", text)
+        text = re.sub(rf"(?<!pytest )--libero-max-{flag}\b(?!-)", f"--{flag}", text)
     return text
 
 

@@ -97,7 +97,7 @@ def _film(options: argparse.Namespace) -> int:
     of_policy = options.view == "policy"
     if not of_policy and (options.adapter or options.profile):
         raise OptionError("--adapter and --profile say what the policy saw: give --view=policy as well.")
-    report = f"libero-max report {options.run_folder} links the films in report.html."
+    report = f"libero-max view {options.run_folder} shows them beside their cases."
     return write_each(
         options,
         "films",

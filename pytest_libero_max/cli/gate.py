@@ -32,6 +32,7 @@ def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
+    from pytest_libero_max.runs.media import show_command
     from pytest_libero_max.runs.replay_command import replay_command
     from pytest_libero_max.runs.store import read_pairs
 
@@ -43,7 +44,9 @@ def _gate(options: argparse.Namespace) -> int:
     stored = read_pairs(options.folder)
     require_usable(gates, stored.run.planned, stored.run.planned, options.folder, start)
     verdicts = decide(gates, options.folder, start)
-    say_coloured(gate_lines(verdicts, replay_command(stored)))
+    lost = [name for verdict in verdicts for name in verdict.lost]
+    show = show_command(options.folder, str(options.folder), lost[:1])
+    say_coloured(gate_lines(verdicts, replay_command(stored), show))
     failed = not_passed_text(verdicts)
     counts = report_of(stored).pairs
     if not ended_as_declared(counts):

@@ -24,7 +24,7 @@ from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
-from pytest_libero_max.runs.media import films_in
+from pytest_libero_max.runs.media import films_in, show_command
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
@@ -208,7 +208,9 @@ class RunEnd:
         self.report, written = write_reports(folder, self._add_sections, self._problems.append, verdicts)
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
-        self.lines += summary_lines(self.report, paths, films)
+        named = str(_relative(folder, here))
+        show = show_command(folder, named, [pair.item_id for pair in self.report.changed_pairs])
+        self.lines += summary_lines(self.report, paths, films, show)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)
         if self.settings.compare is not None and self._run is not None:
@@ -217,7 +219,9 @@ class RunEnd:
             self.lines += comparison_at_the_end(self.settings.compare, folder, self._run, here)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
-        self.lines += gate_lines(self._verdicts, self._replay)
+        lost = [name for verdict in self._verdicts for name in verdict.lost]
+        show = show_command(folder, named, lost[:1])
+        self.lines += gate_lines(self._verdicts, self._replay, show)
         self.lines += [
             f"gate wait  {gate.text}: libero-max merge decides it, on all {shards} shards."
             for gate in self._waiting

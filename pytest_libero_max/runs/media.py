@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
@@ -76,6 +77,24 @@ def films_in(folder: Path, view: str = "world") -> dict[str, str]:
             name = path.stem.removesuffix(_POLICY) if of_policy else path.stem
             found[name.rpartition(_SEPARATOR)[0]] = f"{FILMS_NAME}/{path.name}"
     return found
+
+
+def traced_in(folder: Path) -> set[str]:
+    """Item ids of the pairs of which a run has kept traces, from which films are made later."""
+    return {path.stem for path in (folder / TRACES_NAME).glob("*.npz")}
+
+
+def show_command(folder: Path, name: str, item_ids: Iterable[str]) -> str | None:
+    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them.
+
+    Args:
+        folder: Of the run.
+        name: The same, as the command is to have it.
+        item_ids: The pairs.
+    """
+    if {*item_ids}.isdisjoint(traced_in(folder) | films_in(folder).keys()):
+        return None
+    return f"libero-max view {shlex.quote(name)}"
 
 
 def _films(folder: Path) -> list[Path]:

@@ -36,7 +36,11 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     It gives the same record in the folder in which the run was started, on a machine with the same files.
     It is empty for the run of another evaluation loop, which alone can load its policy.
     """
-    provenance = run.run.provenance
+    return replay_of(run.run.provenance)
+
+
+def replay_of(provenance: Json) -> list[str]:
+    """Return :func:`replay_command` of a run with this provenance."""
     if is_outside(provenance):
         return []
     policy, cases, substrate = (provenance[name] for name in ("policy", "case_set", "substrate"))
@@ -71,6 +75,11 @@ def replay_text(replay: Sequence[str], item_id: str = "") -> str:
         item_id: The case; empty for none yet.
     """
     return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_LOOP
+
+
+def film_text(replay: Sequence[str], item_id: str = "") -> str:
+    """Return how to play a case again and film it, in a line; arguments as for :func:`replay_text`."""
+    return replay_text([*replay[:-1], "--libero-max-film=all", *replay[-1:]] if replay else [], item_id)
 
 
 def traces_setting(provenance: Json) -> str:
