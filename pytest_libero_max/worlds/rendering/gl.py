@@ -8,11 +8,14 @@ works all the same, and :func:`require` says what to install when an image is as
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import importlib
 import os
 import sys
 import types
+import warnings
+from collections.abc import Iterator
 from functools import cache
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
@@ -82,8 +85,20 @@ def require() -> str:
 def import_robosuite() -> None:
     """Import robosuite as :func:`prepare` settles it, whatever device draws; its loops are kept by Numba."""
     prepare()
-    with egl.unasked(), named_user_cache():
+    with egl.unasked(), named_user_cache(), unwarned():
         importlib.import_module("robosuite")
+
+
+@contextlib.contextmanager
+def unwarned() -> Iterator[None]:
+    """Ignore warnings while the code of others is imported.
+
+    Its source has escapes that Python warns of when it compiles them. Where a project's tests take warnings for
+    errors, and the installer has compiled nothing beforehand, the import would fail.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 @cache
