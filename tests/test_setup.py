@@ -16,7 +16,7 @@ import pytest
 
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, content_of
 
-pytest.importorskip("setuptools", reason="the build needs it; .ci/locked.txt has it")
+pytest.importorskip("setuptools", reason="the build needs it; .ci/development.txt has it")
 
 ROOT = Path(__file__).parents[1]
 CASES = "cases"

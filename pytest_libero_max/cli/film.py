@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.arguments import Commands, add_libero, option, switch, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
+from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS, selection_named
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -74,11 +74,17 @@ def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
         folder: Name of the folder for its files, in the folder of the run.
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
-    command.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
+    command.add_argument(
+        "cases",
+        nargs="*",
+        metavar="CASE",
+        help="Names of pairs, or expressions as for pytest -k: 'camera_shift and v1' (default: see --select)",
+    )
     option(
         command,
         "--select",
         "Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces",
+        type=selection_named,
         default="regressions",
         choices=FILM_SELECTIONS,
     )

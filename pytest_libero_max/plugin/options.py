@@ -20,7 +20,7 @@ from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.processes.time_limits import Limits
-from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS, TRACE_MODES
+from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
 from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
@@ -264,20 +264,20 @@ class Settings:
     strict: str | None = _option(
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
-        read.known_in(("regression",)),
+        read.selection_in(("regressions",)),
     )
     traces: str = _option(
         "WHICH",
         "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
-        "films: none, regression or all",
-        read.known_in(TRACE_MODES),
+        "films: none, regressions, changed (Base and Dynamic end differently) or all",
+        read.selection_in(SELECTIONS),
         default="none",
     )
     film: str = _option(
         "WHICH",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all",
-        read.known_in(("none", *FILM_SELECTIONS)),
+        read.selection_in(SELECTIONS),
         default="none",
     )
     film_limit: int | None = _option(

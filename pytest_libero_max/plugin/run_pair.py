@@ -278,8 +278,7 @@ def _keep(pair: Pair, settings: Settings) -> list[str]:
     from pytest_libero_max.pairing.trace import write_trace
     from pytest_libero_max.runs.media import is_selected
 
-    filmed = settings.film != "none" and is_selected(pair.record, settings.film)
-    if filmed or settings.traces == "all" or settings.traces == pair.record.outcome:
+    if any(is_selected(pair.record, which) for which in (settings.film, settings.traces)):
         try:
             write_trace(settings.output / TRACES_NAME, pair)
         except (OSError, ValueError) as error:

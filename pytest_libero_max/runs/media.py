@@ -22,8 +22,8 @@ FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
 FILM_SELECTIONS = ("regressions", "changed", "all")
 """Selections of pairs to film: those that only Base completes, those whose outcomes differ, all."""
 
-TRACE_MODES = ("none", "regression", "all")
-"""Pairs whose traces a run keeps."""
+SELECTIONS = ("none", *FILM_SELECTIONS)
+"""Pairs that a run films, or whose traces it keeps."""
 
 MOST_FILMS = 20
 """Number of regressions, and of gains, that a run films unless another is asked for: those it names."""
@@ -44,10 +44,16 @@ class _Compared(Protocol):
         ...
 
 
+def selection_named(text: str) -> str:
+    """Return the name of a selection; ``regression`` is another spelling of ``regressions``."""
+    return "regressions" if text == "regression" else text
+
+
 def is_selected(pair: _Compared, which: str) -> bool:
-    """Return True if a pair belongs to one of :data:`FILM_SELECTIONS`."""
+    """Return True if a pair belongs to one of :data:`SELECTIONS`."""
     changed = ("regression", "change_associated_success")
-    return which == "all" or pair.outcome in (changed[:1] if which == "regressions" else changed)
+    members = {"none": (), "regressions": changed[:1], "changed": changed}
+    return which == "all" or pair.outcome in members[which]
 
 
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:

@@ -163,7 +163,14 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
     assert _film(run) == 0
     assert "No pair of this run is selected" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):
-        chosen(stored, [record.item_id[:-1]], "all")
+        chosen(stored, [record.item_id[:-1] + "7"], "all")
+    assert _film(run, "--select=regression") == 0  # as --libero-max-strict spelt it once
+    for parts in ("target_relocation", "geometry and not v1", record.case_id):
+        assert chosen(stored, [parts], "all") == [record]
+    with pytest.raises(OptionError, match="nor a part"):
+        chosen(stored, ["camera_shift"], "all")
+    with pytest.raises(OptionError, match="where it means nothing"):
+        chosen(stored, ["geometry and"], "all")
 
 
 def test_another_renderer_is_named(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, ServerError, install_extra
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import (
     MOST_BYTES,
@@ -111,6 +111,6 @@ def _zmq() -> Any:
         import zmq
     except ImportError:
         raise AdapterError(
-            "gr00t:// needs pyzmq, which is not installed: `pip install 'pytest-libero-max[gr00t]'`."
+            f"gr00t:// needs pyzmq, which is not installed: {install_extra('gr00t')}."
         ) from None
     return zmq
