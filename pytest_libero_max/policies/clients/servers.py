@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Text, fits, rule, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import is_address
@@ -169,7 +170,7 @@ def read_servers(text: str, profile: str | None, revision: str | None = None) ->
     if is_address(text):
         return Servers((_group(text, [part.strip() for part in text.split(",")], profile, (), revision),))
     try:
-        table = tomllib.loads(Path(text).expanduser().read_text(encoding="utf-8"))
+        table = tomllib.loads(read_text(Path(text).expanduser()))
     except (OSError, ValueError, RecursionError) as error:
         raise refusal(text, f" cannot be read: {error}. Repair the file of servers.") from None
     return _from_table(text, table, profile, revision)
