@@ -78,7 +78,7 @@ def text_of(content: bytes) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file that a person may have written, with ``\\n`` as line ends; see :func:`text_of`.
+    """Return the text of a file that a person may have written; its lines end in ``\\n``.
 
     Raises:
         OSError: It cannot be read.
