@@ -7,6 +7,7 @@ to :data:`ENUMERATED` cases the coverage is summed over all results.
 from __future__ import annotations
 
 from functools import cache
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +30,13 @@ _TIE = 1e-9
 def change_coverage(cases: int, weights: Weights, confidence: float = 0.95) -> float:
     """Coverage for a number of cases and a true effect."""
     shares = _shares(weights)
+    truth = float(VALUES @ shares)
     if cases <= ENUMERATED:
         counts = _results(cases)
-        return float(_mass(counts, shares)[holds(counts, VALUES @ shares, confidence)].sum())
+        return float(_mass(counts, shares)[holds(counts, truth, confidence)].sum())
     drawn = np.random.Generator(np.random.PCG64(cases)).multinomial(cases, shares, size=DRAWS)
     counts, times = np.unique(drawn, axis=0, return_counts=True)
-    return float(times[holds(counts, VALUES @ shares, confidence)].sum() / DRAWS)
+    return float(times[holds(counts, truth, confidence)].sum() / DRAWS)
 
 
 def joint_coverage(cases: int, weights: Weights, groups: int = 8) -> float:
@@ -65,11 +67,10 @@ def lowest_change_coverage(cases: int, effects: int = 1500) -> tuple[float, Weig
     random = np.random.Generator(np.random.PCG64(1))
     candidates = [random.dirichlet(10 ** random.uniform(-2, 1, 5)) for _ in range(effects)]
     for share in (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, *np.linspace(0.1, 0.5, 17)):
-        for first in range(5):
-            for second in set(range(5)) - {first}:
-                mixture = np.zeros(5)
-                mixture[[first, second]] = share, 1 - share
-                candidates.append(mixture)
+        for places in permutations(range(5), 2):
+            mixture = np.zeros(5)
+            mixture[[*places]] = share, 1 - share
+            candidates.append(mixture)
     counts = _results(cases)
     lower, upper = bounds(counts)
     lowest, where = 1.0, np.zeros(5)
@@ -78,8 +79,8 @@ def lowest_change_coverage(cases: int, effects: int = 1500) -> tuple[float, Weig
         covered = float(_mass(counts, shares)[held].sum())
         if covered < lowest - 1e-12:
             lowest, where = covered, shares
-    first, second, _, third, fourth = where.tolist()
-    return lowest, (first, second, third, fourth)
+    losses, loss, _, gain, gains = where.tolist()
+    return lowest, (losses, loss, gain, gains)
 
 
 def _shares(weights: Weights) -> NDArray[np.float64]:
