@@ -42,7 +42,7 @@ from pytest_libero_max.benchmark.structs import (
     shown,
     to_builtins,
 )
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, did_you_mean, is_refusal
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
 
@@ -567,6 +567,11 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
     """
 
     NOUN: ClassVar[str] = "pair error"
+
+    @property
+    def refused(self) -> bool:
+        """True for what the policy did: then the pair is not played again."""
+        return is_refusal(self.kind)
 
     schema_version: Version = RECORD_VERSION
     case_id: Name

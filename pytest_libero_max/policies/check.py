@@ -19,6 +19,7 @@ from pytest_libero_max.errors import (
     ActionError,
     AdapterError,
     LimitReached,
+    RefusalError,
     ServerError,
     class_name,
     did_you_mean,
@@ -119,7 +120,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
         where: The call that it has answered since, for the message.
 
     Raises:
-        AdapterError: Its spec has changed; names the first field.
+        RefusalError: Its spec has changed; names the first field.
     """
     if policy.spec == spec:
         return
@@ -127,7 +128,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
     names = (item.name for item in fields(spec))
     name = next((name for name in names if getattr(now, name, None) != getattr(spec, name)), None)
     before, after = (spec, now) if name is None else (getattr(spec, name), getattr(now, name, None))
-    raise AdapterError(
+    raise RefusalError(
         f"policy {spec.name!r} changed its spec in {where}: {name or 'spec'}={before!r} became {after!r}. "
         "The spec is part of every result: declare it when the policy is constructed, and leave it."
     )
