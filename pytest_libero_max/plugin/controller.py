@@ -46,6 +46,7 @@ from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_s
 from pytest_libero_max.plugin.run_end import RunEnd
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import (
+    DIST_NOTE,
     NOTE_ATTRIBUTE,
     POLICY_PHASE,
     RESULT_ATTRIBUTE,
@@ -259,6 +260,7 @@ class RunController:
             *self._chance_line(),
             *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
+            *([self.config.stash[DIST_NOTE]] if DIST_NOTE in self.config.stash else []),
             *([] if self._remark is None else [self._remark]),
         ]
 

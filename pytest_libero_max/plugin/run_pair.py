@@ -18,7 +18,9 @@ from pytest_libero_max.errors import AdapterError, LiberoMaxError, RefusalError,
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.processes.left_running import left_running
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
+from pytest_libero_max.plugin.processes.sending import encodable
 from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, LOADED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.runs.media import TRACES_NAME
@@ -63,7 +65,7 @@ def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     """Play a pair in the process of the session or of its worker; an error is kept on the item."""
     process = pair_process_of(request.config)
     try:
-        with process.pair():
+        with process.pair(), left_running(request.config).pair():
             return play(request, case, process)
     except Unsupported as unsupported:
         pytest.skip(str(unsupported))
@@ -89,6 +91,9 @@ def _leave(
         stop_run(request.node, BROKEN_POLICY)
     if isinstance(error, LiberoMaxError):
         pytest.fail(explain(error), pytrace=False)
+    whole = "".join(traceback.format_exception(error))
+    if encodable(whole) != whole:  # a reporter would read the exception itself, and write it as UTF-8
+        pytest.fail(encodable(whole), pytrace=False)
     if not isinstance(error, Exception):
         # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
         raise LiberoMaxError(f"{type(error).__name__} in phase {process.phase!r}: {error}") from error
@@ -303,9 +308,9 @@ def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
 
 
 def explain(error: BaseException) -> str:
-    """Return the message, with the frames of the user's own code and none of this package."""
+    """Return the message with the frames of the user's own code and none of this package, fit for UTF-8."""
     text = f"{class_name(error)}: {text_of(error)}"
     cause = error.__cause__
-    if cause is None or isinstance(cause, LiberoMaxError):
-        return text
-    return text + "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))
+    if cause is not None and not isinstance(cause, LiberoMaxError):
+        text += "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))
+    return encodable(text)

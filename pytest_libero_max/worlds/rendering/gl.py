@@ -15,7 +15,7 @@ import os
 import sys
 import types
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
@@ -23,6 +23,9 @@ from pytest_libero_max.machine import named_user_cache
 from pytest_libero_max.worlds.rendering import egl
 
 VARIABLE = "MUJOCO_GL"
+PLATFORM = "PYOPENGL_PLATFORM"
+"""Variable of PyOpenGL, through which MuJoCo draws; MuJoCo refuses a value that is not its backend."""
+
 OFFSCREEN = ("egl", "osmesa")
 """Backends that need no display, in the order in which they are tried."""
 
@@ -58,7 +61,8 @@ def check() -> None:
     asked = _asked()
     if asked in OFFSCREEN and not loads(asked):
         raise OptionError(
-            f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
+            excluded((asked,))
+            or f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
             f"`{_PACKAGES[asked]}`, or unset {VARIABLE} to have a backend chosen."
         )
     if asked not in ("osmesa", *DISABLED):
@@ -74,7 +78,10 @@ def require() -> str:
     backend, asked = _choice()
     if backend in OFFSCREEN:
         return backend
-    cures = " or ".join(f"`{_PACKAGES[name]}`" for name in ([asked] if asked in OFFSCREEN else OFFSCREEN))
+    wanted = (asked,) if asked in OFFSCREEN else OFFSCREEN
+    if asked not in DISABLED and (why := excluded(wanted)):
+        raise SimulatorError(f"An image was asked for, but {why}")
+    cures = " or ".join(f"`{_PACKAGES[name]}`" for name in wanted)
     raise SimulatorError(
         f"An image was asked for, but no OpenGL backend is available ({VARIABLE}={asked!r} at the start). "
         f"Stepping works without one; images need the Debian packages {cures}, and {VARIABLE} unset or one "
@@ -124,10 +131,30 @@ def _asked() -> str:
 
 
 def loads(backend: str) -> bool:
-    """Return True if the libraries of ``backend`` load and, for EGL, one of its devices answers."""
-    platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    if platform and platform != backend:
-        return False  # PyOpenGL takes one platform per process, and somebody has chosen another
+    """Return True if the libraries of ``backend`` load, EGL answers, and PyOpenGL may draw with it."""
+    return _platform() in ("", backend) and _libraries_load(backend)
+
+
+def excluded(backends: Sequence[str]) -> str:
+    """Return how PyOpenGL's variable keeps out a backend that would load; empty where it does not."""
+    platform = _platform()
+    loading = [name for name in backends if platform not in ("", name) and _libraries_load(name)]
+    if not loading:
+        return ""
+    asked = (
+        f"{VARIABLE}={loading[0]!r}" if len(backends) == 1 else f"{VARIABLE} is not set, {loading[0]!r} loads"
+    )
+    return (
+        f"{PLATFORM}={platform!r} and {asked}: PyOpenGL draws with one platform in a process, and MuJoCo "
+        f"with the same one. Unset {PLATFORM}, or set it to {loading[0]!r}."
+    )
+
+
+def _platform() -> str:
+    return os.environ.get(PLATFORM, "").lower().strip()
+
+
+def _libraries_load(backend: str) -> bool:
     if backend == "osmesa":
         return _library("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so") is not None
     return _library("libOpenGL.so.0", "libGL.so.1") is not None and egl.answers()
