@@ -8,6 +8,7 @@ msgpack-numpy dialect. The endpoint that stops a server is never called.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, ServerError
@@ -23,7 +24,7 @@ from pytest_libero_max.policies.clients.codecs import (
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import Unreachable, late, reported
 
-DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
+DIALECTS: Mapping[str, Dialect] = MappingProxyType({"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY})
 
 
 class Gr00tLink:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import http.client
 import ssl
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
@@ -25,11 +26,13 @@ from pytest_libero_max.policies.clients.codecs import (
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import Unreachable, late, reported, time_limit
 
-CODECS: Mapping[str, Callable[[Any], Any]] = {
-    "json-numpy": JSON_NUMPY.encode,
-    "json-numpy-text": as_json_numpy_text,
-    "lists": as_lists,
-}
+CODECS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
+    {
+        "json-numpy": JSON_NUMPY.encode,
+        "json-numpy-text": as_json_numpy_text,
+        "lists": as_lists,
+    }
+)
 """Encodings of arrays, by the name that profiles use."""
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 from pytest_libero_max.benchmark.documents import Json
@@ -65,8 +66,8 @@ _POT, _POT_2, _PAN = "moka_pot_1", "moka_pot_2", "chefmate_8_frypan_1"
 _IN_BASKET = "basket_1_contain_region"
 
 
-def _both(one: str, other: str) -> dict[str, str]:
-    return {one: other, other: one}
+def _both(one: str, other: str) -> Mapping[str, str]:
+    return MappingProxyType({one: other, other: one})
 
 
 # The words for the place of the second bowl, and what changes places.
@@ -287,21 +288,25 @@ _VIEW_AIM = (-0.05, 0.02, 0.02)
 """LIBERO-PRO's camera position above the table's top, in every room above its own surface; it is aimed at the
 middle of the workspace, which LIBERO-PRO's own orientation leaves out of the picture."""
 
-_COVER = {
-    "tabletop": "wood_oak",
-    "kitchen": "wood_ash",
-    "living_room": "wood_ebony",
-    "study": "wood_cherry",
-    "floor": "concrete",
-}
+_COVER = MappingProxyType(
+    {
+        "tabletop": "wood_oak",
+        "kitchen": "wood_ash",
+        "living_room": "wood_ebony",
+        "study": "wood_cherry",
+        "floor": "concrete",
+    }
+)
 """Surface that looks like the work surface, by room."""
 
-_RESHAPED = {("libero_spatial", 5): "bigger_akita_black_bowl"}
+_RESHAPED = MappingProxyType({("libero_spatial", 5): "bigger_akita_black_bowl"})
 """Exceptions, for which the small relative will not do: a small bowl sinks into the ramekin up to its rim."""
 
-ANOTHER_GOAL: Mapping[tuple[str, str, int], str] = {
-    ("task", "libero_goal", 7): "to turn the stove off, which it is from the start",
-}
+ANOTHER_GOAL: Mapping[tuple[str, str, int], str] = MappingProxyType(
+    {
+        ("task", "libero_goal", 7): "to turn the stove off, which it is from the start",
+    }
+)
 """Goals of LIBERO-PRO that differ from those of the variations here, by category, suite and task."""
 
 _LEVELS = (0.020, 0.16, 0.010)
@@ -416,18 +421,20 @@ def _pose(task: Task) -> Parts:
     return "elsewhere", {}, swaps.started_elsewhere(task, _row(task).target)
 
 
-_MAKERS: Mapping[str, Callable[[Task], Parts]] = {
-    "semantic": _semantic,
-    "object": _object,
-    "position": _position,
-    "task": _task,
-    "visual_noise_glare": _glare,
-    "camera_view_angle": _view,
-    "object_texture": _texture,
-    "view_occlusion": _occlusion,
-    "object_shape": _shape,
-    "initial_pose_position_angle": _pose,
-}
+_MAKERS: Mapping[str, Callable[[Task], Parts]] = MappingProxyType(
+    {
+        "semantic": _semantic,
+        "object": _object,
+        "position": _position,
+        "task": _task,
+        "visual_noise_glare": _glare,
+        "camera_view_angle": _view,
+        "object_texture": _texture,
+        "view_occlusion": _occlusion,
+        "object_shape": _shape,
+        "initial_pose_position_angle": _pose,
+    }
+)
 
 
 @cache
