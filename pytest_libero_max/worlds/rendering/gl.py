@@ -14,6 +14,7 @@ import os
 import sys
 import types
 from functools import cache
+from types import MappingProxyType
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
 from pytest_libero_max.machine import named_user_cache
@@ -26,7 +27,7 @@ OFFSCREEN = ("egl", "osmesa")
 DISABLED = ("disable", "disabled", "off", "false", "0")
 """Values of ``MUJOCO_GL`` that switch images off; the first is the one that we write."""
 
-_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
+_PACKAGES = MappingProxyType({"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"})
 
 
 def prepare() -> str:
