@@ -113,6 +113,21 @@ def parse_reference(text: str) -> Reference:
     return Reference(text, target, name)
 
 
+def absolute_reference(text: str, folder: Path) -> str:
+    """Return a reference that means the same in every working folder.
+
+    Args:
+        text: The reference as the user typed it.
+        folder: The working folder that it was typed in.
+    """
+    file, colon, name = text.rpartition(":")
+    if not colon or not file.endswith(".py"):
+        file, colon, name = text, "", ""
+    if not file.endswith((".py", ".toml")) or "://" in file:
+        return text
+    return f"{folder / Path(file).expanduser()}{colon}{name}"
+
+
 def _instead(path: Path, name: str) -> str:
     """Suggest a correction of a path that is not a Python file."""
     file = path.with_name(f"{path.name}.py") if path.name else path
