@@ -32,6 +32,7 @@ def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
+    from pytest_libero_max.runs.outside import outside_text
     from pytest_libero_max.runs.replay_command import replay_command
     from pytest_libero_max.runs.store import read_pairs
 
@@ -46,6 +47,8 @@ def _gate(options: argparse.Namespace) -> int:
     report = report_of(stored)
     verdicts = decide_on(gates, stored, report, start)
     say_coloured(gate_lines(verdicts, replay_command(stored)))
+    if (outside := outside_text(stored.run.provenance)) is not None and any(found.lost for found in verdicts):
+        say([f"The command is as the folder names it: read it before you give it. {outside}"])
     failed = not_passed_text(verdicts)
     counts = report.pairs
     if not ended_as_declared(counts):

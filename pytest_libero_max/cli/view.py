@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import re
 import webbrowser
 from contextlib import suppress
@@ -10,7 +11,7 @@ from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from pytest_libero_max.cli.arguments import PORT, Commands, option, switch
 from pytest_libero_max.cli.terminal import say
@@ -58,10 +59,18 @@ def _view(options: argparse.Namespace) -> int:
 class _Files(SimpleHTTPRequestHandler):
     """Files of the folder, in parts where a browser asks for one, as it does to step through a film."""
 
+    def send_head(self) -> io.BytesIO | BinaryIO | None:
+        file = Path(self.translate_path(self.path))
+        if not file.resolve().is_relative_to(Path(self.directory).resolve()):  # a link in a folder of others
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return None
+        return super().send_head()
+
     def do_GET(self) -> None:
         asked = _RANGE.fullmatch(self.headers.get("Range", ""))
         file = Path(self.translate_path(self.path))
-        if asked is None or not file.is_file():
+        inside = file.resolve().is_relative_to(Path(self.directory).resolve())
+        if asked is None or not inside or not file.is_file():
             super().do_GET()
             return
         content = file.read_bytes()

@@ -105,6 +105,8 @@ class RunController:
         self.stop = RunStop(config, self.settings)
         self.end = RunEnd(config, self.settings, self.stop)
         self.cases = {case.item_id: case for case in cases_of(config)}
+        # Taken before any policy is loaded, which could alter them in this process.
+        self._budgets = {name: case.budget for name, case in self.cases.items()}
         self.store: PairStore | None = None
         self._before: StoredRun | None = None
         self._settled_before = 0, 0  # pairs that a resumed run has measured, and refused
@@ -413,7 +415,7 @@ class RunController:
         # nothing counts after a refusal.
         if name in self._settled_now and (self._settled_now[name] or result is None or is_error(result)):
             return
-        pair = result_of(report, self.cases[name])
+        pair = result_of(report, self.cases[name], self._budgets[name])
         if pair is None:
             if report.skipped:
                 self.stop.stored(name, None)

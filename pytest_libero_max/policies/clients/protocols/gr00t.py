@@ -10,6 +10,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Mapping
 from contextlib import closing
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, ServerError, install_extra
@@ -26,7 +27,7 @@ from pytest_libero_max.policies.clients.connection import connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import StaleConnection, Unreachable, late, reported
 
-DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
+DIALECTS: Mapping[str, Dialect] = MappingProxyType({"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY})
 
 GREETING_S = 1.0
 """Time for the greeting of ZeroMQ, s: its own thread sends it at once, also where the policy computes."""
