@@ -17,7 +17,7 @@ import pytest
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, content_of
 from pytest_libero_max.cli.init import SOURCES
 
-pytest.importorskip("setuptools", reason="the build needs it; .ci/locked.txt has it")
+pytest.importorskip("setuptools", reason="the build needs it; .ci/development.txt has it")
 
 ROOT = Path(__file__).parents[1]
 CASES = "cases"

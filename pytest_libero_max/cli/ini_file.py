@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import iniconfig  # installed with pytest, which reads its own files with it
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -71,12 +72,12 @@ def settings_file(folder: Path) -> Path | None:
 
 def _settings(path: Path) -> dict[str, object] | None:
     if path.suffix == ".toml":
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(read_text(path))
         if path.name != "pyproject.toml":
             return dict(document.get("pytest", {}))
         tool = document.get("tool", {}).get("pytest")
         return None if tool is None else dict(tool.get("ini_options", tool))
-    sections = iniconfig.IniConfig(str(path))
+    sections = iniconfig.IniConfig(str(path), data=read_text(path))
     name = "tool:pytest" if path.name == "setup.cfg" else "pytest"
     if name in sections:
         return dict(sections[name].items())

@@ -76,7 +76,7 @@ def _report(options: argparse.Namespace) -> None:
         paths.append(options.folder / BADGE_NAME)
     films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
     changed = [pair.item_id for pair in report.changed_pairs]
-    show = show_command(options.folder, str(options.folder), changed)
+    show = show_command(options.folder, str(options.folder), changed, report.provenance)
     say_coloured(summary_lines(report, [str(path) for path in paths], films, show))
     if verdicts:
         say_coloured(gate_lines(verdicts))

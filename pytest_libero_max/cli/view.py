@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import re
 import webbrowser
 from contextlib import suppress
@@ -10,7 +11,7 @@ from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from pytest_libero_max.cli.arguments import PORT, Commands, option, switch
 from pytest_libero_max.cli.report import rewrite
@@ -32,6 +33,12 @@ def add_command(commands: Commands) -> None:
         "and the page.",
     )
     view.add_argument("folder", type=Path, metavar="RUN", help="Folder of the run")
+    option(
+        view,
+        "--cases TRACK|MANIFEST",
+        "The cases of a run whose films are made, if it has a manifest",
+        dest="case_set",
+    )
     option(view, "--port PORT", "Default: one that is free", type=PORT, default=0)
     switch(view, "--no-browser", "Print the address alone")
     view.set_defaults(run=_view)
@@ -39,7 +46,7 @@ def add_command(commands: Commands) -> None:
 
 def _view(options: argparse.Namespace) -> int:
     folder: Path = options.folder
-    _make_films(folder)
+    _make_films(folder, options.case_set)
     if not _page_shows_all(folder):
         rewrite(folder)
     try:
@@ -57,7 +64,7 @@ def _view(options: argparse.Namespace) -> int:
     return 0
 
 
-def _make_films(folder: Path) -> None:
+def _make_films(folder: Path, case_set: str | None) -> None:
     """Film the changed pairs that the run has traces of, as many as a run films at its end."""
     from pytest_libero_max.cli import main
     from pytest_libero_max.report.writers.broken import named_of
@@ -70,7 +77,8 @@ def _make_films(folder: Path) -> None:
     changed = report_of(read_pairs(folder)).changed_pairs
     names = [name for name in named_of(changed, MOST_FILMS) if name in missing]
     if names:
-        main(["film", str(folder), *names])
+        cases = [] if case_set is None else [f"--cases={case_set}"]
+        main(["film", str(folder), *names, *cases])
 
 
 def _page_shows_all(folder: Path) -> bool:
@@ -85,10 +93,18 @@ def _page_shows_all(folder: Path) -> bool:
 class _Files(SimpleHTTPRequestHandler):
     """Files of the folder, in parts where a browser asks for one, as it does to step through a film."""
 
+    def send_head(self) -> io.BytesIO | BinaryIO | None:
+        file = Path(self.translate_path(self.path))
+        if not file.resolve().is_relative_to(Path(self.directory).resolve()):  # a link in a folder of others
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return None
+        return super().send_head()
+
     def do_GET(self) -> None:
         asked = _RANGE.fullmatch(self.headers.get("Range", ""))
         file = Path(self.translate_path(self.path))
-        if asked is None or not file.is_file():
+        inside = file.resolve().is_relative_to(Path(self.directory).resolve())
+        if asked is None or not inside or not file.is_file():
             super().do_GET()
             return
         content = file.read_bytes()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from msgspec import Meta, field
 from msgspec.structs import force_setattr, replace
 
-from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.cases import Case, step_budget
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import CHANGED_BY, NO_LATENCY, PATTERN, Latency
 from pytest_libero_max.benchmark.structs import (
@@ -42,7 +42,7 @@ from pytest_libero_max.benchmark.structs import (
     shown,
     to_builtins,
 )
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, did_you_mean, is_refusal
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
 
@@ -568,6 +568,11 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
 
     NOUN: ClassVar[str] = "pair error"
 
+    @property
+    def refused(self) -> bool:
+        """True for what the policy did: then the pair is not played again."""
+        return is_refusal(self.kind)
+
     schema_version: Version = RECORD_VERSION
     case_id: Name
     item_id: FileName
@@ -692,6 +697,12 @@ def _require_consistent_pair(record: PairRecord) -> None:
         raise ReportError(
             f"policy={shown(record.policy)} of a pair record, but must be a policy's spec with name, "
             "horizon, query_interval (Q <= H) and privileged."
+        )
+    budget = step_budget(record.suite)
+    if budget is not None and record.max_steps != budget:
+        raise ReportError(
+            f"max_steps={record.max_steps}, but an episode of {record.suite} has {budget}. Something has "
+            "changed the budgets where the pair was played: look for it in the adapter."
         )
     for name, arm in record.arms.items():
         if arm.steps > record.max_steps:

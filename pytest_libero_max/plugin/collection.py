@@ -28,10 +28,10 @@ from pytest_libero_max.plugin.options import Settings, usage_errors
 from pytest_libero_max.plugin.stash_keys import (
     CASES,
     MANIFEST,
-    MEASURED,
-    MEASURED_INPUT,
     NOISE_CASES,
     SETTINGS,
+    SETTLED,
+    SETTLED_INPUT,
 )
 
 PSEUDO_PATH = "libero-max"
@@ -274,12 +274,12 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect the pairs that a resumed run has measured, the same ones on every worker."""
+    """Deselect the pairs that a resumed run has settled, the same ones on every worker."""
     on_worker: dict[str, list[str]] = getattr(config, "workerinput", {})
-    measured = {*on_worker.get(MEASURED_INPUT, ()), *config.stash.get(MEASURED, ())}
-    if measured:
-        done = [item for item in items if case_of_item(item) in measured]
-        items[:] = [item for item in items if case_of_item(item) not in measured]
+    settled = {*on_worker.get(SETTLED_INPUT, ()), *config.stash.get(SETTLED, ())}
+    if settled:
+        done = [item for item in items if case_of_item(item) in settled]
+        items[:] = [item for item in items if case_of_item(item) not in settled]
         config.hook.pytest_deselected(items=done)
 
 

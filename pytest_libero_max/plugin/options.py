@@ -21,7 +21,8 @@ from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
 from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.plugin.processes.time_limits import Limits
-from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS, TRACE_MODES
+from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
+from pytest_libero_max.runs.replay_command import Places
 from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
@@ -265,20 +266,20 @@ class Settings:
     strict: str | None = _option(
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
-        read.known_in(("regression",)),
+        read.selection_in(("regressions",)),
     )
     traces: str = _option(
         "WHICH",
         "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
-        "films: none, regression or all",
-        read.known_in(TRACE_MODES),
+        "films: none, regressions, changed (Base and Dynamic end differently) or all",
+        read.selection_in(SELECTIONS),
         default="none",
     )
     film: str = _option(
         "WHICH",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all",
-        read.known_in(("none", *FILM_SELECTIONS)),
+        read.selection_in(SELECTIONS),
         default="none",
     )
     film_limit: int | None = _option(
@@ -633,6 +634,27 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
         )
     with usage_errors("--libero-max-program: "):
         return find_program(values["program"], config.invocation_params.dir)
+
+
+def places_of(config: pytest.Config, settings: Settings) -> Places:
+    """Return what a session needs of this machine to play pairs of this one again, in another folder."""
+    from pytest_libero_max.policies.references import absolute_reference
+
+    folder, option = config.invocation_params.dir, config.option
+    profile = settings.profile
+    arguments = [f"--rootdir={config.rootpath}", "-p", "pytest_libero_max.plugin.fresh_folder"]
+    arguments += [] if config.inipath is None else ["-c", str(config.inipath)]
+    arguments += [word for text in option.override_ini or () for word in ("-o", text)]
+    arguments += [word for name in option.plugins or () for word in ("-p", name)]
+    return Places(
+        absolute_reference(settings.reference, folder),
+        str(_path(config, profile)) if profile is not None and profile.endswith(".toml") else profile,
+        None if settings.manifest is None else str(settings.manifest.absolute()),
+        None,
+        tuple(map(str, settings.libero)),
+        None if settings.libero_assets is None else str(settings.libero_assets),
+        tuple(arguments),
+    )
 
 
 def given(config: pytest.Config, name: str) -> bool:

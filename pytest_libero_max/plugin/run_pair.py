@@ -14,7 +14,7 @@ from msgspec import structs
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.costs.model import PAIR, WORLD
-from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
+from pytest_libero_max.errors import AdapterError, LiberoMaxError, RefusalError, class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
@@ -146,7 +146,7 @@ def _require_first_pair_again(
     Base alone is played again: half of the time, and the other arms share its beginning and its policy.
 
     Raises:
-        AdapterError: It came out otherwise than before.
+        RefusalError: It came out otherwise than before.
     """
     if not policy.spec.repeatable:
         return
@@ -166,7 +166,7 @@ def _require_first_pair_again(
             ).record.arms
         different = [name for name, arm in again.items() if first.record.arms[name].proof != arm.proof]
         if different:
-            raise AdapterError(
+            raise RefusalError(
                 f"the policy remembers something from pair to pair: {first.case.item_id} was played again "
                 f"after {AGAIN_AFTER} pairs, and {' and '.join(different)} came out otherwise, so that "
                 "results depend on what was played before. Let reset() empty queues, histories, counters and "
@@ -283,8 +283,7 @@ def _keep(pair: Pair, settings: Settings) -> list[str]:
     from pytest_libero_max.pairing.trace import write_trace
     from pytest_libero_max.runs.media import is_selected
 
-    filmed = settings.film != "none" and is_selected(pair.record, settings.film)
-    if filmed or settings.traces == "all" or settings.traces == pair.record.outcome:
+    if any(is_selected(pair.record, which) for which in (settings.film, settings.traces)):
         try:
             write_trace(settings.output / TRACES_NAME, pair)
         except (OSError, ValueError) as error:
@@ -296,7 +295,7 @@ def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
     """Check that the policy's spec is that of before its first pair.
 
     Raises:
-        AdapterError: Its spec has changed.
+        RefusalError: Its spec has changed.
     """
     from pytest_libero_max.policies.check import require_spec
 

@@ -91,26 +91,8 @@ def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
 def _choose_distribution(config: pytest.Config) -> None:
     """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
 
-    Where the order of play matters, it hands out one pair after another. Where gates are to be decided the
-    pairs are played by a worker: what a policy does to its own process, such as ``os._exit(0)``, must not end
-    the session.
-
-    Raises:
-        pytest.UsageError: A debugger is to stop in pairs, and there are gates.
+    The number of workers may still be ``auto`` here; where it turns out to be 0, xdist takes the choice back.
     """
-    option = config.option
-    if getattr(option, "numprocesses", None) in ("auto", "logical") and not option.usepdb:
-        option.numprocesses = config.hook.pytest_xdist_auto_num_workers(config=config)
-    if _decides_what_it_plays(config) and option.usepdb:
-        raise pytest.UsageError(
-            "--pdb plays pairs in the process that decides the gates, and a policy could end it. Leave the "
-            "gates away; where the ini file has them, add -o libero_max_gate="
-        )
-    if _decides_what_it_plays(config) and config.pluginmanager.hasplugin("xdist"):
-        option.numprocesses = 1
-        option.tx = ["popen"]
-    elif _decides_what_it_plays(config):
-        option.libero_max_isolate = True
     if _workers(config):
         _choose_dist(config)
 
@@ -143,9 +125,36 @@ def _workers(config: pytest.Config) -> object:
     return count or (count is None and getattr(config.option, "tx", None))
 
 
+@pytest.hookimpl(specname="pytest_cmdline_main")
+def pytest_play_apart_from_gates(config: pytest.Config) -> None:
+    """Let a worker play where gates are to be decided.
+
+    What a policy does to its own process, such as ``os._exit(0)``, must not end the session. Only xdist's own
+    implementation of this hook, which comes before this one, knows whether there are workers: ``-n auto`` may
+    be none.
+
+    Raises:
+        pytest.UsageError: A debugger is to stop in pairs, and there are gates.
+    """
+    if hasattr(config, "workerinput") or not collection.is_run(config) or not _decides_what_it_plays(config):
+        return
+    if config.option.usepdb:
+        raise pytest.UsageError(
+            "--pdb plays pairs in the process that decides the gates, and a policy could end it. Leave the "
+            "gates away; where the ini file has them, add -o libero_max_gate="
+        )
+    if not config.pluginmanager.hasplugin("xdist"):
+        config.option.libero_max_isolate = True
+        return
+    config.option.numprocesses = 1
+    config.option.tx = ["popen"]
+    _choose_dist(config)
+
+
 def _decides_what_it_plays(config: pytest.Config) -> bool:
     """Return True if the process that decides gates would load the policy as well."""
-    elsewhere = _workers(config) or options.given(config, "ray") or options.given(config, "isolate")
+    workers = config.getoption("dist", "no") != "no" and config.getoption("tx", None)
+    elsewhere = workers or options.given(config, "ray") or options.given(config, "isolate")
     return options.given(config, "gate") and not (elsewhere or collection.only_lists(config))
 
 

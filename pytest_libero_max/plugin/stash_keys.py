@@ -62,8 +62,8 @@ DIST_NOTE = pytest.StashKey[str]()
 END_STATUS = pytest.StashKey[int]()
 """On the config of the process that owns the run: its exit status, decided before users' hooks are called."""
 
-MEASURED = pytest.StashKey[tuple[str, ...]]()
-"""On the controller's config: item ids of the pairs that a resumed run holds already."""
+SETTLED = pytest.StashKey[tuple[str, ...]]()
+"""On the controller's config: item ids of the pairs of a resumed run that are not played again."""
 
-MEASURED_INPUT = "libero_max_measured"
+SETTLED_INPUT = "libero_max_settled"
 """Key of the same in a worker's input."""

@@ -47,7 +47,6 @@ from pytest_libero_max.report.report_document import (
     PresentShards,
     Report,
     Returned,
-    Shrunken,
     Split,
     Stop,
 )
@@ -71,7 +70,6 @@ from pytest_libero_max.stats.breakdown import (
 from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
-from pytest_libero_max.stats.shrinkage import shrunken
 from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.registry import scores_of
 
@@ -182,7 +180,6 @@ def build_report(
         macro=Macros(category=_macro(macro_average([r.outcomes for r, _ in groups["category"].values()]))),
         largest_split=_split(largest_split(_variants(groups["variant"]))),
         extremes=_extremes(groups["category"]),
-        shrunken=_shrunken(measured, columns),
         success_curves=success_curves(in_order),
         study=study,
         sections=sections | safety_section(in_order) | monitor_sections(in_order) | probe_means(in_order),
@@ -327,32 +324,6 @@ def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, E
         )
         for source, cells in sources.items()
     }
-
-
-_FEW_PAIRS = 100
-"""Groups with fewer played pairs get a second estimate, drawn towards the mean of all."""
-
-
-def _shrunken(measured: Sequence[PlannedPair], columns: Pairs) -> dict[str, dict[str, Shrunken]]:
-    """Return the second estimates of events and tasks with few pairs; without those that have none."""
-    changes = columns.dynamic.astype(int) - columns.base
-    labels = {"event": [pair.event for pair in measured], "task": [pair.task for pair in measured]}
-    found = {}
-    for name, groups in labels.items():
-        if min(Counter(groups).values(), default=_FEW_PAIRS) < _FEW_PAIRS:
-            estimates = shrunken(changes, groups) or {}
-            found[name] = {
-                group: Shrunken(
-                    pairs=one.pairs,
-                    **{
-                        key: float(f"{getattr(one, key):.12g}")
-                        for key in ("raw", "value", "weight", "lower", "upper")
-                    },
-                )
-                for group, one in sorted(estimates.items(), key=lambda item: group_order(name, item[0]))
-                if one.pairs < _FEW_PAIRS
-            }
-    return {name: groups for name, groups in found.items() if groups}
 
 
 def _variants(

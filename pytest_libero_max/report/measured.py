@@ -120,7 +120,7 @@ def change_of(result: PairedResult) -> Change:
             lower=lower,
             upper=upper,
             degenerate=whole.degenerate if whole else None,
-            by_source=_bootstrap(result.bootstrap_by_source),
+            by_source=bootstrap_of(result.bootstrap_by_source),
         ),
     )
 
@@ -130,7 +130,7 @@ def ends(interval: Interval | MeanChange | ClusterInterval | None) -> tuple[floa
     return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
 
 
-def interval_of(interval: Interval | MeanChange | None) -> blocks.Interval:
+def interval_of(interval: Interval | MeanChange | ClusterInterval | None) -> blocks.Interval:
     """Return an interval; None at both ends where there is none."""
     lower, upper = ends(interval)
     return blocks.Interval(lower=lower, upper=upper)
@@ -165,6 +165,7 @@ def _by_task(interval: TaskInterval, value: float | None) -> blocks.TaskInterval
     )
 
 
-def _bootstrap(change: MeanChange | None) -> Bootstrap:
+def bootstrap_of(change: MeanChange | None) -> Bootstrap:
+    """Return the paper's interval; None at both ends where there is none."""
     lower, upper = ends(change)
     return Bootstrap(lower=lower, upper=upper, degenerate=change.degenerate if change else None)

@@ -21,7 +21,7 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.registry import Registry, modules_in
 from pytest_libero_max.report.gates import Gate, parse_gates
 from pytest_libero_max.report.report_document import Watched
-from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped
 
 ENTRY_POINT_GROUP = "pytest_libero_max.stopping_rules"
@@ -87,6 +87,16 @@ class StoppingRule(ABC):
             OptionError: The rule cannot decide on this run; names the cure.
         """
         return None
+
+    def check_run(self, run: Run) -> None:  # noqa: B027  most rules have nothing to look at
+        """Look at the plan and the provenance of a run, just before its first pair is played.
+
+        Args:
+            run: The run.
+
+        Raises:
+            OptionError: The rule cannot decide on this run; names the cure.
+        """
 
     def watched(self) -> list[Watched]:
         """Return what the rule knows once it has decided; empty where that is the reason alone."""

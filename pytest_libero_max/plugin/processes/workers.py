@@ -49,7 +49,7 @@ class Workers:
         self._cases = cases
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
         self._deaths: dict[Any, Death] = {}
-        self._retries = Retries(settings, config.option.numprocesses or 1, "workers", stop)
+        self._retries = Retries(settings, number_of_workers(config), "workers", stop)
         config.pluginmanager.register(self._retries)
 
     @pytest.hookimpl(optionalhook=True)
@@ -96,6 +96,13 @@ class Workers:
 
     def _crash_log_of(self, node: Any) -> Path:
         return Path(self._folder.name, f"{node.gateway.id}.txt")
+
+
+def number_of_workers(config: pytest.Config) -> int:
+    """Return the number of workers of xdist, known once it has read its options; 1 without it."""
+    specs: list[str] = config.getoption("tx", None) or [""]
+    counts = (spec.partition("*")[0] for spec in specs)
+    return sum(int(count) if count.isdecimal() else 1 for count in counts)
 
 
 def started_again(

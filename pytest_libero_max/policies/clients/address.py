@@ -18,6 +18,9 @@ TOKEN_VARIABLE = "LIBERO_MAX_SERVER_TOKEN"
 LEFT_OUT = "Policy server"
 """Begins the sentences about servers that were left out of a list of equal ones."""
 
+TLS = "+tls"
+"""Ends the scheme of an encrypted connection, for example ``openpi+tls``; that of HTTP is ``https``."""
+
 SERVER_FILE = ".toml"
 """Ending of a file that lists servers."""
 
@@ -30,7 +33,7 @@ class Address:
 
     Attributes:
         text: The address as the user typed it.
-        scheme: Scheme of its protocol.
+        scheme: Its scheme, for example ``openpi+tls``.
         host: Name or number of the machine.
         port: TCP port.
         path: Of the URL; empty where none is given.
@@ -45,6 +48,16 @@ class Address:
     path: str
     timeout_s: float = TIMEOUT_S
     patience_s: float = PATIENCE_S
+
+    @property
+    def protocol(self) -> str:
+        """Scheme of its protocol: without the ending for TLS."""
+        return self.scheme.removesuffix(TLS)
+
+    @property
+    def secure(self) -> bool:
+        """True if the connection is encrypted (TLS)."""
+        return self.scheme in ("https", f"{self.protocol}{TLS}")
 
     @property
     def where(self) -> str:

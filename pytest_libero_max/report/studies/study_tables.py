@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from pytest_libero_max.report.blocks import Bootstrap
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
@@ -237,15 +238,15 @@ _BOOTSTRAP = "Paper's bootstrap"
 
 
 def _rate(rate: SourceRate) -> str:
-    return f"{percent(rate.value)} {interval_text(rate.exact)}  {count_text(rate)}"
+    return f"{percent(rate.value)} {interval_text(rate)}  {count_text(rate)}"
 
 
-def _bootstrap(row: SourceRate | Mean | ConditionContrast, signed: bool = True) -> str:
-    return "n/a: all alike" if row.degenerate else interval_text(row, signed)
+def _bootstrap(bootstrap: Bootstrap, signed: bool = True) -> str:
+    return "n/a: all alike" if bootstrap.degenerate else interval_text(bootstrap, signed)
 
 
-def _change(change: Mean | ConditionContrast) -> str:
-    return f"{points(change.value)} pp {_bootstrap(change)}"
+def _change(change: Mean) -> str:
+    return f"{points(change.value)} pp {interval_text(change, signed=True)}"
 
 
 def _camera(study: Camera) -> list[Table]:
@@ -256,7 +257,7 @@ def _camera(study: Camera) -> list[Table]:
             labels[arm],
             _rate(rate),
             *(_rate(rate.by_source[source]) for source in sources),
-            _bootstrap(rate, signed=False),
+            _bootstrap(rate.bootstrap, signed=False),
         )
         for arm, rate in study.rates.items()
     ]
@@ -295,8 +296,8 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
             f"{labels[row.first]} - {labels[row.second]}",
             str(row.gains),
             str(row.losses),
-            f"{points(row.value)} pp {interval_text(row.exact, signed=True)}",
-            _bootstrap(row),
+            _change(row),
+            _bootstrap(row.bootstrap),
         )
         for row in study.contrasts
     ]
@@ -319,8 +320,8 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
         tables.append(
             Table(
                 "Mid-task less Reset, between strengths",
-                ("Contrast", "Difference"),
-                [(label, _change(row)) for label, row in gaps],
+                ("Contrast", "Difference", _BOOTSTRAP),
+                [(label, _change(row), _bootstrap(row.bootstrap)) for label, row in gaps],
             )
         )
     tables.append(
@@ -335,9 +336,9 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
                 )
                 for label, row in named
             ],
-            "By source, the paper's bootstrap. Reference tasks are resampled jointly across the sources, "
-            "whose shares stay fixed; tasks of each source, and configurations (task and initial state), "
-            "within each source. The case-weighted estimate stays the same.",
+            "By source, the same interval as over all cases. Reference tasks are resampled jointly across "
+            "the sources, whose shares stay fixed; tasks of each source, and configurations (task and "
+            "initial state), within each source. The case-weighted estimate stays the same.",
         )
     )
     return tables

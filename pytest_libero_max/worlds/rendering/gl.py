@@ -8,13 +8,16 @@ works all the same, and :func:`require` says what to install when an image is as
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import importlib
 import os
 import sys
 import types
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
 from functools import cache
+from types import MappingProxyType
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
 from pytest_libero_max.machine import named_user_cache
@@ -30,7 +33,7 @@ OFFSCREEN = ("egl", "osmesa")
 DISABLED = ("disable", "disabled", "off", "false", "0")
 """Values of ``MUJOCO_GL`` that switch images off; the first is the one that we write."""
 
-_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
+_PACKAGES = MappingProxyType({"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"})
 
 
 def prepare() -> str:
@@ -90,8 +93,20 @@ def require() -> str:
 def import_robosuite() -> None:
     """Import robosuite as :func:`prepare` settles it, whatever device draws; its loops are kept by Numba."""
     prepare()
-    with egl.unasked(), named_user_cache():
+    with egl.unasked(), named_user_cache(), unwarned():
         importlib.import_module("robosuite")
+
+
+@contextlib.contextmanager
+def unwarned() -> Iterator[None]:
+    """Ignore warnings while the code of others is imported.
+
+    Its source has escapes that Python warns of when it compiles them. Where a project's tests take warnings
+    for errors, and the installer has compiled nothing beforehand, the import would fail.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 @cache

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -110,6 +111,14 @@ def test_the_plugin_and_the_cases_load_no_simulator() -> None:
         "print([name for name in ('mujoco', 'robosuite', 'numba', 'cv2', 'scipy') if name in sys.modules])"
     )
     assert run(code).stdout.strip() == "[]"
+
+
+def test_code_of_others_that_nothing_has_compiled_is_imported_where_warnings_are_errors(
+    tmp_path: Path,
+) -> None:
+    code = "import warnings; warnings.simplefilter('error'); import pytest_libero_max.worlds.stepping"
+    result = run(code, PYTHONPYCACHEPREFIX=str(tmp_path), PYTHONDONTWRITEBYTECODE="1")
+    assert result.returncode == 0, result.stderr
 
 
 REQUIRE = "from pytest_libero_max.worlds.rendering import gl\ngl.check()\ngl.require()\n"
