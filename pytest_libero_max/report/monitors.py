@@ -149,13 +149,9 @@ def _paired(seen: Sequence[_Watched], with_intervals: bool) -> dict[str, str]:
     before, after = (rate_of(rate, with_interval=with_intervals) for rate in (table.base, table.dynamic))
     change = table_change_of(table, with_interval=with_intervals)
     return {
-        "Alarm after the event, Base at the same step": rate_text(
-            rate_of(table.base, with_interval=with_intervals)
-        ),
+        "Alarm after the event, Base at the same step": rate_text(before),
         "Alarm after the event, Dynamic": rate_text(after),
-        "Alarm after the event, paired change": change_text(
-            table_change_of(table, with_interval=with_intervals)
-        ),
+        "Alarm after the event, paired change": change_text(change),
     }
 
 
