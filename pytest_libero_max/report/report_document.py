@@ -63,6 +63,8 @@ class Stop(Block, frozen=True, kw_only=True):
         rule: The stopping rule as asked for; None where something broke, or -x stopped the run.
         at: Number of pairs, the first ones in the order of play, on which the rule decided; None without a
             rule.
+        bias: The way in which the estimates of such a run are off on average; None where the rule does not
+            look at outcomes, and without a rule.
         watched: What the rule knows of the gates, or of the quantity, that it watched; empty for other rules.
     """
 
@@ -70,6 +72,7 @@ class Stop(Block, frozen=True, kw_only=True):
     of: Positive
     rule: str | None
     at: Count | None
+    bias: str | None = None
     watched: list[Watched]
 
 

@@ -194,7 +194,8 @@ _INPUTS = {
 def _inputs(study: Study) -> Table:
     """Success with an input changed, beside Base over the same cases."""
     arms, contrasts = study.arms or {}, study.contrasts or []
-    adjusted = holm([mcnemar(row.losses, row.gains).log10_p for row in contrasts])
+    tests = [None if row.lower is None else mcnemar(row.losses, row.gains).log10_p for row in contrasts]
+    adjusted = holm(tests)
     rows = [
         (
             row.first,
@@ -204,7 +205,7 @@ def _inputs(study: Study) -> Table:
             str(row.losses),
             str(row.gains),
             "n/a" if log10_p is None else p_number(log10_p),
-            _need(row, log10_p or 0.0) if arms["base"].count else "Base never succeeds",
+            _need(row, log10_p) if arms["base"].count else "Base never succeeds",
         )
         for row, log10_p in zip(contrasts, adjusted, strict=True)
     ]
@@ -223,9 +224,11 @@ def _inputs(study: Study) -> Table:
     )
 
 
-def _need(row: ArmContrast, log10_p: float) -> str:
-    if not row.cases or row.losses == row.gains == 0:
-        return "no case differs" if row.cases else "n/a"
+def _need(row: ArmContrast, log10_p: float | None) -> str:
+    if log10_p is None:
+        return "n/a"
+    if row.losses == row.gains == 0:
+        return "no case differs"
     if 10**log10_p >= _LEVEL:
         return "not shown to matter"
     return "needed" if row.losses > row.gains else "better without"

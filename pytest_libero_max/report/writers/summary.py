@@ -225,7 +225,7 @@ def incomplete_text(pairs: PairCounts) -> str:
 
 
 def stopped_texts(pairs: PairCounts) -> list[str]:
-    """Return what the rule that stopped a run knows, and why there are no intervals; empty for other runs."""
+    """Return what the rule that stopped a run knows, and what it does to numbers; empty for other runs."""
     stopped = pairs.stopped
     if stopped is None or stopped.rule is None:
         return []
@@ -233,6 +233,7 @@ def stopped_texts(pairs: PairCounts) -> list[str]:
         *(watched.text for watched in stopped.watched),
         "Rates and changes have no 95% intervals and no p-value: those hold for a number of pairs that is "
         "fixed before.",
+        *([] if stopped.bias is None else [stopped.bias]),
     ]
 
 
