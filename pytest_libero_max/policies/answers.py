@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.errors import class_name, text_of
 
-Actions = NDArray[np.float64]
+Rows = NDArray[np.float64]
 
 _USUAL_KEYS = ("actions", "action", "action_chunk", "action_pred", "predicted_actions", "normalized_actions")
 """Names under which policies return actions in a dict, the usual ones first."""
@@ -36,7 +36,7 @@ class Unplayable(ValueError):
         self.rule = rule
 
 
-def read_rows(value: Any) -> Actions:
+def read_rows(value: Any) -> Rows:
     """Return actions as (n, d) float64, C-contiguous and fresh.
 
     A single action, (d,), is one row. Leading axes of length 1 are those of a batch and are left out.
@@ -63,7 +63,7 @@ def read_rows(value: Any) -> Actions:
     return np.array(rows, dtype=np.float64, order="C")
 
 
-def read_numbers(value: Any) -> Actions:
+def read_numbers(value: Any) -> Rows:
     """Return an array of real numbers as float64, of any shape.
 
     Raises:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pytest_libero_max.errors import (
     ActionError,
@@ -25,7 +26,7 @@ from pytest_libero_max.errors import (
     did_you_mean,
     text_of,
 )
-from pytest_libero_max.policies.answers import Actions, Unplayable, read_rows
+from pytest_libero_max.policies.answers import Unplayable, read_rows
 from pytest_libero_max.policies.contract import (
     BatchItem,
     BatchPolicy,
@@ -39,6 +40,8 @@ from pytest_libero_max.policies.contract import (
 )
 from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
+
+Actions = NDArray[np.float64]
 
 MOST_TURN_RAD = 2 * np.pi + 1e-3
 """Largest rotation of an absolute action; the rotations of either sign of a quaternion are below."""

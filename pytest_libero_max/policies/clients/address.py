@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 TIMEOUT_S = 120.0
 """Longest time for one answer, s. A server that compiles on its first query needs more: ``?timeout=600``."""
@@ -64,6 +64,12 @@ class Address:
         """Host and port, for messages and URLs."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{host}:{self.port}"
+
+    def over(self, protocol: str, secure: bool) -> Address:
+        """Return the address in another protocol, with TLS or without."""
+        plain = "http" if protocol == "https" else protocol
+        encrypted = "https" if plain == "http" else f"{plain}{TLS}"
+        return replace(self, scheme=encrypted if secure else plain)
 
     def __str__(self) -> str:
         return f"{self.scheme}://{self.where}{self.path}"

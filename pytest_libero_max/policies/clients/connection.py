@@ -18,7 +18,7 @@ from threading import Thread
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import TLS, Address
+from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.transport import NoConnection, Refused, Unreachable, late
 
 CONNECT_S = 4.0
@@ -150,9 +150,9 @@ def _with_tls(connection: socket.socket, address: Address) -> ssl.SSLSocket:
     except ssl.SSLEOFError as error:
         raise Unreachable("the connection was closed before TLS began") from error
     except ssl.SSLError as error:
-        plain = "http" if address.scheme == "https" else address.scheme.removesuffix(TLS)
+        plain = address.over(address.protocol, secure=False)
         raise Refused(
-            f"does not speak TLS ({error.reason or error}). Without TLS its address is {plain}://{address.where}"
+            f"does not speak TLS ({error.reason or error}). Without TLS its address is {plain}"
         ) from error
     except OSError as error:
         raise Unreachable(f"the connection was lost ({_words(error)})") from error

@@ -18,7 +18,7 @@ from threading import Event, Timer
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import TLS, Address, server_token
+from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import OPENPI, VLA_EVAL, pack, unpack
 from pytest_libero_max.policies.clients.connection import connect, speaks_tls
 from pytest_libero_max.policies.clients.transport import LOG, OtherProtocol
@@ -79,8 +79,8 @@ class Speech:
         return f"{self.name} answers there: ask {', or '.join(ways)}."
 
     def _written(self, address: Address, protocol: str, path: str | None) -> str:
-        secure = ("https" if protocol == "http" else f"{protocol}{TLS}") if address.secure else protocol
-        return str(replace(address, scheme=secure, path=address.path if path is None else path))
+        there = address.over(protocol, address.secure)
+        return str(replace(there, path=address.path if path is None else path))
 
 
 def _family(protocol: str) -> str:
@@ -113,14 +113,21 @@ def recognise(address: Address, own: str) -> str | None:
     Returns:
         None where it speaks its own, is silent, or is not recognised.
     """
+    speech = _tried(address, own)
+    if speech is not None:
+        return None if speech.protocol == own else speech.sentence(address)
+    other = address.over(own, not address.secure)
+    if not address.secure:
+        return f"A server with TLS answers there: write {other}." if speaks_tls(address, GREETING_S) else None
+    speech = _tried(other, own)
+    return None if speech is None else f"Without TLS: {speech.sentence(other)}"
+
+
+def _tried(address: Address, own: str) -> Speech | None:
     try:
-        speech = _speech(address, own, time.monotonic() + LOOK_S)
-        if speech is None and not address.secure and speaks_tls(address, GREETING_S):
-            encrypted = "https" if own == "http" else f"{own}{TLS}"
-            return f"A server with TLS answers there: write {encrypted}://{address.where}."
+        return _speech(address, own, time.monotonic() + LOOK_S)
     except (ServerError, OSError):
         return None
-    return None if speech is None or speech.protocol == own else speech.sentence(address)
 
 
 def other_protocol(speech: Speech, address: Address, own: str) -> OtherProtocol:

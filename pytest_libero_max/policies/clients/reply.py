@@ -9,13 +9,13 @@ import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.answers import (
-    Actions,
     Unplayable,
     is_array,
     likely_key,
     read_numbers,
     read_rows,
 )
+from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.codecs import NPY_MAGIC, npy_array
 from pytest_libero_max.policies.clients.transport import reported
 from pytest_libero_max.policies.profile import Profile

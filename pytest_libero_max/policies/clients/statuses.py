@@ -6,7 +6,7 @@ from dataclasses import replace
 from urllib.parse import urljoin, urlsplit
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import TLS, TOKEN_VARIABLE, Address, server_token
+from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE, Address, server_token
 from pytest_libero_max.policies.clients.codecs import shortened
 from pytest_libero_max.policies.clients.transport import Refused, Unreachable
 
@@ -42,7 +42,7 @@ def status_error(status: int, reason: str, path: str, content: bytes) -> ServerE
         also = ", or the path of the address is another" if status == 403 else ""
         return Refused(f"{text}. {told}{also}")
     if status in _NEVER:
-        return Refused(f"{text}. Give the path of the policy in the address, and the port of its server")
+        return Refused(f"{text}. Give the path of the policy in the address, or the port of its server")
     if 300 <= status < 400:
         return Refused(f"{text}. Give the address to which it sends")
     return Unreachable(text) if status in _WAITING else ServerError(text)
@@ -77,11 +77,8 @@ def redirected(address: Address, location: str | None, status: int) -> Address:
         )
     if address.secure and not secure:
         raise Refused(f"{what}, which is not encrypted. Give that address if it is the server")
-    plain = "http" if address.protocol in ("http", "https") else address.protocol
-    encrypted = "https" if plain == "http" else f"{plain}{TLS}"
     return replace(
-        address,
-        scheme=encrypted if secure else plain,
+        address.over(address.protocol, secure),
         port=port or (443 if secure else 80),
         path=parts.path + (f"?{parts.query}" if parts.query else ""),
     )

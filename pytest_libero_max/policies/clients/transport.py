@@ -248,5 +248,6 @@ class Client:
         sentence = None if isinstance(error, OtherProtocol) else self._recognise()
         if sentence is not None or isinstance(error, Refused):
             self._given_up = True
+            text = str(error).rstrip(".")
             end = "" if sentence is None else f" {sentence}"
-            raise ServerError(f"{self._name}: {error}.{end}") from error
+            raise ServerError(f"{self._name}: {text}.{end}") from error

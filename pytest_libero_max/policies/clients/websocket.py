@@ -87,9 +87,9 @@ class Socket:
         """
         if not awaited:
             return self._received("no answer came")
-        silence = f"a WebSocket opened, but {awaited} did not come"
-        with watched(self._open_connection().socket, self._address, self._address.protocol, f"{silence} yet"):
-            return self._received(silence)
+        opened, protocol = self._open_connection().socket, self._address.protocol
+        with watched(opened, self._address, protocol, f"a WebSocket opened, and {awaited} has not come yet"):
+            return self._received(f"a WebSocket opened, but {awaited} did not come")
 
     def close(self) -> None:
         """Close the connection, if there is one."""
@@ -121,7 +121,7 @@ class Socket:
             raise
 
     def _shake_hands(self, connection: socket.socket, target: Address) -> Response | None:
-        from websockets.exceptions import InvalidHandshake, InvalidStatus
+        from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
         from websockets.sync.client import connect as open_websocket
 
         token = server_token()
@@ -141,13 +141,13 @@ class Socket:
             )
         except TimeoutError:
             raise late(target.timeout_s) from None
-        except (OSError, EOFError) as error:
+        except (OSError, EOFError, ConnectionClosed) as error:
             raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
-        except (InvalidHandshake, ValueError) as error:
-            # A ValueError for a redirect, which is not followed over a connection that is given.
-            status = error if isinstance(error, InvalidStatus) else error.__cause__
-            if isinstance(status, InvalidStatus):
-                return status.response
+        except (WebSocketException, ValueError) as error:
+            # A redirect is not followed over a connection that is given, and another error says so.
+            for status in (error, error.__cause__, error.__context__):
+                if isinstance(status, InvalidStatus):
+                    return status.response
             raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
         return None
 
