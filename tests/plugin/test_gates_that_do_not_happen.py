@@ -276,8 +276,6 @@ def test_no_way_ends_with_status_0(
     chosen = () if "-k" in way.arguments else ONE
     apart = () if way.workers else ("--libero-max-isolate",)
     result = run(*chosen, *apart, *way.arguments, policy="leaver.py", subprocess=way.workers)
-    with open("/tmp/gates_ways.log", "a") as log:
-        log.write(f"{[k for k, w in WAYS.items() if w is way]} {int(result.ret)}\n")
     assert result.ret == way.must
 
 
