@@ -31,7 +31,14 @@ PAYLOAD = "from pathlib import Path\nPath({!r}).write_text('')\n"
 def _fake_libero(root: Path, witness: Path) -> Path:
     """Write what is complete enough to be taken for a LIBERO; importing any of it leaves a witness."""
     package = root / "libero" / "libero"
-    for part in ("envs", "utils", "benchmark", "bddl_files/libero_spatial", "init_files", "assets"):
+    for part in (
+        "envs",
+        "utils",
+        "benchmark",
+        "bddl_files/libero_spatial",
+        "init_files/libero_spatial",
+        "assets",
+    ):
         (package / part).mkdir(parents=True)
     for file in (package.parent, package, package / "envs", package / "utils", package / "benchmark"):
         (file / "__init__.py").write_text(PAYLOAD.format(str(witness)))
@@ -39,6 +46,7 @@ def _fake_libero(root: Path, witness: Path) -> Path:
     (package / "benchmark" / "libero_suite_task_map.py").write_text(f"libero_task_map = {tasks!r}")
     for name in tasks["libero_spatial"]:
         (package / "bddl_files" / "libero_spatial" / f"{name}.bddl").write_text("(define (problem x))")
+        (package / "init_files" / "libero_spatial" / f"{name}.pruned_init").write_text("")
     return root
 
 
@@ -175,22 +183,17 @@ def test_a_run_that_names_no_place_says_nothing_of_it() -> None:
     )
 
 
-def _link(path: Path, to: Path) -> None:
-    path.unlink(missing_ok=True)
-    path.symlink_to(to)
-
-
 def test_links_out_of_a_folder_are_not_followed(evil: Path, tmp_path: Path, played: Played) -> None:
     (trace,) = (evil / "traces").iterdir()
-    moved = shutil.move(trace, tmp_path / "elsewhere.npz")
-    _link(trace, moved)
+    trace.rename(tmp_path / "elsewhere.npz")
+    trace.symlink_to(tmp_path / "elsewhere.npz")
     with pytest.raises(ReportError, match="leads out of"):
         require_inside(evil, trace)
     assert require_inside(evil, evil / "report.md") == evil / "report.md"
     with pytest.raises(ReportError, match="leads out of"):
         require_inside(evil, evil / ".." / "run" / "pairs.jsonl")
-    pairs = shutil.move(evil / "pairs.jsonl.gz", tmp_path / "pairs.jsonl.gz")
-    _link(evil / "pairs.jsonl.gz", pairs)
+    (evil / "pairs.jsonl.gz").rename(tmp_path / "pairs.jsonl.gz")
+    (evil / "pairs.jsonl.gz").symlink_to(tmp_path / "pairs.jsonl.gz")
     with pytest.raises(ReportError, match="leads out of"):
         read_pairs(evil)
 
