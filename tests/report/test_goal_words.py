@@ -7,7 +7,9 @@ import pytest
 from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words
 from pytest_libero_max.tasks.libero_tasks import SUITES, tasks
 
-GOALS = [(task.language, " ".join(fact.words())) for suite in SUITES for task in tasks(suite) for fact in task.goal]
+GOALS = [
+    (task.language, " ".join(fact.words())) for suite in SUITES for task in tasks(suite) for fact in task.goal
+]
 
 
 @pytest.mark.parametrize(("instruction", "fact"), sorted({(words, fact) for words, fact in GOALS}))
