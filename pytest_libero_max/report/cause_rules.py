@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from pytest_libero_max.report.arm_stages import BLOCKED_STEPS, FailedArm, cm, is_at, name_in_words
+from pytest_libero_max.report.arm_stages import BLOCKED_STEPS, FailedArm, cm, is_at
+from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words, name_in_words
 
 _CANCELS = "cancel_instruction"
 """Operation of the change that cancels a task; its module imports NumPy."""
@@ -163,7 +164,8 @@ def _undone(arm: FailedArm) -> str | None:
     row = arm.row
     if row.satisfied_step is None or row.satisfied:
         return None
-    return arm.after_event(f"'{row.goal}' held at step {row.satisfied_step} and does not at the end.")
+    held = fact_in_words(row.goal, arm.record.instruction)
+    return arm.after_event(f"{held} at step {row.satisfied_step}, and is not at the end.")
 
 
 def _grasp_slipped(arm: FailedArm) -> str | None:
@@ -238,7 +240,7 @@ def _part_moved_too_little(arm: FailedArm) -> str | None:
         return None
     if not row.is_part:
         return _shut(arm)
-    return arm.after_event(f"{arm.thing} moved by {_way(arm)}, which is not enough for '{row.goal}'.")
+    return arm.after_event(f"{arm.thing} moved by {_way(arm)}, which is not enough {aim_in_words(row.goal)}.")
 
 
 def _part_not_moved(arm: FailedArm) -> str | None:
@@ -448,7 +450,13 @@ def _was_short(arm: FailedArm) -> str:
 def _stuck(arm: FailedArm) -> str | None:
     """The hand was told to move for 2 s or more and did not, around the object and before a lift."""
     row = arm.row
-    if arm.lifted or _closed_near(arm) or not arm.was_blocked or arm.farther_m is None or arm.farther_m > _AROUND_M:
+    if (
+        arm.lifted
+        or _closed_near(arm)
+        or not arm.was_blocked
+        or arm.farther_m is None
+        or arm.farther_m > _AROUND_M
+    ):
         return None
     return arm.after_event(
         f"the hand came within {cm(row.closest_m)} of {arm.thing}{arm.held_up}, from step "
