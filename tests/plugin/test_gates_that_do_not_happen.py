@@ -208,16 +208,16 @@ def pytest_collection_modifyitems(items):
         arguments=(*ASKED, "-n", "logical"),
         workers=True,
     ),
-    "workers that nothing hands out to": Way(0, policy=EXIT, arguments=(*ASKED, "--tx=popen"), workers=True),
+    "workers that nothing hands out to": Way(11, policy=EXIT, arguments=(*ASKED, "--tx=popen"), workers=True),
     "workers taken back": Way(
-        0, policy=EXIT, arguments=(*ASKED, "--tx=popen", "-n0", "--dist=load"), workers=True
+        11, policy=EXIT, arguments=(*ASKED, "--tx=popen", "-n0", "--dist=load"), workers=True
     ),
-    "no xdist": Way(0, policy=EXIT, arguments=(*ASKED, "-p", "no:xdist"), workers=True),
+    "no xdist": Way(11, policy=EXIT, arguments=(*ASKED, "-p", "no:xdist"), workers=True),
     "no session of xdist": Way(4, policy=EXIT, arguments=(*ASKED, "-p", "no:dsession"), workers=True),
     "a debugger": Way(4, arguments=(*ASKED, "--pdb"), workers=True),
     "a debugger with automatic workers": Way(4, arguments=(*ASKED, "--pdb", "-n", "auto"), workers=True),
     "a query that is too slow": Way(
-        0,
+        11,
         policy="import time; time.sleep(60)",
         arguments=(*ASKED, "--libero-max-query-timeout=0.1"),
         workers=True,
