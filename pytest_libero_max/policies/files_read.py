@@ -18,7 +18,7 @@ import os
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib import import_module
@@ -31,8 +31,8 @@ from pytest_libero_max.machine import weight_folders
 
 FileIdentity: TypeAlias = dict[str, int | str]
 """``bytes`` and ``sha256``; of a large file ``bytes``, ``modified`` and ``sampled_sha256``; of a file in the
-cache of a hub ``bytes`` and ``blob``, the name that the hub gives its content; of one that may be the policy's
-own work ``written``."""
+cache of a hub ``bytes`` and ``blob``, the name that the hub gives its content; of one that the policy may
+have written ``written``."""
 
 WHOLE_BYTES = 64 * 2**20
 """Largest file of which all bytes are read; of a larger one, :data:`SAMPLES` blocks, evenly spread."""
@@ -48,8 +48,8 @@ _HUB = "blobs"
 class FilesRead:
     """Collects the files that a policy opens while it is loaded or reset; one for each process.
 
-    The name of a file is its path in the policy's folder, in the working folder or among downloaded weights, and
-    that of the file alone elsewhere, so that it is the same on every machine.
+    The name of a file is its path in the policy's folder or among downloaded weights, and that of the file
+    alone elsewhere, so that it is the same on every machine.
 
     Attributes:
         files: Those that loading read.
@@ -61,7 +61,7 @@ class FilesRead:
         self.reset_files: dict[str, FileIdentity] = {}
         self._written: set[str] = set()
         self._found: set[str] | None = None  # None while nothing is collected
-        self._own: tuple[Path, ...] = ()
+        self._folder: Path | None = None
         self._begun_ns = 0
         self._hooked = False
         self._digests: dict[tuple[str, int, int], FileIdentity] = {}
@@ -77,7 +77,7 @@ class FilesRead:
             sys.addaudithook(self._hear)
             self._hooked = True
         self.files, self.reset_files, self._written = {}, {}, set()
-        self._own = tuple(place for place in (folder, Path.cwd()) if place is not None)
+        self._folder = folder
         self._begun_ns = time_ns()
         before = {*_open_or_mapped()}
         with self._collecting() as found:
@@ -126,8 +126,8 @@ class FilesRead:
         found: dict[str, FileIdentity] = {}
         for path in sorted(paths):
             with suppress(OSError):  # it is gone, or cannot be read any more
-                if _counts(Path(path), self._own, self._begun_ns):
-                    name = _name(Path(path), self._own)
+                if _counts(Path(path), self._folder, self._begun_ns):
+                    name = _name(Path(path), self._folder)
                     if name in found:  # of the same name, in another folder
                         name = "/".join(Path(path).parts[-2:])
                     found[name] = self._identity(path)
@@ -172,7 +172,7 @@ def _digest(path: Path, status: os.stat_result) -> FileIdentity:
     return {"bytes": status.st_size, "modified": modified, "sampled_sha256": digest.hexdigest()}
 
 
-def _counts(path: Path, own: Sequence[Path], begun_ns: int) -> bool:
+def _counts(path: Path, folder: Path | None, begun_ns: int) -> bool:
     """Return True if a file belongs to the identity of the policy.
 
     Raises:
@@ -184,9 +184,7 @@ def _counts(path: Path, own: Sequence[Path], begun_ns: int) -> bool:
         return False
     if _inside(real, _SYSTEM) or _inside(path, _python()):
         return False
-    if _inside(path, own):
-        return True
-    if _inside(path, weight_folders().values()):
+    if _inside(path, [*filter(None, [folder]), Path.cwd(), *weight_folders().values()]):
         return True
     home = Path.home()
     if path.is_relative_to(home) and any(part.startswith(".") for part in path.relative_to(home).parts):
@@ -206,10 +204,10 @@ def _inside(path: Path, folders: Iterable[Path]) -> bool:
     return any(path.is_relative_to(folder) for folder in folders)
 
 
-def _name(path: Path, own: Sequence[Path]) -> str:
-    for folder in (*own, *weight_folders().values()):
-        if path.is_relative_to(folder):
-            return path.relative_to(folder).as_posix()
+def _name(path: Path, folder: Path | None) -> str:
+    for place in (folder, *weight_folders().values()):
+        if place is not None and path.is_relative_to(place):
+            return path.relative_to(place).as_posix()
     return path.name
 
 
