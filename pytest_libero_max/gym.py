@@ -125,10 +125,10 @@ class PairedRun:
         )
         self._traces, self._traced = Path(folder) / TRACES_NAME, selection_named(traces)
         self._store, stored = PairStore.resume(Path(folder), Run.of(planned, provenance))
-        measured = frozenset[str]() if stored is None else stored.measured
+        settled = frozenset[str]() if stored is None else stored.settled
         self.policy = policy
         self.cases = tuple(
-            case for case in planned if case.case_id not in measured and policy.supports(case.suite)
+            case for case in planned if case.case_id not in settled and policy.supports(case.suite)
         )
         self._left = {case.case_id for case in self.cases}
         self._begun: dict[str, tuple[str, dict[str, str]]] = {}

@@ -20,7 +20,7 @@ from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
 GROUPS = {
-    "Start here": ("doctor", "check", "show", "compare", "gate", "film"),
+    "Start here": ("init", "doctor", "check", "show", "compare", "gate", "film"),
     "Before a run": (
         "profiles",
         "events",
@@ -121,7 +121,7 @@ def _named_as_here(text: str, options: argparse.Namespace) -> str:
     """Return a message about an option of pytest with the name that it has for this command."""
     for name in vars(options):
         flag = name.replace("_", "-")
-        text = re.sub(rf"--libero-max-{flag}\b(?!-)", f"--{flag}", text)
+        text = re.sub(rf"(?<!pytest )--libero-max-{flag}\b(?!-)", f"--{flag}", text)
     return text
 
 

@@ -7,6 +7,7 @@ an observation whose images are marked.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,13 +19,15 @@ from pytest_libero_max.policies.finding import Finding, doubt, ok, skip, wrong
 from pytest_libero_max.policies.transforms import states
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 
-_TURNS: Mapping[str, Callable[[Image], Image]] = {
-    "as delivered, bottom row first": lambda image: image,
-    "rotated by 180 degrees": lambda image: image[::-1, ::-1],
-    "flipped upside down ([::-1])": lambda image: image[::-1],
-    "mirrored left to right ([:, ::-1])": lambda image: image[:, ::-1],
-    "transposed": lambda image: image.transpose(1, 0, 2),
-}
+_TURNS: Mapping[str, Callable[[Image], Image]] = MappingProxyType(
+    {
+        "as delivered, bottom row first": lambda image: image,
+        "rotated by 180 degrees": lambda image: image[::-1, ::-1],
+        "flipped upside down ([::-1])": lambda image: image[::-1],
+        "mirrored left to right ([:, ::-1])": lambda image: image[:, ::-1],
+        "transposed": lambda image: image.transpose(1, 0, 2),
+    }
+)
 USUAL = "rotated by 180 degrees"
 
 INPUTS = ("orientation and colours of images", "which camera is which", "orientation of the hand")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
+
+from pytest_libero_max.benchmark.documents import Json
 
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
@@ -82,6 +85,29 @@ def films_in(folder: Path, view: str = "world") -> dict[str, str]:
             name = path.stem.removesuffix(_POLICY) if of_policy else path.stem
             found[name.rpartition(_SEPARATOR)[0]] = f"{FILMS_NAME}/{path.name}"
     return found
+
+
+def traced_in(folder: Path) -> set[str]:
+    """Item ids of the pairs of which a run has kept traces, from which films are made later."""
+    return {path.stem for path in (folder / TRACES_NAME).glob("*.npz")}
+
+
+def show_command(folder: Path, name: str, item_ids: Iterable[str], provenance: Json) -> str | None:
+    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them.
+
+    Args:
+        folder: Of the run.
+        name: The same, as the command is to have it.
+        item_ids: The pairs.
+        provenance: Header of the run.
+    """
+    asked, view = {*item_ids}, ["libero-max", "view", name]
+    if asked & films_in(folder).keys():
+        return shlex.join(view)
+    if not asked & traced_in(folder):
+        return None
+    manifest = provenance["case_set"].get("path")  # which nothing but an option may name
+    return shlex.join(view if manifest is None else [*view, f"--cases={manifest}"])
 
 
 def _films(folder: Path) -> list[Path]:

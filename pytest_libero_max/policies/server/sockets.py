@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ServerError, install_extra
@@ -26,7 +27,7 @@ HEALTH = ("/health", "/healthz")
 
 METRICS = "/metrics"
 
-TALKS: Mapping[str, Talk] = {"/": openpi.talk, "/vla-eval": vla_eval.talk}
+TALKS: Mapping[str, Talk] = MappingProxyType({"/": openpi.talk, "/vla-eval": vla_eval.talk})
 """Protocol at each path."""
 
 
