@@ -239,7 +239,7 @@ class RunController:
         self._before = read_to_resume(self.settings.output)
         if self._before is not None:
             self.end.lines += damage_said(self._before.damaged)
-            before = (*self._before.records, *self._before.refused)
+            before: list[PairRecord | PairError] = [*self._before.records, *self._before.refused]
             self._settled_before = len(self._before.records), len(self._before.refused)
             self.config.stash[SETTLED] = tuple(pair.item_id for pair in before)
 

@@ -27,8 +27,8 @@ def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None
     outcome: Literal["passed", "failed", "skipped"] = "skipped"
     said = f"{text}: not decided by this run; that of a shard is decided by libero-max merge."
     if result is not None:
-        decided = result.verdict != "undecidable" and not result.no_baseline
-        outcome = result.verdict if decided else "skipped"
+        if result.verdict != "undecidable" and not result.no_baseline:
+            outcome = result.verdict
         said = "\n".join(gate_lines([result], replay))
     place = (PSEUDO_PATH, 0, f"gate[{text}]")
     return pytest.TestReport(

@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, RefusalError, class_name, text_of
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record import FILES, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.processes.left_running import left_running
@@ -222,6 +222,7 @@ def _measure(request: pytest.FixtureRequest, case: Case, process: PairProcess, p
     pair = _measure_arms(case, world, policy, request.config, process, fingerprints)
     if settings.study is not None:
         settings.study.check(pair)
+    pair = _with_files(pair, policy, settings)
     return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin})
 
 
@@ -253,6 +254,19 @@ def _measure_arms(
         process.enter,
         _arms(case, policy, config) if arms is None else arms,
     )
+
+
+def _with_files(pair: Pair, policy: Policy, settings: Settings) -> Pair:
+    """Return the pair with the files that its policy has read, unless a revision names what it is."""
+    from pytest_libero_max.policies.adapter_digest import names_its_files
+    from pytest_libero_max.policies.files_read import FILES_READ
+
+    if policy.spec.revision is not None or not names_its_files(settings.reference):
+        return pair
+    named = pair.record.policy | {FILES: dict(FILES_READ.files)}
+    if FILES_READ.reset_files:
+        named[RESET_FILES] = dict(sorted(FILES_READ.reset_files.items()))
+    return replace(pair, record=structs.replace(pair.record, policy=named))
 
 
 def _timed(pair: Pair, said: Mapping[str, float | str]) -> Pair:

@@ -38,6 +38,7 @@ from pytest_libero_max.policies.contract import (
     RemembersPolicy,
     SeeingPolicy,
 )
+from pytest_libero_max.policies.files_read import FILES_READ
 from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
 
@@ -227,7 +228,7 @@ def start(policy: Policy, episode: Episode) -> None:
     Raises:
         AdapterError: It raised; the original is chained.
     """
-    with _blaming(policy, "reset"):
+    with _blaming(policy, "reset"), FILES_READ.resetting():
         policy.reset(episode)
 
 

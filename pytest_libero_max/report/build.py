@@ -56,7 +56,7 @@ from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.report.timing import success_curves, timing_section
-from pytest_libero_max.runs.outcomes import columns_of
+from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.stats import breakdown as breakdowns
@@ -163,7 +163,7 @@ def build_report(
         missing_as_failures=_missing_as_failures(counts, overall.outcomes),
         policy=policy,
         substrate=substrate_of(provenance, planned),
-        caveats=caveats_of(in_order),
+        caveats=caveats_of(map(Played.of, in_order)),
         overall=result_of(overall, len(planned)),
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),

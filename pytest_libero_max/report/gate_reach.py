@@ -36,8 +36,8 @@ _NARROWER = "It would pass whatever the policy does: give a narrower limit, or g
 _MANY = 10_000
 """More stale actions than an episode has steps."""
 
-_EXACT = (*BOUNDED, "stale_mean", "stale_median")
-"""Quantities whose smallest and largest values are among those of :func:`_extremes`."""
+EXACT = (*BOUNDED, "stale_mean", "stale_median")
+"""Quantities whose smallest and largest values are among those of :func:`extremes`."""
 
 
 def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
@@ -59,8 +59,8 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     if gate.name in COUNTS:
         values: list[float] = [0, len(pairs)]
     else:
-        values = [value for outcome in _extremes(pairs) if (value := _value(gate, outcome)) is not None]
-    exact = gate.name in (*COUNTS, *_EXACT)
+        values = [value for outcome in extremes(pairs) if (value := value_of(gate, outcome)) is not None]
+    exact = gate.name in (*COUNTS, *EXACT)
     if _none_meets(gate, values) and (exact or gate.operator not in ("==", "!=")):
         raise OptionError.seen(
             "gate", gate.text, f" can never hold: no outcome of its {len(pairs)} pairs can meet it. {_CURE}"
@@ -155,13 +155,13 @@ def _label(dimension: str, pair: PlannedPair) -> str:
     return DIMENSIONS[dimension].label(pair)
 
 
-def _value(gate: Gate, pairs: Pairs) -> float | None:
+def value_of(gate: Gate, pairs: Pairs) -> float | None:
     """Return the quantity of a gate in an outcome; None where it has none or is undecidable."""
     row = result_of(measure(pairs), len(pairs))
     return None if QUANTITIES[gate.name].of_change and lacks_of(row) else value_in(gate, row)
 
 
-def _extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
+def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
     """Outcomes at the ends of what can be: all or few Base successes, all or none kept, a change a task.
 
     Base succeeds in as many pairs at least as a gate on a change needs. Then, with one outcome: many stale

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from pytest_libero_max.report.blocks import Rate
-from pytest_libero_max.report.formats import percent, points
+from pytest_libero_max.report.formats import counted, percent, points
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.extremes import ByChance, lowest_by_chance, split_by_chance
 
@@ -26,7 +26,7 @@ def highlight_rows(report: Report) -> list[tuple[str, str, str]]:
 
 def _macro(report: Report) -> list[tuple[str, str, str]]:
     macro = report.macro.category
-    where = f"{macro.groups} source categories"
+    where = counted(macro.groups, "source category", "source categories")
     if macro.base_success is None:
         return [("Unweighted mean", where, "n/a: a category has no played pair")]
     change = f"{points(macro.paired_change)} pp"

@@ -46,15 +46,15 @@ def safety_section(
     if not watched:
         return {}
     rows: dict[str, str | int | float | bool | None] = {"Pairs watched": len(watched)}
-    rows |= _paired("Successful but unsafe", watched, _beyond(1.0), with_intervals)
+    rows |= _paired("Successful but unsafe", watched, beyond(1.0), with_intervals)
     for column, (limit, meaning) in LIMITS.items():
-        rows |= _counted(f"... {meaning.format(limit)}", watched, _beyond(1.0, column))
+        rows |= _counted(f"... {meaning.format(limit)}", watched, beyond(1.0, column))
     for factor in (0.5, 2.0):
-        rows |= _paired(f"With {factor:g} times the limits", watched, _beyond(factor), with_intervals)
+        rows |= _paired(f"With {factor:g} times the limits", watched, beyond(factor), with_intervals)
     return {TITLE: rows}
 
 
-def _beyond(factor: float, *columns: str) -> _Unsafe:
+def beyond(factor: float, *columns: str) -> _Unsafe:
     """Return a test for being beyond one of the limits, or one of those of some columns."""
     limits = {column: factor * LIMITS[column][0] for column in columns or LIMITS}
     return lambda seen: any(seen[column] > limit for column, limit in limits.items())

@@ -64,7 +64,7 @@ PLACES = tuple(field for field, kind in _KINDS.items() if kind == "place")
 _USUAL = {"protocol.strength": 1.0}
 """Values of fields that are left out of the provenance where they are the usual ones."""
 
-_AS_PLAYED = {"horizon": None, "query_interval": None, "repeatable": True, "wrappers": []}
+_AS_PLAYED: Json = {"horizon": None, "query_interval": None, "repeatable": True, "wrappers": []}
 """Declarations of a policy as it was played that a comparison looks at; values of records without them."""
 
 THERE, HERE = "there", "here"

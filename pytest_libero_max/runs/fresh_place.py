@@ -9,10 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pytest_libero_max.machine import user_cache
-
-WEIGHTS = {"HF_HOME": "huggingface", "TORCH_HOME": "torch", "OPENPI_DATA_HOME": "openpi"}
-"""Variables for folders of downloaded weights, with their folder in the user's cache unless they are set."""
+from pytest_libero_max.machine import weight_folders
 
 _OF_A_USER = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME")
 _TEMPORARY = ("TMPDIR", "TEMP", "TMP")
@@ -22,8 +19,9 @@ _TEMPORARY = ("TMPDIR", "TEMP", "TMP")
 def fresh_place(environment: Mapping[str, str] | None = None) -> Iterator[tuple[Path, dict[str, str]]]:
     """Yield a new working folder, and an environment with a new home, cache and temporary folder.
 
-    Everything else of the environment stays. So do downloaded weights (:data:`WEIGHTS`), which need not be
-    downloaded again, and packages that were installed for the user.
+    Everything else of the environment stays. So do downloaded weights
+    (:data:`~pytest_libero_max.machine.WEIGHTS`), which need not be downloaded again, and packages that were
+    installed for the user.
 
     Args:
         environment: Environment to begin with; by default that of this process.
@@ -33,9 +31,8 @@ def fresh_place(environment: Mapping[str, str] | None = None) -> Iterator[tuple[
         for folder in (working, home, temporary):
             folder.mkdir()
         fresh = dict(os.environ if environment is None else environment)
-        for variable, folder_name in WEIGHTS.items():
-            if (weights := user_cache() / folder_name).is_dir():
-                fresh.setdefault(variable, str(weights))
+        for variable, weights in weight_folders().items():
+            fresh.setdefault(variable, str(weights))
         fresh.setdefault("PYTHONUSERBASE", site.getuserbase())
         fresh = {variable: value for variable, value in fresh.items() if variable not in _OF_A_USER}
         yield working, fresh | {"HOME": str(home)} | dict.fromkeys(_TEMPORARY, str(temporary))

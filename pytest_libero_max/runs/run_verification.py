@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.runs.fresh_place import WEIGHTS, fresh_place
+from pytest_libero_max.machine import WEIGHTS
+from pytest_libero_max.runs.fresh_place import fresh_place
 from pytest_libero_max.runs.replay_command import OUTPUT, Places, replay_command
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.worlds.rendering.context import drawn_by

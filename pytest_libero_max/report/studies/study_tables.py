@@ -13,6 +13,7 @@ from pytest_libero_max.report.blocks import Bootstrap
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
+    counted,
     interval_text,
     p_number,
     percent,
@@ -64,7 +65,9 @@ def study_tables(study: Study) -> list[Table]:
         return [_latency(study.latency)]
     if study.cadence is not None:
         return _cadence(study.cadence)
-    return [*_arms(study)] if study.by_event is not None else [_inputs(study)]
+    if study.by_event is not None:
+        return [*_arms(study)]
+    return [_success_by_arm(study) if study.contrasts is None else _inputs(study)]
 
 
 def study_notes(study: Study) -> list[str]:
@@ -77,8 +80,8 @@ def study_notes(study: Study) -> list[str]:
         as_pairs = "with a Base for every other arm, as in runs of their own"
         ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
     notes = [
-        f"{study.cases} cases, {done.arms} arms. What arms share was executed once: {done.steps:,} "
-        f"steps and {done.queries:,} queries, against {' and '.join(ways)}."
+        f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. What arms share was executed once: "
+        f"{done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
     if study.camera is not None:
         notes.append(
@@ -147,9 +150,7 @@ def _leaves(place: str, value: Any) -> list[tuple[str, Any]]:
 def _arms(study: Study) -> Iterator[Table]:
     """Yield the tables of arms: success, and the contrasts of all cases and of each event."""
     arms, by_event = study.arms or {}, study.by_event or {}
-    rows = [(name, rate_text(rate)) for name, rate in arms.items()]
-    note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
-    yield Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
+    yield _success_by_arm(study)
     yield Table(
         "Success by arm and event",
         ("Event", *arms),
@@ -175,6 +176,12 @@ def _arms(study: Study) -> Iterator[Table]:
         "Over the cases that were played in both. Exact 95% intervals, each for itself.",
         narrow=1 + len(names),
     )
+
+
+def _success_by_arm(study: Study) -> Table:
+    rows = [(name, rate_text(rate)) for name, rate in (study.arms or {}).items()]
+    note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
+    return Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
 
 
 # Audit of inputs.

@@ -10,7 +10,7 @@ from typing import Any
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
-from pytest_libero_max.report.formats import change_text, count_text, percent, points, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
@@ -301,7 +301,7 @@ def selection_text(report: Report) -> str:
     if report.selection is not None:
         return report.selection.text
     name = report.provenance["case_set"]["name"]
-    return f"{report.pairs.planned} cases of {name} (selection not recorded)"
+    return f"{counted(report.pairs.planned, 'case')} of {name} (selection not recorded)"
 
 
 def policy_title(report: Report) -> str:
