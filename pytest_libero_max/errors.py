@@ -217,6 +217,11 @@ def text_of(error: BaseException) -> str:
         return "its text cannot be read, because its __str__ raises"
 
 
+def install_extra(name: str) -> str:
+    """Return how an extra of this package is installed, for a message: the package is on no index."""
+    return f"`pip install -e '.[{name}]'` in the clone of pytest-libero-max"
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a sentence or two with the closest known word and, where they are few, all the others.
 

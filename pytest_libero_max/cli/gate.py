@@ -32,6 +32,8 @@ def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.report.writers.summary import incomplete_text
+    from pytest_libero_max.runs.media import show_command
+    from pytest_libero_max.runs.outside import outside_text
     from pytest_libero_max.runs.replay_command import replay_command
     from pytest_libero_max.runs.store import read_pairs
 
@@ -45,7 +47,11 @@ def _gate(options: argparse.Namespace) -> int:
         require_usable(gates, stored.run.planned, stored.run.planned, options.folder, start)
     report = report_of(stored)
     verdicts = decide_on(gates, stored, report, start)
-    say_coloured(gate_lines(verdicts, replay_command(stored)))
+    lost = [name for verdict in verdicts for name in verdict.lost]
+    show = show_command(options.folder, str(options.folder), lost[:1], stored.run.provenance)
+    say_coloured(gate_lines(verdicts, replay_command(stored), show))
+    if (outside := outside_text(stored.run.provenance)) is not None and lost and show is None:
+        say([f"The command is as the folder names it: read it before you give it. {outside}"])
     failed = not_passed_text(verdicts)
     counts = report.pairs
     if not ended_as_declared(counts):

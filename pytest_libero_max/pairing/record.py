@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from msgspec import Meta, field
 from msgspec.structs import force_setattr, replace
 
-from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.cases import Case, step_budget
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import CHANGED_BY, NO_LATENCY, PATTERN, Latency
 from pytest_libero_max.benchmark.structs import (
@@ -66,6 +66,12 @@ PROGRAM = "program"
 """Fingerprint of a pair whose case has a program: the program's name and digest."""
 
 Span = Annotated[tuple[Positive, ...], rule("two integers of at least 1", min_length=2, max_length=2)]
+
+FILES, RESET_FILES = "files", "reset_files"
+"""Fields of a record's policy: the files that loading it read, and those that ``reset`` has read besides in
+the process so far, by name (:mod:`~pytest_libero_max.policies.files_read`)."""
+
+FileIdentities = dict[Name, dict[Name, Count | Text]]
 
 QUERY_MS = "query_ms"
 """Among the timings of a pair: numbers of queries by their milliseconds, by arm."""
@@ -279,7 +285,9 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         arms: Results by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
             played a second time for the noise floor.
         policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
-            the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
+            the event: ``snapshot``, or what it was shown again (``queries``, ``frames``). ``files`` and
+            ``reset_files`` are those that it has read, of a policy without a revision that is no server's
+            and not this package's.
         fingerprints: Everything else that could change a result: versions, substrate, the policy's code, the
             digests of the scene and of the state in which the pair starts, the case's program if it has one.
         timings: Wall-clock seconds, server_batch (a count) and server (an address); the only fields that
@@ -496,9 +504,13 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         return values
 
     def identity(self) -> Json:
-        """Return what was played: everything but the timings, and what a server returned beyond it."""
+        """Return what was played: everything but the timings, and what a server returned beyond it.
+
+        Which files ``reset`` has read by then depends on the pairs that the process played before.
+        """
         values = self.to_dict()
         del values["timings"]
+        values["policy"].pop(RESET_FILES, None)
         for arm in values["arms"].values():
             arm.pop("returned", None)
         return values
@@ -697,6 +709,18 @@ def _require_consistent_pair(record: PairRecord) -> None:
         raise ReportError(
             f"policy={shown(record.policy)} of a pair record, but must be a policy's spec with name, "
             "horizon, query_interval (Q <= H) and privileged."
+        )
+    for part in (FILES, RESET_FILES):
+        if not fits(record.policy.get(part, {}), FileIdentities):
+            raise ReportError(
+                f"policy.{part}={shown(record.policy[part])} of a pair record, but must be files by name, "
+                "each with numbers and texts that identify it."
+            )
+    budget = step_budget(record.suite)
+    if budget is not None and record.max_steps != budget:
+        raise ReportError(
+            f"max_steps={record.max_steps}, but an episode of {record.suite} has {budget}. Something has "
+            "changed the budgets where the pair was played: look for it in the adapter."
         )
     for name, arm in record.arms.items():
         if arm.steps > record.max_steps:

@@ -46,6 +46,7 @@ from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_s
 from pytest_libero_max.plugin.run_end import RunEnd
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import (
+    DIST_NOTE,
     NOTE_ATTRIBUTE,
     POLICY_PHASE,
     RESULT_ATTRIBUTE,
@@ -104,6 +105,8 @@ class RunController:
         self.stop = RunStop(config, self.settings)
         self.end = RunEnd(config, self.settings, self.stop)
         self.cases = {case.item_id: case for case in cases_of(config)}
+        # Taken before any policy is loaded, which could alter them in this process.
+        self._budgets = {name: case.budget for name, case in self.cases.items()}
         self.store: PairStore | None = None
         self._before: StoredRun | None = None
         self._settled_before = 0, 0  # pairs that a resumed run has measured, and refused
@@ -259,6 +262,7 @@ class RunController:
             *self._chance_line(),
             *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
+            *([self.config.stash[DIST_NOTE]] if DIST_NOTE in self.config.stash else []),
             *([] if self._remark is None else [self._remark]),
         ]
 
@@ -411,7 +415,7 @@ class RunController:
         # nothing counts after a refusal.
         if name in self._settled_now and (self._settled_now[name] or result is None or is_error(result)):
             return
-        pair = result_of(report, self.cases[name])
+        pair = result_of(report, self.cases[name], self._budgets[name])
         if pair is None:
             if report.skipped:
                 self.stop.stored(name, None)

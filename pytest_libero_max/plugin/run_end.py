@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, is_refusal, text_of
 from pytest_libero_max.plugin.collection import asked_for, cases_of, manifest_of, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
-from pytest_libero_max.plugin.options import Settings, gates_from
+from pytest_libero_max.plugin.options import Settings, gates_from, places_of
 from pytest_libero_max.plugin.processes.retries import refused_lines, set_aside_lines
 from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.run_stop import RunStop
@@ -25,7 +25,7 @@ from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
-from pytest_libero_max.runs.media import films_in
+from pytest_libero_max.runs.media import films_in, show_command
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
@@ -157,15 +157,18 @@ class RunEnd:
 
     def _verify(self, ended: int) -> list[str]:
         """Play pairs again that the option asks for; return lines of the summary."""
-        if not self.settings.verify or not self._records or ended == pytest.ExitCode.INTERRUPTED:
+        if not self.settings.verify:
             return []
-        if not self._records[0].policy.get("repeatable", True):
-            return ["Played again: no pair, because the policy is not repeatable."]
-        from pytest_libero_max.runs.run_verification import verification_lines, verified
+        if not self._records or ended == pytest.ExitCode.INTERRUPTED:
+            why = "the run was interrupted" if self._records else "none was measured"
+            return [f"Played again: no pair, because {why}."]
+        from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, verification_lines, verified
 
+        if not self._records[0].policy.get("repeatable", True):
+            return [CANNOT_JUDGE]
         begun = time.perf_counter()
         run, folder = read_pairs(self.settings.output), self.config.invocation_params.dir
-        self._verified = verified(run, self.settings.verify, folder)
+        self._verified = verified(run, self.settings.verify, places_of(self.config, self.settings), folder)
         lines, self._not_repeated = verification_lines(self._verified, time.perf_counter() - begun)
         return lines
 
@@ -202,7 +205,10 @@ class RunEnd:
         )
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
-        self.lines += summary_lines(self.report, paths, films)
+        named = str(_relative(folder, here))
+        changed, ran = [pair.item_id for pair in self.report.changed_pairs], self.report.provenance
+        show = show_command(folder, named, changed, ran)
+        self.lines += summary_lines(self.report, paths, films, show)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)
         if self.settings.compare is not None and self._run is not None:
@@ -212,7 +218,9 @@ class RunEnd:
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
         self.lines += refused_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
-        self.lines += gate_lines(self._verdicts, self._replay)
+        lost = [name for verdict in self._verdicts for name in verdict.lost]
+        show = show_command(folder, named, lost[:1], ran)
+        self.lines += gate_lines(self._verdicts, self._replay, show)
         if os.environ.get("GITHUB_ACTIONS") == "true":
             self.lines += github_annotations(self._verdicts)
             try:

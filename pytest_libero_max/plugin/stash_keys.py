@@ -56,6 +56,9 @@ NOTE = pytest.StashKey[str]()
 NOTE_ATTRIBUTE = "libero_max_note"
 """The attribute of a test report that carries the same to the controller."""
 
+DIST_NOTE = pytest.StashKey[str]()
+"""On the controller's config: line of the header on a way to hand out tests that cannot be that of pairs."""
+
 END_STATUS = pytest.StashKey[int]()
 """On the config of the process that owns the run: its exit status, decided before users' hooks are called."""
 

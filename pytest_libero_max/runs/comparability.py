@@ -58,6 +58,9 @@ _KINDS: Mapping[str, Kind] = {
 }
 """Kinds of single fields of the provenance; other fields of ``policy`` are of the kind ``policy``."""
 
+PLACES = tuple(field for field, kind in _KINDS.items() if kind == "place")
+"""Fields of the provenance that hold places on a machine."""
+
 _USUAL = {"protocol.strength": 1.0}
 """Values of fields that are left out of the provenance where they are the usual ones."""
 

@@ -32,7 +32,7 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, require_version
+from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, require_version
 
 _UNKNOWN = "?"
 """The number of a task that is not known."""
@@ -131,6 +131,8 @@ class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False
     NOUN: ClassVar[str] = "provenance.substrate"
 
     name: Text
+    roots: Texts = ()
+    assets: Text | None = None
 
 
 class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -140,6 +142,8 @@ class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
 
     name: Text
     digest: Text
+    path: Text | None = None
+    program: Text | None = None
 
 
 class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -150,6 +154,7 @@ class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fal
     reference: Text
     horizon: Positive | None = None
     query_interval: Positive | None = None
+    profile: Text | None = None
     restore: Text | None = None
     adaptive: Text | None = None
 
@@ -162,7 +167,7 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
     noise_floor: Positive | None = None
     sham: Share | None = None
     strength: Share | None = None
-    latency: Text | None = None
+    latency: LatencyText | None = None
     study: Object | None = None
     program: Object | None = None
 

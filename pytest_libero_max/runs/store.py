@@ -31,6 +31,7 @@ from pytest_libero_max.runs.comparability import declare_weights, measurement_di
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
+from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 
@@ -361,11 +362,15 @@ def _set_aside(path: Path) -> None:
 
 
 def pairs_file(path: Path) -> Path:
-    """Return the path of a run's pairs: the file itself, or that in the folder, which may be packed."""
+    """Return the path of a run's pairs: the file itself, or that in the folder, which may be packed.
+
+    Raises:
+        ReportError: In the folder it is a link that leads out of it.
+    """
     if not path.is_dir():
         return path
     plain, packed = path / PAIRS_NAME, path / PACKED_PAIRS_NAME
-    return packed if packed.exists() and not plain.exists() else plain
+    return require_inside(path, packed if packed.exists() and not plain.exists() else plain)
 
 
 def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:

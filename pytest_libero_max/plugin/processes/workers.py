@@ -40,21 +40,11 @@ class Workers:
         settings: Of the run.
         cases: By item id.
         stop: Of the run.
-
-    Raises:
-        pytest.UsageError: xdist is told to hand out tests in a way that cannot be that of pairs.
     """
 
     def __init__(
         self, config: pytest.Config, settings: Settings, cases: dict[str, Case], stop: RunStop
     ) -> None:
-        dist = config.getoption("dist")
-        if dist not in DISTS:
-            raise pytest.UsageError(
-                f"--dist={dist}: pairs are handed out one by one, because all are in one module, each "
-                "is played once, and one that kills its worker must not come back for ever. Use "
-                f"--dist={' or '.join(DISTS)}, or leave it away."
-            )
         self._config = config
         self._cases = cases
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")

@@ -32,6 +32,7 @@ from pytest_libero_max.report.comparison.contrasts import (
     contrast_of,
     group_contrast_of,
 )
+from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
 from pytest_libero_max.report.measured import change_of, number, result_of
 from pytest_libero_max.report.statements import statements_of
 from pytest_libero_max.runs.comparability import COMPARISON, differences_between
@@ -218,6 +219,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
+    case_ids = {pair.case_id for pair in common.planned}
     rows = []
     for name, result in results.items():
         block = result_of(result, len(common.planned))
@@ -239,6 +241,8 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
                 response_coverage=block.response_coverage,
                 by_event={event: change_of(group) for event, group in by_event[name].items()},
                 lowest_event=_lowest_event(by_event[name]),
+                warnings=run_warnings(outcomes[name], block),
+                caveats=run_caveats(outcomes[name], case_ids),
             )
         )
     return Comparison(

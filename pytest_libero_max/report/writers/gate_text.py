@@ -9,20 +9,23 @@ from typing import NamedTuple
 from pytest_libero_max.report.gates import SUCCESS_OF, Finding, GateResult, shown
 from pytest_libero_max.runs.replay_command import replay_text
 
-_LOST, _FAILED, _AGAIN = "  lost:", "  failed:", "  again:"
+_LOST, _FAILED, _AGAIN, _SEE = "  lost:", "  failed:", "  again:", "  see:"
 
-KEPT = ("gate FAIL", "gate open", "gate wait", "gate first", _LOST, _FAILED, _AGAIN)
+KEPT = ("gate FAIL", "gate open", "gate wait", "gate first", _LOST, _FAILED, _AGAIN, _SEE)
 """Beginnings of the lines on gates that ``-q`` keeps."""
 
 _NAMED = 3
 
 
-def gate_lines(results: Sequence[GateResult], replay: Sequence[str] | None = None) -> list[str]:
+def gate_lines(
+    results: Sequence[GateResult], replay: Sequence[str] | None = None, show: str | None = None
+) -> list[str]:
     """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
 
     Args:
         results: Result of :func:`~pytest_libero_max.report.gate_results.decide`.
         replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`; None leaves it out.
+        show: Result of :func:`~pytest_libero_max.runs.media.show_command`, which takes its place.
     """
     marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
     lines = []
@@ -33,7 +36,9 @@ def gate_lines(results: Sequence[GateResult], replay: Sequence[str] | None = Non
             label = _FAILED if result.gate.name in SUCCESS_OF else _LOST
             lines.append(f"{label} {named_pairs(result.lost)}")
     lost = next((result.lost[0] for result in results if result.lost), None)
-    if replay is not None and lost is not None:
+    if show is not None and lost is not None:
+        lines.append(f"{_SEE} {show}")
+    elif replay is not None and lost is not None:
         lines.append(f"{_AGAIN} {replay_text(replay, lost)}")
     return lines
 
