@@ -22,11 +22,7 @@ from pytest_libero_max.registry import Registry, modules_in
 from pytest_libero_max.report.gates import Gate, parse_gates
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.runs.stopped import Stopped
-
-ENTRY_POINT_GROUP = "pytest_libero_max.stopping_rules"
-
-_RULES = "pytest_libero_max.report.stopping_rules"
+from pytest_libero_max.runs.stopped import RULES, RULES_GROUP, Stopped
 
 
 @dataclass(frozen=True)
@@ -105,11 +101,11 @@ class StoppingRule(ABC):
 
 
 def _own() -> Mapping[str, Callable[[], type[StoppingRule]]]:
-    return {name: partial(_load, name) for name in modules_in(_RULES)}
+    return {name: partial(_load, name) for name in modules_in(RULES)}
 
 
 def _load(name: str) -> type[StoppingRule]:
-    module = importlib.import_module(f"{_RULES}.{name}")
+    module = importlib.import_module(f"{RULES}.{name}")
     (rule,) = (
         value
         for value in vars(module).values()
@@ -125,7 +121,7 @@ def _accept(name: str, rule: object) -> type[StoppingRule]:
 
 
 STOPPING_RULES: Registry[type[StoppingRule]] = Registry(
-    "stopping rule", ENTRY_POINT_GROUP, _own, _accept, OptionError
+    "stopping rule", RULES_GROUP, _own, _accept, OptionError
 )
 """Every stopping rule by name."""
 
