@@ -342,7 +342,7 @@ def _explain(values: Any, kind: type[Document]) -> None:
 
 
 def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> None:
-    if fits(value, hint):
+    if fits({"value": value}, _holder(kind, name)):
         return
     inner = _document_in(hint)
     plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
@@ -357,7 +357,18 @@ def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> No
             convert(item, inner)
     elif inner is not None and isinstance(value, dict):
         convert(value, inner)
+    elif isinstance(value, dict):
+        wrong = [key for key in value if not fits({"value": {key: value[key]}}, _holder(kind, name))]
+        if wrong and fits({"value": {}}, _holder(kind, name)):
+            part = f"{name}.{wrong[0]}={shown(value[wrong[0]])}"
+            raise ReportError(f"{part} of the {kind.NOUN}, in what must be {words(hint)}.")
     raise ReportError(f"{name}={shown(value)} of the {kind.NOUN}, but must be {words(hint)}.")
+
+
+@cache
+def _holder(kind: type[Document], name: str) -> type[Struct]:
+    """Return a struct of one field: msgspec prepares the type of any other value at each call."""
+    return msgspec.defstruct(f"{kind.__name__}_{name}", [("value", _hints(kind)[name])])
 
 
 def _document_in(hint: Any) -> type[Document] | None:

@@ -12,18 +12,25 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import chain
 from operator import itemgetter
+from types import GenericAlias
 from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 from msgspec import Meta, Struct
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.structs import LARGEST, Finite, Whole, shown
+from pytest_libero_max.benchmark.structs import LARGEST, Finite, Scalar, Whole, shown
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import own_schema
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.probes.probe import Column
+
+if TYPE_CHECKING:
+    Columns = dict[str, Any]
+else:
+    Columns = Annotated[dict[str, Scalar | list[Scalar]], Meta(extra_json_schema={"plain": True})]
+    """Values of the columns of a probe, by name."""
 
 _Get = Callable[[Json], Sequence[Any]]
 
@@ -52,7 +59,7 @@ def require_columns(probes: Mapping[str, Json], steps: int) -> None:
                     f"column {shown(strange[0])}, but a name is lower-case letters, digits and _"
                 )
         except ValueError as error:
-            raise ReportError(f"probe {name!r}: {error}.") from None
+            raise ReportError(f"probe {name!r}: {str(error).removesuffix('.')}.") from None
 
 
 @dataclass(frozen=True)
@@ -137,4 +144,4 @@ def _type(column: Column) -> Any:
         kind = Annotated[number, Meta(ge=number(column.least), le=LARGEST)]
     if column.optional:
         kind = kind | None
-    return list[kind] if column.many else kind
+    return GenericAlias(list, (kind,)) if column.many else kind

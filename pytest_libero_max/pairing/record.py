@@ -29,7 +29,6 @@ from pytest_libero_max.benchmark.structs import (
     PlainObject,
     Positive,
     Proof,
-    Scalar,
     Sha256,
     SourceName,
     Text,
@@ -45,6 +44,7 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
+from pytest_libero_max.pairing.probe_columns import Columns
 from pytest_libero_max.pairing.record_rules import (
     ACTION_DIM,
     Timing,
@@ -72,8 +72,11 @@ Span = Annotated[tuple[Positive, ...], rule("two integers of at least 1", min_le
 
 LatencyText = Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=PATTERN)]
 
-ArmName = ProbeName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
-"""Name of an arm, or of a probe."""
+ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
+"""Name of an arm."""
+
+ProbeName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
+"""Name of a probe."""
 
 OUTCOMES = ("preserved_success", "change_associated_success", "regression", "persistent_failure")
 
@@ -149,7 +152,10 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     shares: Text | None
     notes: Counts | None = None
     returned: Span | None = None
-    probes: dict[ProbeName, dict[str, Scalar | list[Scalar]]] = field(default_factory=dict)
+    probes: Annotated[
+        dict[ProbeName, Columns],
+        rule("columns by probe, both named in lower case: values or lists of values, up to 2^63 - 1"),
+    ] = field(default_factory=dict)
     latency: LatencyText | None = None
     held_steps: Count | None = None
 
@@ -313,7 +319,10 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     arms: Annotated[dict[ArmName, ArmRecord], Meta(min_length=1)]
     policy: PlainObject
     fingerprints: NamedTexts
-    timings: dict[str, Timing] = field(default_factory=dict)
+    timings: Annotated[
+        dict[str, Timing],
+        rule("numbers of at least 0, an address, and numbers of queries by milliseconds, by arm"),
+    ] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         force_setattr(self, "schema_version", RECORD_VERSION)

@@ -47,8 +47,11 @@ SERVER = "server"
 """Among the timings of a pair: the address of the server that answered."""
 
 Milliseconds = Annotated[str, Meta(pattern=r"^[0-9]+(\.[0-9]+)?(e[+-]0[0-9])?$")]
-Timing = Distance | str | dict[str, dict[Milliseconds, Count]]
-"""Seconds, the address of a server, or numbers of queries by their milliseconds, by arm."""
+if TYPE_CHECKING:
+    Timing = Any
+else:
+    Timing = Distance | str | dict[str, Annotated[dict[Milliseconds, Count], Meta(min_length=1)]]
+    """Seconds, the address of a server, or numbers of queries by their milliseconds, by arm."""
 
 Point = Annotated[tuple[Finite, ...], rule("three numbers", min_length=3, max_length=3)]
 
@@ -82,7 +85,7 @@ class Measured(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
 
     NOUN: ClassVar[str] = "values of the evidence"
 
-    position_m: dict[str, Point] | list[Plain] | None = None
+    position_m: Annotated[dict[str, Point] | list[Plain] | None, rule("three numbers for each object")] = None
     taken_out: Texts = ()
 
 

@@ -17,7 +17,7 @@ RULES = "pytest_libero_max.report.stopping_rules"
 RULES_GROUP = "pytest_libero_max.stopping_rules"
 """Entry-point group of those of other packages."""
 
-RuleText = Annotated[str, rule("NAME or NAME:ARGUMENTS", pattern=r"^[a-z][a-z0-9_]*(:.+)?$(?!\n)")]
+RuleText = Annotated[str, rule("NAME or NAME:ARGUMENTS", pattern=r"^[^:\s]+(:.+)?$(?!\n)")]
 
 
 class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):

@@ -325,7 +325,8 @@ def damaged_line(line: Json, draw: random.Random) -> bytes:
 
 def _part_of(line: Json, draw: random.Random) -> tuple[Any, ...]:
     """The way to a part of a line: of a record mostly into its arms, for the rest is planned beforehand."""
-    path, value, depth = [], line, draw.choice((1, 3, 4, 5))
+    path: list[Any] = []
+    value, depth = line, draw.choice((1, 3, 4, 5))
     while len(path) < depth and isinstance(value, dict) and value:
         keys = ["arms"] if "arms" in value and depth > 1 else list(value)
         path.append(draw.choice([*keys, *("probes",) * 4] if "probes" in value else keys))
@@ -389,7 +390,8 @@ class Fuzzer:
         first, *pairs = sound_run(name)
         head = decode_line(json_text(first))
         assert isinstance(head, Run)
-        agreement, lines, places = Agreement(head), list(map(json_text, pairs)), []
+        agreement, lines = Agreement(head), list(map(json_text, pairs))
+        places: list[int] = []
         same_play = SamePlay()
         for record in map(decode_line, lines):
             same_play.add(record)  # type: ignore[arg-type]  # pairs

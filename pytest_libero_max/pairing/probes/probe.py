@@ -70,8 +70,8 @@ class Column:
             return bool(value)
         if self.type == "str" and isinstance(value, str):
             return str(value)
-        least = -LARGEST if self.least is None else self.least
-        if not isinstance(value, bool | np.bool_) and isinstance(value, Real) and least <= value <= LARGEST:
+        least: Any = -LARGEST if self.least is None else self.least
+        if not isinstance(value, bool | np.bool_) and isinstance(value, Real) and least <= value <= LARGEST:  # type: ignore[operator]
             if self.type == "int" and isinstance(value, Integral):
                 return int(value)
             if self.type == "float":
