@@ -16,7 +16,7 @@ from typing import ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.order import Order
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.registry import Registry, modules_in
 from pytest_libero_max.report.gates import Gate, parse_gates
@@ -205,6 +205,9 @@ def watched_by(
     Returns:
         What the rule knew after the pairs on which it decided; empty where there was no rule, or where the
         package that has it is not installed.
+
+    Raises:
+        ReportError: The rule takes no such arguments, or a gate is none.
     """
     if stopped.rule is None or stopped.at is None:
         return []
@@ -213,8 +216,10 @@ def watched_by(
         if type(rule).watched is StoppingRule.watched:
             return []
         declared = parse_gates(gates)
-    except (LiberoMaxError, ValueError):
+    except LiberoMaxError:
         return []
+    except ValueError as error:
+        raise ReportError(f"rule={stopped.rule!r} of a stop, or a gate of the run: {error}.") from None
     found: dict[str, PairRecord | PairError] = {}
     for pair in pairs:
         found.setdefault(pair.item_id, pair)
