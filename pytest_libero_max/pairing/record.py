@@ -41,7 +41,7 @@ from pytest_libero_max.benchmark.structs import (
     shown,
     to_builtins,
 )
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, did_you_mean, is_refusal
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
 from pytest_libero_max.pairing.probe_columns import Columns
@@ -69,6 +69,10 @@ PROGRAM = "program"
 """Fingerprint of a pair whose case has a program: the program's name and digest."""
 
 Span = Annotated[tuple[Positive, ...], rule("two integers of at least 1", min_length=2, max_length=2)]
+
+FILES, RESET_FILES = "files", "reset_files"
+"""Fields of a record's policy: the files that loading it read, and those that ``reset`` has read besides in
+the process so far, by name (:mod:`~pytest_libero_max.policies.files_read`)."""
 
 LatencyText = Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=PATTERN)]
 
@@ -285,7 +289,9 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         arms: Results by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
             played a second time for the noise floor.
         policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
-            the event: ``snapshot``, or what it was shown again (``queries``, ``frames``).
+            the event: ``snapshot``, or what it was shown again (``queries``, ``frames``). ``files`` and
+            ``reset_files`` are those that it has read, of a policy without a revision that is no server's
+            and not this package's.
         fingerprints: Everything else that could change a result: versions, substrate, the policy's code, the
             digests of the scene and of the state in which the pair starts, the case's program if it has one.
         timings: Wall-clock seconds, server_batch (a count) and server (an address); the only fields that
@@ -505,9 +511,13 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         return values
 
     def identity(self) -> Json:
-        """Return what was played: everything but the timings, and what a server returned beyond it."""
+        """Return what was played: everything but the timings, and what a server returned beyond it.
+
+        Which files ``reset`` has read by then depends on the pairs that the process played before.
+        """
         values = self.to_dict()
         del values["timings"]
+        values["policy"].pop(RESET_FILES, None)
         for arm in values["arms"].values():
             arm.pop("returned", None)
         return values
@@ -558,6 +568,11 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
     """
 
     NOUN: ClassVar[str] = "pair error"
+
+    @property
+    def refused(self) -> bool:
+        """True for what the policy did: then the pair is not played again."""
+        return is_refusal(self.kind)
 
     schema_version: Version = RECORD_VERSION
     case_id: Name

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from msgspec import Meta, field
 from msgspec.structs import replace
 
+from pytest_libero_max.benchmark.cases import step_budget
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import CHANGED_BY, NO_LATENCY, PATTERN, Latency
 from pytest_libero_max.benchmark.structs import (
@@ -53,6 +54,11 @@ else:
     Timing = Distance | str | dict[str, Annotated[dict[Milliseconds, Count], Meta(min_length=1)]]
     """Seconds, the address of a server, or numbers of queries by their milliseconds, by arm."""
 
+FileIdentities = Annotated[
+    dict[Name, dict[Name, Count | Text]],
+    rule("files by name, each with numbers and texts that identify it"),
+]
+
 Point = Annotated[tuple[Finite, ...], rule("three numbers", min_length=3, max_length=3)]
 
 _LATENCY = re.compile(PATTERN)
@@ -78,6 +84,8 @@ class PlayedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fa
     wrappers: Texts = ()
     memory: Text | None = None
     history: Flag = False
+    files: FileIdentities = field(default_factory=dict)
+    reset_files: FileIdentities = field(default_factory=dict)
 
 
 class Measured(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -208,6 +216,12 @@ def _require_consistent_pair(record: PairRecord) -> None:
     """
     _require_policy(record)
     _require_timings(record.timings)
+    budget = step_budget(record.suite)
+    if budget is not None and record.max_steps != budget:
+        raise ReportError(
+            f"max_steps={record.max_steps}, but an episode of {record.suite} has {budget}. Something has "
+            "changed the budgets where the pair was played: look for it in the adapter."
+        )
     for name, arm in record.arms.items():
         if arm.steps > record.max_steps:
             raise ReportError(f"steps={arm.steps} of arm {name!r}, but max_steps={record.max_steps}.")

@@ -35,7 +35,7 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, require_version
+from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, require_version
 
 Moment = Annotated[
     str,
@@ -189,7 +189,7 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
     noise_floor: Positive | None = None
     sham: Share | None = None
     strength: Share | None = None
-    latency: Text | None = None
+    latency: LatencyText | None = None
     study: Object | None = None
     program: Object | None = None
 

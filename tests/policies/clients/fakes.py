@@ -158,13 +158,16 @@ def http(handler: Handler) -> Iterator[int]:
 
 
 @contextmanager
-def zeromq(handler: Handler, dialect: Dialect) -> Iterator[int]:
+def zeromq(handler: Handler, dialect: Dialect, port: int = 0) -> Iterator[int]:
     """A REP socket; the handler gets and returns values."""
     zmq: Any = import_module("zmq")
     context = zmq.Context()
     socket = context.socket(zmq.REP)
     socket.linger = 0
-    port = socket.bind_to_random_port("tcp://127.0.0.1")
+    if port:
+        socket.bind(f"tcp://127.0.0.1:{port}")
+    else:
+        port = socket.bind_to_random_port("tcp://127.0.0.1")
     stop = threading.Event()
 
     def talk() -> None:

@@ -53,10 +53,10 @@ BAD: list[tuple[Any, str]] = [
     ({"actions": "none"}, "must be numbers"),
     ({"actions": np.zeros((10, 6))}, r"\(10, 6\), but must have \(n, 7\)"),
     ({"actions": np.zeros((4, 7))}, r"4 action\(s\), but 5 are executed"),
-    ({"actions": np.zeros((0, 7))}, "must have"),
-    ({"actions": np.zeros((2, 10, 7))}, "must have"),
+    ({"actions": np.zeros((0, 7))}, r"0 action\(s\), but 5"),
+    ({"actions": np.zeros((2, 10, 7))}, "must be numbers"),
     ({"actions": [[0.0] * 7, [0.0] * 6]}, "no array"),
-    ({"actions": np.full((10, 7), np.nan)}, r"actions\[0, 0\]=nan, which is not finite"),
+    ({"actions": np.full((10, 7), np.nan)}, r"actions\[0, 0\]=nan, but every component must be finite"),
     ({"actions": np.array([[0.0] * 7] * 9 + [[0.0] * 6 + [np.inf]])}, r"actions\[9, 6\]=inf"),
 ]
 
@@ -176,7 +176,7 @@ def test_nobody_there_is_said_so(scheme: str, profile: str) -> None:
 def test_a_web_server_is_no_policy_server() -> None:
     with (
         fakes.http(lambda request: (404, "no")) as port,
-        pytest.raises(ServerError, match="does not open a WebSocket"),
+        pytest.raises(ServerError, match=r"HTTP status 501.*ask http://"),
     ):
         connect("openpi", port, "pi05_libero", "patience=0.1")
 
@@ -189,7 +189,7 @@ def test_a_web_server_is_no_policy_server() -> None:
         ((200, '"error"'), "the server answered 'error'"),
         ((200, '{"error": "no image"}'), "reports an error: 'no image'"),
         ((200, "<html>"), "no JSON document.*begins with '<html>'"),
-        ((200, '{"actions": [[NaN, 0, 0, 0, 0, 0, 0]]}'), "not finite"),
+        ((200, '{"actions": [[NaN, 0, 0, 0, 0, 0, 0]]}'), "must be finite"),
         ((503, "loading"), "HTTP status 503"),
     ],
 )
