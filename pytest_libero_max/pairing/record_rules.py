@@ -35,8 +35,8 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.probe_columns import require_columns
 
-if TYPE_CHECKING:
-    from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+ArmRecord = PairRecord = Any
+"""The structs of :mod:`.record`, which imports this module."""
 
 ACTION_DIM = 7
 """Components of an action; spelled here because records are read where no simulator is."""
