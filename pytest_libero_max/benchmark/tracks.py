@@ -20,6 +20,9 @@ FOLDER = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 GENUINE = "genuine"
 """The folder of the tracks on the genuine scenes; ``genuine/smoke`` is the name of one."""
 
+PAPER_LITE = "paper-lite"
+"""The authors' own Lite, among the genuine tracks: this package has neither chosen nor examined its cases."""
+
 UNEXAMINED = "unexamined.tsv.gz"
 """The cases of tracks that nobody could examine, because their models are in no package."""
 

@@ -20,6 +20,7 @@ from pytest_libero_max.errors import (
     ActionError,
     AdapterError,
     LimitReached,
+    RefusalError,
     ServerError,
     class_name,
     did_you_mean,
@@ -37,6 +38,7 @@ from pytest_libero_max.policies.contract import (
     RemembersPolicy,
     SeeingPolicy,
 )
+from pytest_libero_max.policies.files_read import FILES_READ
 from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
 
@@ -122,7 +124,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
         where: The call that it has answered since, for the message.
 
     Raises:
-        AdapterError: Its spec has changed; names the first field.
+        RefusalError: Its spec has changed; names the first field.
     """
     if policy.spec == spec:
         return
@@ -130,7 +132,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
     names = (item.name for item in fields(spec))
     name = next((name for name in names if getattr(now, name, None) != getattr(spec, name)), None)
     before, after = (spec, now) if name is None else (getattr(spec, name), getattr(now, name, None))
-    raise AdapterError(
+    raise RefusalError(
         f"policy {spec.name!r} changed its spec in {where}: {name or 'spec'}={before!r} became {after!r}. "
         "The spec is part of every result: declare it when the policy is constructed, and leave it."
     )
@@ -226,7 +228,7 @@ def start(policy: Policy, episode: Episode) -> None:
     Raises:
         AdapterError: It raised; the original is chained.
     """
-    with _blaming(policy, "reset"):
+    with _blaming(policy, "reset"), FILES_READ.resetting():
         policy.reset(episode)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
@@ -26,12 +27,14 @@ from pytest_libero_max.policies.profile import (
 )
 from pytest_libero_max.policies.references import refusal
 
-_REFUSED = {
-    "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
-    "pickle": "asks for pickles",
-    "xiaomi": "is raw TCP with pickles",
-    "grpc": "is LeRobot's gRPC service, whose messages are pickles",
-}
+_REFUSED = MappingProxyType(
+    {
+        "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
+        "pickle": "asks for pickles",
+        "xiaomi": "is raw TCP with pickles",
+        "grpc": "is LeRobot's gRPC service, whose messages are pickles",
+    }
+)
 
 
 def load_served(

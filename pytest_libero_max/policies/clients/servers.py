@@ -20,6 +20,7 @@ import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
@@ -33,7 +34,9 @@ from pytest_libero_max.policies.profile import Profile, declares_weights
 from pytest_libero_max.policies.references import refusal
 
 _Listed = Annotated[list[Text], rule("a list of texts that are not empty", min_length=1)]
-_FIELDS = {"address": Text, "addresses": _Listed, "for": _Listed, "profile": Text, "revision": Text}
+_FIELDS = MappingProxyType(
+    {"address": Text, "addresses": _Listed, "for": _Listed, "profile": Text, "revision": Text}
+)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -22,11 +23,13 @@ Rule = Literal["quantiles", "bounds", "mean"]
 """Meaning of a normalised 1 and -1: the 99th and 1st percentile, the largest and smallest value, or one
 standard deviation from the mean."""
 
-_KEYS: Mapping[Rule, tuple[str, str]] = {
-    "quantiles": ("q01", "q99"),
-    "bounds": ("min", "max"),
-    "mean": ("mean", "std"),
-}
+_KEYS: Mapping[Rule, tuple[str, str]] = MappingProxyType(
+    {
+        "quantiles": ("q01", "q99"),
+        "bounds": ("min", "max"),
+        "mean": ("mean", "std"),
+    }
+)
 
 
 def first_columns(actions: Array, count: int) -> Array:

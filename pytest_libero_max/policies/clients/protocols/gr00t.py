@@ -10,9 +10,10 @@ from __future__ import annotations
 import socket
 from collections.abc import Mapping
 from contextlib import closing
+from types import MappingProxyType
 from typing import Any
 
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, ServerError, install_extra
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import (
     MOST_BYTES,
@@ -26,7 +27,7 @@ from pytest_libero_max.policies.clients.connection import connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.transport import StaleConnection, Unreachable, late, reported
 
-DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
+DIALECTS: Mapping[str, Dialect] = MappingProxyType({"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY})
 
 GREETING_S = 1.0
 """Time for the greeting of ZeroMQ, s: its own thread sends it at once, also where the policy computes."""
@@ -175,6 +176,6 @@ def _zmq() -> Any:
         import zmq
     except ImportError:
         raise AdapterError(
-            "gr00t:// needs pyzmq, which is not installed: `pip install 'pytest-libero-max[gr00t]'`."
+            f"gr00t:// needs pyzmq, which is not installed: {install_extra('gr00t')}."
         ) from None
     return zmq

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
@@ -39,11 +40,13 @@ from pytest_libero_max.policies.clients.transport import (
     time_limit,
 )
 
-CODECS: Mapping[str, Callable[[Any], Any]] = {
-    "json-numpy": JSON_NUMPY.encode,
-    "json-numpy-text": as_json_numpy_text,
-    "lists": as_lists,
-}
+CODECS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
+    {
+        "json-numpy": JSON_NUMPY.encode,
+        "json-numpy-text": as_json_numpy_text,
+        "lists": as_lists,
+    }
+)
 """Encodings of arrays, by the name that profiles use."""
 
 CROSSING_S = 1.0
