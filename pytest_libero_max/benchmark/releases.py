@@ -18,7 +18,7 @@ class ReleasedFile:
     Attributes:
         file: Its name.
         benchmark_id: Its own id.
-        version: Its ``benchmark_version``.
+        version: Its ``benchmark_version``; their Lite of 400 cases had the name and version of that of 800.
         cases: Number of its cases.
         sha256: Of its content, hexadecimal.
     """
@@ -37,6 +37,7 @@ _MAX = ("libero_max_8000.json", "libero-max-8000", 8000)
 _HARD = ("libero_max_pro_hard_2400.json", "libero-max-pro-hard-2400", 2400)
 _COMPARISON = ("libero_max_pro_model_comparison_800.json", "libero-max-pro-model-comparison-800", 800)
 _INTENT = ("intent_96.json", "libero-max-intent-96", 96)
+_LITE = ("libero_max_lite.json", "libero-max-lite", 800)
 
 _FILES = MappingProxyType(
     {
@@ -45,6 +46,21 @@ _FILES = MappingProxyType(
             (*_HARD, "c1bae5ca9082ef1936c245596f351f6d26d2fd242427686e965882fe3e7b8781"),
             (*_COMPARISON, "82e9ce023a1f329d48e93aa398ee42e2e1c33ef468cfd9f5034a4246fae03534"),
             (*_INTENT, "21a13c0588e1489732315aaff10925a0165898998cf3c330673b943fb1096ffb"),
+            (*_LITE, "0f2b7fc879e91f1ab85156f005adbb708c68966c631603f179f8153f4f2e22f7"),
+            (
+                "libero_max_lite_800.json",
+                "libero-max-lite-800",
+                800,
+                "6240b0f73f93db263e5c9606870a6bc008ccbb735ed6d92d76b442e14d03dbdd",
+            ),
+        ),
+        "3.0.0 of 400 cases": (
+            (
+                "libero_max_lite.json",
+                "libero-max-lite",
+                400,
+                "a27250e163aef96f5188b8a93d73f970284720ead0002e4235854f1d6f2e1588",
+            ),
         ),
         "3.0.0-candidate": (
             (*_MAX, "5125847a8070bc478f149ff41bc8cbdb13b3b138b9ac596ba51ec1a6814f807a"),

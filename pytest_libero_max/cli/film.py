@@ -13,7 +13,7 @@ from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.cli.arguments import Commands, add_libero, option, switch, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
+from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS, selection_named
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -75,11 +75,17 @@ def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
         folder: Name of the folder for its files, in the folder of the run.
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
-    command.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
+    command.add_argument(
+        "cases",
+        nargs="*",
+        metavar="CASE",
+        help="Names of pairs, or expressions as for pytest -k: 'camera_shift and v1' (default: see --select)",
+    )
     option(
         command,
         "--select",
         "Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces",
+        type=selection_named,
         default="regressions",
         choices=FILM_SELECTIONS,
     )
@@ -101,7 +107,7 @@ def _film(options: argparse.Namespace) -> int:
     of_policy = options.view == "policy"
     if not of_policy and (options.adapter or options.profile):
         raise OptionError("--adapter and --profile say what the policy saw: give --view=policy as well.")
-    report = f"libero-max report {options.run_folder} links the films in report.html."
+    report = f"libero-max view {options.run_folder} shows them beside their cases."
     return write_each(
         options,
         "films",

@@ -54,7 +54,9 @@ def _monitors(options: argparse.Namespace) -> None:
                 f"{number + 1} of {len(run.stored.records)}{work.left(number, len(run.stored.records))}"
             )
             records.append(scored(run, record, monitors))
-    for title, rows in monitor_sections(records).items():
+        stopped = run.stored.stopped
+    with_intervals = stopped is None or stopped.rule is None
+    for title, rows in monitor_sections(records, with_intervals=with_intervals).items():
         if title in chosen:
             cameras = getattr(chosen[title], "cameras", ())
             looks = f"images of {', '.join(cameras)}, drawn again" if cameras else "recorded answers alone"

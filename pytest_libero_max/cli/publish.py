@@ -200,6 +200,7 @@ def _replayed(options: argparse.Namespace, run: StoredRun, seed: str) -> dict[st
 
 
 def _index(options: argparse.Namespace) -> int:
+    from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.page.index_page import index_html
     from pytest_libero_max.report.run_index import published_in, read_checks, run_index
     from pytest_libero_max.report.writers.report_files import write_text
@@ -209,7 +210,7 @@ def _index(options: argparse.Namespace) -> int:
     write_text(options.output, index_html(index, options.output.parent))
     for folder, reason in index.refused:
         print(f"refused: {folder}: {reason}")
-    print(f"Written: {options.output}, {sum(map(len, index.groups.values()))} runs")
+    print(f"Written: {options.output}, {counted(sum(map(len, index.groups.values())), 'run')}")
     return 1 if index.refused else 0
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.keywords import matches
 from pytest_libero_max.errors import (
     LiberoMaxError,
     OptionError,
@@ -325,26 +326,35 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
 
     Args:
         stored: The run.
-        names: Item ids or case ids; none: ``which`` decides.
+        names: Item ids, case ids, or expressions over parts of them as for pytest's ``-k``; none: ``which``
+            decides.
         which: One of :data:`.media.FILM_SELECTIONS`.
 
     Raises:
-        OptionError: A name is not that of a measured pair; suggests the closest.
+        OptionError: A name is not that of a measured pair, nor a part of one; suggests the closest.
     """
     records = sorted(stored.records, key=lambda record: record.item_id)
     if not names:
         return [record for record in records if is_selected(record, which)]
-    known = {name: record for record in records for name in (record.case_id, record.item_id)}
+    asked: set[str] = set()
     for name in names:
-        if name not in known:
+        exact = {record.item_id for record in records if name in (record.case_id, record.item_id)}
+        found = exact or {record.item_id for record in records if matches(name, _keywords(record))}
+        if not found:
             raise OptionError.seen(
                 "case",
                 name,
-                f" is not a measured pair of this run. "
+                f" is neither a measured pair of this run nor a part of the name of one. "
                 f"{did_you_mean(name, [record.item_id for record in records])}",
             )
-    asked = {known[name].item_id for name in names}
+        asked |= found
     return [record for record in records if record.item_id in asked]
+
+
+def _keywords(record: PairRecord) -> tuple[str, ...]:
+    """Names of a pair that ``-k`` looks at: the item, and its markers."""
+    markers = (record.event, record.family, record.suite, f"variant_{record.variant}", record.source)
+    return (record.case_id, record.item_id, *markers)
 
 
 def _options(described: Json, installations: Sequence[Path], assets: Path | None) -> SubstrateOptions:

@@ -12,6 +12,8 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ReportError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
+from pytest_libero_max.plugin.collection import PairItem
+from pytest_libero_max.plugin.processes.sending import sendable
 from pytest_libero_max.plugin.stash_keys import (
     NOTE,
     NOTE_ATTRIBUTE,
@@ -29,12 +31,17 @@ RECORD_PHASE = "record"
 """Phase of a pair error: the pair was played, and its record cannot be stored."""
 
 
-@pytest.hookimpl(wrapper=True)
+@pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types."""
+    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types.
+
+    Before the wrappers of other plugins, some of which write what was logged as UTF-8.
+    """
     report = yield
+    if isinstance(item, PairItem):
+        report.sections = sendable(report.sections)
     result = item.stash.get(RESULT, None)
     if result is not None and call.when == ("setup" if is_error(result) else "call"):
         setattr(report, RESULT_ATTRIBUTE, result)

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
 
@@ -231,7 +232,7 @@ def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
     if path in above:
         raise AdapterError.seen("profile", text, " extends itself. Let it extend a profile of this package.")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise AdapterError.seen("profile", text, f" cannot be read: {error}. Repair the file.") from None
     extends = content.pop("extends", None)

@@ -65,6 +65,8 @@ class Stop(Block, frozen=True, kw_only=True):
         rule: The stopping rule as asked for; None where something broke, or -x stopped the run.
         at: Number of pairs, the first ones in the order of play, on which the rule decided; None without a
             rule.
+        bias: The way in which the estimates of such a run are off on average; None where the rule does not
+            look at outcomes, and without a rule.
         watched: What the rule knows of the gates, or of the quantity, that it watched; empty for other rules.
     """
 
@@ -72,6 +74,7 @@ class Stop(Block, frozen=True, kw_only=True):
     of: Positive
     rule: str | None
     at: Count | None
+    bias: str | None = None
     watched: list[Watched]
 
 
@@ -371,26 +374,6 @@ class Extremes(Block, frozen=True, kw_only=True):
     largest_loss: Text
 
 
-class Shrunken(Block, frozen=True, kw_only=True):
-    """Paired change of a group with few pairs, drawn towards the mean of all groups (empirical Bayes).
-
-    Attributes:
-        pairs: Played pairs of the group.
-        raw: Its own paired change.
-        value: The estimate.
-        weight: Weight of its own paired change in the estimate; the rest is that of all pairs.
-        lower: Lower end of the 95% interval, which holds on average over the groups, not in each.
-        upper: Upper end of the same.
-    """
-
-    pairs: Positive
-    raw: Difference
-    value: Difference
-    weight: Share
-    lower: Difference
-    upper: Difference
-
-
 class ChangedPair(Block, frozen=True, kw_only=True):
     """A pair of which one arm succeeded and the other failed, and the cause of that failure.
 
@@ -412,6 +395,22 @@ class ChangedPair(Block, frozen=True, kw_only=True):
     def program(self) -> str:
         """Name of the program that the pair plays, with which its item id ends; empty where it has none."""
         return self.item_id.partition(f"-{self.event}-v")[2].partition("-")[2]
+
+
+class BaseFailures(Block, frozen=True, kw_only=True):
+    """Failures of Base of one cause.
+
+    Attributes:
+        cause: The cause; see the list of causes.
+        pairs: Number of pairs.
+        item_ids: Names of the first of them, by name.
+        sentence: The cause with the numbers of the first pair.
+    """
+
+    cause: Text
+    pairs: Positive
+    item_ids: list[Text]
+    sentence: Text
 
 
 class SuccessCurves(Block, frozen=True, kw_only=True):
@@ -455,6 +454,7 @@ class Report(Block, frozen=True, kw_only=True):
             was played.
         changed_pairs: Played pairs of which one arm succeeded and the other failed, by item id.
         causes: Number of failed arms of Base and of Dynamic, by cause.
+        base_failures: Failures of Base by cause, the most frequent first, where Base solves less than half.
         by: Results by group, for nine ways of grouping: event, family, suite, source, category (source and
             source category), severity, variant (event and parameter variant), difficulty and program (no
             group where no case has one). Groups hold different cases: differences between groups are
@@ -465,8 +465,6 @@ class Report(Block, frozen=True, kw_only=True):
             event has two played variants. The variants hold different cases: a description, not an effect.
         extremes: By source, the source categories that stand out, the first by name among equals; sources
             without a played pair are left out.
-        shrunken: By event and by task, the groups with few pairs: their paired changes drawn towards the mean
-            of all groups. A second estimate; headline, gates and all else use the raw ones.
         success_curves: Pairs not yet completed by policy step; None where no pair was played.
         study: Results of the study of the run; None for a run of no study.
         sections: Tables, titles with names and values: how long it took, means of what probes measured, by
@@ -492,12 +490,12 @@ class Report(Block, frozen=True, kw_only=True):
     clipped_actions: ClippedActions | None
     changed_pairs: list[ChangedPair]
     causes: dict[str, dict[str, Count]]
+    base_failures: list[BaseFailures] = field(default_factory=list)
     by: dict[str, dict[str, Result]]
     category_by_event: dict[str, dict[str, Cell]]
     macro: Macros
     largest_split: Split | None
     extremes: dict[str, Extremes]
-    shrunken: dict[str, dict[str, Shrunken]] = field(default_factory=dict)
     success_curves: SuccessCurves | None = None
     study: Study | None = None
     sections: dict[str, dict[str, str | int | float | bool | None]]

@@ -1,8 +1,8 @@
-"""Checks that pairs belong to their run, and that runs are parts of one measurement."""
+"""Checks that pairs belong to their run, and were all played with the same."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 from pytest_libero_max.benchmark.documents import Json
@@ -10,8 +10,6 @@ from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
 from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
-from pytest_libero_max.policies.clients.address import is_served
-from pytest_libero_max.policies.profile import declares_weights
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
@@ -27,16 +25,6 @@ _OF_CASE = (SCENE, START, PROGRAM)
 
 _OF_SOURCE = "assets"
 """Fingerprint of earlier versions: a digest of the source code that made the scenes."""
-
-_MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
-"""Parts of the provenance that must be equal in all runs of one measurement."""
-
-PLACES = ("case_set.path", "case_set.program", "policy.profile", "substrate.roots", "substrate.assets")
-"""Paths in the provenance; they may differ between machines, because digests identify the content."""
-
-
-ADDRESSES = ("policy.reference", "policy.servers")
-"""Places of the policy's servers in the provenance; they may differ where the records name the weights."""
 
 
 class Agreement:
@@ -245,35 +233,6 @@ def _require_header(run: Run, record: Played) -> None:
                 f"{record.item_id!r} was played with {part}.{name}={shown(values[name])}, but the first line "
                 f"of its run says {shown(wanted)}. Play it again."
             )
-
-
-def run_differences(one: Run, other: Run, *, declared: bool = False) -> list[str]:
-    """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``.
-
-    Args:
-        one: A run.
-        other: Another run.
-        declared: True if both say by which weights their pairs were played (:func:`declare_weights`). Then
-            the addresses of their servers may differ, because their records say whether the weights do.
-    """
-    asked = [run.provenance["policy"] for run in (one, other)]
-    served = all(is_served(policy["reference"]) for policy in asked)
-    ignored = (*PLACES, *ADDRESSES) if served and declared else PLACES
-    found = [
-        text
-        for part in _MUST_AGREE
-        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), ignored)
-    ]
-    if served and found and not declared and all(text.startswith(ADDRESSES) for text in found):
-        found[-1] += (
-            " (to play one measurement over other addresses, declare the weights: --libero-max-revision)"
-        )
-    return found
-
-
-def declare_weights(records: Iterable[PairRecord]) -> bool:
-    """Return True if all records name the weights by which they were played, and not only a profile."""
-    return all(declares_weights(str(record.policy.get("revision"))) for record in records)
 
 
 def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) -> list[str]:

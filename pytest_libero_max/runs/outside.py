@@ -16,7 +16,7 @@ from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases, load_track
 from pytest_libero_max.errors import ManifestError, OptionError, ReportError
 from pytest_libero_max.policies.references import BUILT_IN
-from pytest_libero_max.runs.agreement import PLACES
+from pytest_libero_max.runs.comparability import PLACES
 
 
 def outside_text(provenance: Json) -> str | None:

@@ -81,7 +81,11 @@ def replay_command(run: StoredRun | RunOutcomes, places: Places | None = None) -
         places: Places on this machine. None: those that the run names, and then nothing but people may
             execute the command.
     """
-    provenance = run.run.provenance
+    return replay_of(run.run.provenance, places)
+
+
+def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
+    """Return :func:`replay_command` of a run with this provenance."""
     if is_outside(provenance):
         return []
     places = places or Places.named_by(provenance)
@@ -119,6 +123,11 @@ def replay_text(replay: Sequence[str], item_id: str = "") -> str:
         item_id: The case; empty for none yet.
     """
     return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_LOOP
+
+
+def film_text(replay: Sequence[str], item_id: str = "") -> str:
+    """Return how to play a case again and film it, in a line; arguments as for :func:`replay_text`."""
+    return replay_text([*replay[:-1], "--libero-max-film=all", *replay[-1:]] if replay else [], item_id)
 
 
 def traces_setting(provenance: Json) -> str:

@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from pytest_libero_max.cli import main
+from pytest_libero_max.cli import main, view
+from pytest_libero_max.cli.report import rewrite
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.films.recorded import chosen, open_recorded
-from pytest_libero_max.runs.media import FILM_SELECTIONS, is_selected
+from pytest_libero_max.report.writers import broken
+from pytest_libero_max.runs.media import FILM_SELECTIONS, films_in, is_selected, show_command
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.tiny.world import TinySubstrate
@@ -152,6 +154,23 @@ def test_a_replay_that_reaches_another_state_is_refused_with_what_differs(
         assert not list((run / "films").iterdir())
 
 
+def test_view_films_the_changed_pairs_that_have_traces_and_shows_them(
+    run: Path, played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    item = played.record.item_id
+    ran = {"case_set": {"path": "tiny.json"}}
+    assert show_command(run, "out", [item], ran) == "libero-max view out --cases=tiny.json"
+    assert show_command(run, "out", [item], {"case_set": {}}) == "libero-max view out"
+    assert show_command(run, "out", ["another pair"], ran) is None
+    monkeypatch.setattr(broken, "named_of", lambda pairs, most: [item])
+    view._make_films(run, str(tmp_path / "tiny.json"))
+    assert films_in(run).keys() == {item}
+    assert not view._page_shows_all(run)
+    rewrite(run)
+    assert view._page_shows_all(run)
+    assert show_command(run, "out", [item], ran) == "libero-max view out"
+
+
 def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stored = read_pairs(run)
     (record,) = stored.records
@@ -167,7 +186,14 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
     assert _film(run) == 0
     assert "No pair of this run is selected" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):
-        chosen(stored, [record.item_id[:-1]], "all")
+        chosen(stored, [record.item_id[:-1] + "7"], "all")
+    assert _film(run, "--select=regression") == 0  # as --libero-max-strict spelt it once
+    for parts in ("target_relocation", "geometry and not v1", record.case_id):
+        assert chosen(stored, [parts], "all") == [record]
+    with pytest.raises(OptionError, match="nor a part"):
+        chosen(stored, ["camera_shift"], "all")
+    with pytest.raises(OptionError, match="where it means nothing"):
+        chosen(stored, ["geometry and"], "all")
 
 
 def test_another_renderer_is_named(

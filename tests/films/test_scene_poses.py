@@ -165,6 +165,19 @@ def test_scenes_of_others_are_refused_and_another_way_is_named() -> None:
         _writer({"substrate": {"name": "libero"}})
 
 
+@pytest.mark.parametrize(
+    "header", [b"[]", b'{"scale": NaN}', b'{"scale": 1e999}', b'{"a": 18446744073709551616}', b"[" * 5000]
+)
+def test_poses_whose_header_no_page_can_hold_are_left_out(tmp_path: Path, header: bytes) -> None:
+    path = tmp_path / "poses" / "a.npz"
+    path.parent.mkdir()
+    arrays = {"header": np.frombuffer(header, np.uint8), "moves": np.zeros(4, np.uint8)}
+    np.savez_compressed(path, allow_pickle=False, **arrays)
+    with pytest.raises(ReportError, match="Cannot read the poses"):
+        read_poses(path)
+    assert scenes_of(tmp_path, ["a"]).named == {}
+
+
 def test_a_page_holds_what_it_may_and_no_shape_twice(poses: RecordedPoses, tmp_path: Path) -> None:
     assert scenes_of(tmp_path, ["a"]).named == {}
     part = np.random.default_rng(1).bytes(5_000)

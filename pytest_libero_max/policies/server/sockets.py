@@ -11,7 +11,7 @@ from http import HTTPStatus
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, install_extra
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
 from pytest_libero_max.policies.server import openpi, vla_eval
 from pytest_libero_max.policies.server.host import Host
@@ -102,7 +102,7 @@ def _respond(
 def _metrics(connection: ServerConnection, host: Host) -> Response:
     if host.metrics is None:
         return connection.respond(
-            HTTPStatus.NOT_IMPLEMENTED, "Metrics: pip install 'pytest-libero-max[metrics]'\n"
+            HTTPStatus.NOT_IMPLEMENTED, f"Metrics need the extra: {install_extra('metrics')}\n"
         )
     text, kind = host.metrics.text()
     response = connection.respond(HTTPStatus.OK, text)

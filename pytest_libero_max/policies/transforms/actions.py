@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.transforms.states import Array
 
@@ -158,7 +159,7 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
         AdapterError: The file cannot be read, or lacks the entry.
     """
     try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
+        entries = json.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise AdapterError(
             f"Statistics file {str(path)!r} cannot be read: {error}. Check the path."

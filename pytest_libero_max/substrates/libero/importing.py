@@ -116,7 +116,7 @@ def _load(installation: Installation) -> _Loaded:
     gl.import_robosuite()
     before = _registered()
     try:
-        with _private_settings(installation):
+        with _private_settings(installation), gl.unwarned():
             _import_outer(installation.root / installation.module)
             _name_assets(vars(importlib.import_module(installation.inner)), str(installation.assets))
             importlib.import_module(f"{installation.inner}.envs")
