@@ -16,6 +16,7 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.agreement import Agreement, SamePlay
+from pytest_libero_max.runs.comparability import Side
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
@@ -111,6 +112,12 @@ class RunOutcomes:
             played=tuple(Played.of(record) for record in records),
             stopped=stored.stopped,
         )
+
+    @property
+    def side(self) -> Side:
+        """The run as far as its comparability is concerned."""
+        scenes = dict(zip(self.case_ids, self.scenes, strict=True))
+        return Side(self.run, self.policy, scenes, self.renderers)
 
 
 def _scene_of(fingerprints: Mapping[str, str]) -> str:

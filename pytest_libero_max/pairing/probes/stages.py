@@ -51,7 +51,7 @@ class Track:
         entity: The object of the fact, or the fixture that it is a part of.
         part: True for a drawer, a door or a knob.
         rest: (3,) m: where the object rests, or the part was.
-        start: Joint positions of the part.
+        start: Joint positions of the part, or of the drawer or door that the destination is behind.
         old: (3,) m: where the object rested before a change moved it, or None.
         old_place: (2,) m: where its destination was before a change moved that, or None.
         at: (3,) m: where the object was when both fingers touched it last.
@@ -115,8 +115,17 @@ class State:
     firings: int = 0
 
 
-def _of_goal(name: str, kind: Any, meaning: str, unit: str | None = None, optional: bool = True) -> Column:
-    return Column(name, kind, f"For each fact of the goal: {meaning}", unit, many=True, optional=optional)
+def _of_goal(
+    name: str,
+    kind: Any,
+    meaning: str,
+    unit: str | None = None,
+    optional: bool = True,
+    least: float | None = 0,
+) -> Column:
+    text = f"For each fact of the goal: {meaning}"
+    least = None if unit is None else least
+    return Column(name, kind, text, unit, many=True, optional=optional, least=least, along="goal")
 
 
 _OF_GOAL = (
@@ -143,7 +152,7 @@ _OF_GOAL = (
     _of_goal("lost_open", "bool", "True if the gripper was being opened then"),
     _of_goal("lost_m", "float", "horizontal distance from its destination then", "m"),
     _of_goal("lost_old_m", "float", "that from where the destination was before a change", "m"),
-    _of_goal("fell_m", "float", "its height then above its height at the end", "m"),
+    _of_goal("fell_m", "float", "its height then above its height at the end", "m", least=None),
     _of_goal("holding", "bool", "True if the fingers hold it at the end", optional=False),
     _of_goal("away_m", "float", "horizontal distance from its destination at the end", "m"),
     _of_goal("away_old_m", "float", "that from where the destination was before a change", "m"),
@@ -152,8 +161,13 @@ _OF_GOAL = (
         "shift_m", "float", "distance from where it rested at the start or after a change, at the end", "m"
     ),
     _of_goal("tilt_deg", "float", "by how much it leans at the end more than at the start", "deg"),
-    _of_goal("travel_m", "float", "greatest way of the joint of a drawer", "m"),
-    _of_goal("travel_rad", "float", "greatest way of the joint of a door or knob", "rad"),
+    _of_goal(
+        "travel_m",
+        "float",
+        "greatest way of the joint of a drawer, of an object of the one that it goes into",
+        "m",
+    ),
+    _of_goal("travel_rad", "float", "likewise of a door or knob", "rad"),
 )
 
 
@@ -167,24 +181,44 @@ class Stages(Probe[State]):
     name = "stages"
     schema = (
         *_OF_GOAL,
-        Column("reach_m", "float", "Greatest distance of the hand from where it started", "m"),
-        Column("still_step", "int", "Step from which the hand stayed within 1 cm of where it ends", "steps"),
-        Column("repeated_queries", "int", "Number of queries at the end whose answers equal the one before"),
+        Column("reach_m", "float", "Greatest distance of the hand from where it started", "m", least=0),
+        Column(
+            "still_step",
+            "int",
+            "Step from which the hand stayed within 1 cm of where it ends",
+            "steps",
+            least=0,
+        ),
+        Column(
+            "repeated_queries",
+            "int",
+            "Number of queries at the end whose answers equal the one before",
+            least=0,
+        ),
         Column(
             "blocked_step",
             "int",
             "First step at which the hand was told to move and did not",
             "steps",
             optional=True,
+            least=0,
         ),
-        Column("blocked_steps", "int", "Number of such steps, in fives", "steps"),
+        Column("blocked_steps", "int", "Number of such steps, in fives", "steps", least=0),
         Column("blocked_by", "str", "Names of what the robot, or what it holds, touched then", many=True),
         Column("moved", "str", "Other objects that moved by 2 cm or more", many=True),
-        Column("moved_step", "int", "Step of each, to five", "steps", many=True),
-        Column("moved_m", "float", "Distance of each from its place at the end", "m", many=True),
+        Column("moved_step", "int", "Step of each, to five", "steps", many=True, least=0, along="moved"),
+        Column(
+            "moved_m",
+            "float",
+            "Distance of each from its place at the end",
+            "m",
+            many=True,
+            least=0,
+            along="moved",
+        ),
         Column("toppled", "str", "Objects that lean by 45 degrees or more", many=True),
         Column("wrong", "str", "Other objects that the fingers lifted", many=True),
-        Column("wrong_step", "int", "Step of each, to five", "steps", many=True),
+        Column("wrong_step", "int", "Step of each, to five", "steps", many=True, least=0, along="wrong"),
     )
     cost = "0.05 ms a step on the embedded substrate"
 
@@ -271,7 +305,7 @@ def _track(world: PrivilegedWorld, fact: Fact) -> Track:
     entity = owner_of(world, fact.subject)
     if fact.place is None:
         return Track(fact, entity, True, _point(_part(world, fact)), _joints(world, fact))
-    return Track(fact, entity, False, _point(world.position(entity)))
+    return Track(fact, entity, False, _point(world.position(entity)), _joints(world, fact))
 
 
 def owner_of(world: World, place: str) -> str:
@@ -280,12 +314,19 @@ def owner_of(world: World, place: str) -> str:
     return max(names, key=len, default=place)
 
 
+def _joint_names(world: PrivilegedWorld, fact: Fact) -> tuple[str, ...]:
+    """Joints of a part, or of what the destination of an object is behind; none of an open place."""
+    if fact.place is None:
+        return world.joints(fact.subject)
+    return () if fact.place in world.entities else world.joints(fact.place)
+
+
 def _joints(world: PrivilegedWorld, fact: Fact) -> Point:
-    return tuple(float(world.data.joint(name).qpos[0]) for name in world.joints(fact.subject))
+    return tuple(float(world.data.joint(name).qpos[0]) for name in _joint_names(world, fact))
 
 
 def _is_hinged(world: PrivilegedWorld, fact: Fact) -> bool:
-    return any(world.model.joint(name).type[0] == _HINGE for name in world.joints(fact.subject))
+    return any(world.model.joint(name).type[0] == _HINGE for name in _joint_names(world, fact))
 
 
 def _part(world: PrivilegedWorld, fact: Fact) -> Array:
@@ -463,7 +504,7 @@ def _sample(state: State, view: View, last: Step) -> State:
     """Return the state after a look at everything."""
     world, step = view.world, view.trajectory.step
     tracks = state.tracks
-    if len(tracks) > 1 or any(track.part for track in tracks):
+    if len(tracks) > 1 or any(track.start for track in tracks):
         tracks = tuple(_sampled(track, view, last) for track in tracks)
     subjects = {track.entity for track in tracks}
     known, lifted = {name for name, _ in state.moved}, {name for name, _ in state.wrong}
@@ -498,13 +539,12 @@ def _sampled(track: Track, view: View, last: Step) -> Track:
     privileged = cast(PrivilegedWorld, world)
     if track.satisfied_step is None and privileged.holds(fact):
         track = replace(track, satisfied_step=step)
-    if not track.part:
-        return track
-    distance = distance_m(last.end_effector, np.asarray(_part(privileged, fact)))
-    if distance < track.closest_m:
-        track = replace(track, closest_m=distance, closest_step=step)
-    if track.touch_step is None and world.fingers_on(track.entity):
-        track = replace(track, touch_step=step)
+    if track.part:
+        distance = distance_m(last.end_effector, np.asarray(_part(privileged, fact)))
+        if distance < track.closest_m:
+            track = replace(track, closest_m=distance, closest_step=step)
+        if track.touch_step is None and world.fingers_on(track.entity):
+            track = replace(track, touch_step=step)
     ways = [abs(now - then) for now, then in zip(_joints(privileged, fact), track.start, strict=True)]
     travel = max(ways, default=0.0)
     return replace(track, travel=travel) if travel > track.travel else track
@@ -556,7 +596,7 @@ def _row(track: Track, state: State, view: View) -> dict[str, Any]:
             fell = _metres(track.lost_at[2] - at[2])
             strayed = _metres(math.hypot(at[0] - track.lost_at[0], at[1] - track.lost_at[1]))
         shift = _metres(distance_m(np.array(at), np.array(track.rest)))
-    hinged = fact is not None and track.part and _is_hinged(cast(PrivilegedWorld, world), fact)
+    hinged = fact is not None and bool(track.start) and _is_hinged(cast(PrivilegedWorld, world), fact)
     return {
         "goal": track.entity if fact is None else " ".join(fact.words()),
         "entity": track.entity,
@@ -578,8 +618,8 @@ def _row(track: Track, state: State, view: View) -> dict[str, Any]:
         "strayed_m": strayed,
         "shift_m": shift,
         "tilt_deg": tilt,
-        "travel_m": _metres(track.travel) if track.part and not hinged else None,
-        "travel_rad": _metres(track.travel) if track.part and hinged else None,
+        "travel_m": _metres(track.travel) if track.start and not hinged else None,
+        "travel_rad": _metres(track.travel) if track.start and hinged else None,
     }
 
 

@@ -215,5 +215,7 @@ def _flip_lines(comparison: Comparison, changed: int) -> list[str]:
         lines.append(f"{' '.join(_SHORT[flip.outcomes[name]] for name in names)}  {flip.item_id}")
     if changed > len(flips):
         lines.append(f"... and {changed - len(flips)} more")
-    lines.append("To play one of them again, append its name:")
+    lines.append(
+        "To play one of them again, append its name (commands as the folders of the runs name them):"
+    )
     return [*lines, *(f"  {run.name}: {replay_text(run.replay)}" for run in comparison.runs)]

@@ -29,6 +29,8 @@ from pytest_libero_max.report.studies.recovery_document import (
     Mode,
     Recovery,
 )
+from pytest_libero_max.runs.comparability import COMPARISON, differences_between
+from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
@@ -149,7 +151,15 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
             "The runs are of different policies or settings. Play one policy with "
             "--libero-max-restore=native, always and gated."
         )
-    return {mode: found[mode] for mode in MODES if mode in found}
+    by_mode = {mode: found[mode] for mode in MODES if mode in found}
+    sides = {mode: RunOutcomes.of(run).side for mode, run in by_mode.items()}
+    others = [one.name for one in differences_between(sides, COMPARISON) if one.name != "wrappers"]
+    if others:
+        raise ReportError(
+            f"The runs also differ in {', '.join(others)}, but recovery is of --libero-max-restore alone. "
+            "Play them alike."
+        )
+    return by_mode
 
 
 def _records(run: StoredRun, ids: Sequence[str]) -> list[PairRecord]:

@@ -1,4 +1,4 @@
-"""A comparison of restoration modes as one typed document, as ``libero-max recovery --json`` writes it."""
+"""A comparison of restoration modes as one typed document: ``libero-max recovery`` with ``--json``."""
 
 from __future__ import annotations
 

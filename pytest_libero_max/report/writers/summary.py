@@ -30,7 +30,10 @@ FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of ro
 
 
 def summary_lines(
-    report: Report, paths: Sequence[str] = (), films: Mapping[str, str] | None = None
+    report: Report,
+    paths: Sequence[str] = (),
+    films: Mapping[str, str] | None = None,
+    show: str | None = None,
 ) -> list[str]:
     """Render a report for the terminal.
 
@@ -38,6 +41,7 @@ def summary_lines(
         report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         paths: Files written, named at the end.
         films: Path of the film of each pair that has one, by item id.
+        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
 
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
@@ -62,7 +66,7 @@ def summary_lines(
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
     lines += [*_caveat_lines(report.caveats), *wrap(clipping_text(report) or "", 100)]
-    return [*lines, *broken_lines(report, films), *_written(paths)]
+    return [*lines, *broken_lines(report, films, show), *_written(paths)]
 
 
 def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:

@@ -402,7 +402,7 @@ Agreement of the event profiles: n/a, no two runs have profiles that vary.
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v1
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
-To play one of them again, append its name:
+To play one of them again, append its name (commands as the folders of the runs name them):
   old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
   new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
 

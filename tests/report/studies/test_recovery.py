@@ -125,6 +125,13 @@ def test_runs_that_are_no_recovery_are_refused(runs: list[StoredRun], message: s
         compare_recovery(runs)
 
 
+def test_runs_that_differ_in_more_than_the_restoration_are_refused() -> None:
+    provenance = GATED.run.provenance | {"protocol": {"prefix": "fork", "latency": "4steps"}}
+    other = replace(GATED, run=structs.replace(GATED.run, provenance=provenance))
+    with pytest.raises(ReportError, match="also differ in latency"):
+        compare_recovery([NATIVE, other])
+
+
 def test_another_event_is_refused() -> None:
     def moved(run: StoredRun) -> StoredRun:
         pair = structs.replace(PLANNED[0], event="camera_shift", family="observation")
