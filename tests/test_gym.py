@@ -27,6 +27,7 @@ from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import Observation
 
 from .pairing.actors import Approaching, make_case
+from .short_episodes import shorten_here
 
 pytest.importorskip("gymnasium", reason="the extra gym")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal
 
+from msgspec import field
+
 from pytest_libero_max.report.blocks import (
     Block,
     Change,
