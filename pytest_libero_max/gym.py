@@ -188,6 +188,9 @@ class PairedRun:
                 f"{env.case.item_id}: arm {env.arm.name!r} shares the executed prefix of Base, which has not "
                 "been played to its end by this run. Play Base first."
             )
+        if env._once and env.place in self._substrates and self._playing[env.place].case != env.case:
+            # A substrate keeps a dozen scenes for cases that share one; ten places would keep ten dozen.
+            self._substrates.pop(env.place).close()
         if env.place not in self._substrates:
             self._substrates[env.place] = self._open()
         self._playing[env.place] = env

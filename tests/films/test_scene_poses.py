@@ -143,16 +143,17 @@ def test_the_command_writes_poses_and_the_page_takes_them_in(
     played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, item = store(played, tmp_path / "run", tmp_path / "tiny.json"), played.record.item_id
+    cases = f"--cases={tmp_path / 'tiny.json'}"
     assert main(["report", str(run)]) == 0
     before = (run / "report.html").read_text()
     assert "class SceneView" not in before
-    assert main(["poses", str(run), item]) == 0
+    assert main(["poses", str(run), item, cases]) == 0
     assert f"1/1 {run / 'poses' / item}.npz (" in capsys.readouterr().out
     assert main(["report", str(run)]) == 0
     page = (run / "report.html").read_text()
     assert "class SceneView" in page
     assert "data-name='pair-0'" in page
-    assert main(["poses", str(run), item]) == 0
+    assert main(["poses", str(run), item, cases]) == 0
     assert "is there already" in capsys.readouterr().out
     (run / "poses" / f"{item}.npz").write_bytes(b"damaged")
     assert main(["report", str(run)]) == 0

@@ -57,7 +57,7 @@ def _another_goal(policy: Faulty, query: Query) -> Array:
         c, s = np.cos(angle), np.sin(angle)
         tried = np.array([c * off[0] - s * off[1], s * off[0] + c * off[1], 0.0])
         spot = policy.place() + tried
-        olds = [place for place in policy.memory.get("old", {}).values()]
+        olds = list(policy.memory.get("old", {}).values())
         if all(np.linalg.norm((spot - old)[:2]) > 0.17 for old in olds) and abs(spot[1]) < 0.3:
             break
     return policy.expert_to(tried)
@@ -163,7 +163,14 @@ def _takes_another(policy: Faulty, query: Query) -> Array:
     others = [name for name in others if "basket" not in name]
     if not others:
         return policy.expert()
-    near = min(others, key=lambda name: float(np.linalg.norm(policy.memory["start"].get(name, policy.at(name)) - policy.memory["start"][policy.target])))
+    near = min(
+        others,
+        key=lambda name: float(
+            np.linalg.norm(
+                policy.memory["start"].get(name, policy.at(name)) - policy.memory["start"][policy.target]
+            )
+        ),
+    )
     goal = tuple(replace(fact, subject=near) for fact in world.goal[:1])
     return policy.expert(goal=goal)
 
@@ -176,7 +183,10 @@ def _mirrored_goal(policy: Faulty, query: Query) -> Array:
     mirror = goal * [1.0, -1.0, 1.0]
     near = abs(2 * goal[1]) < 0.17
     policy.truth(
-        "placed_beside_goal" if near else "placed_elsewhere", "timed_out_holding", "blocked_by_obstacle"
+        "placed_beside_goal" if near else "placed_elsewhere",
+        "timed_out_holding",
+        "blocked_by_obstacle",
+        "dropped",
     )
     return policy.expert_to(mirror - goal)
 
@@ -233,12 +243,32 @@ FAULTS = (
     Fault("waits_there", _waits_there, _of("never_closed"), PICKS),
     Fault("fist", _fist, _of("closed_early"), PICKS),
     Fault("old_goal", _old_goal, _of("missed_moved_goal"), SPATIAL + OBJECT, GOAL),
-    Fault("another_goal", _another_goal, _of("placed_elsewhere", "timed_out_holding"), SPATIAL + OBJECT, GOAL + LIGHT[:1]),
+    Fault(
+        "another_goal",
+        _another_goal,
+        _of("placed_elsewhere", "timed_out_holding", "dropped"),
+        SPATIAL + OBJECT,
+        GOAL + LIGHT[:1],
+    ),
     Fault("holds", _holds, _of("timed_out_holding"), SPATIAL + OBJECT, GOAL + LIGHT[:1]),
-    Fault("closes_nowhere", _closes_nowhere, _of("grasp_missed", "never_reached"), OBJECT + SPATIAL[:1], TARGET),
+    Fault(
+        "closes_nowhere", _closes_nowhere, _of("grasp_missed", "never_reached"), OBJECT + SPATIAL[:1], TARGET
+    ),
     Fault("starts_late", _starts_late, _of("timed_out", "timed_out_holding"), PICKS, LIGHT),
-    Fault("rises_after_the_first", _rises_after_the_first, _of("never_reached", "froze", "not_attempted"), TWO, LIGHT),
-    Fault("pulls_beside_the_handle", _pulls_beside, _of("part_not_moved", "part_moved_too_little", "blocked_by_obstacle"), DRAWER[:1] + PULLS, LIGHT),
+    Fault(
+        "rises_after_the_first",
+        _rises_after_the_first,
+        _of("never_reached", "froze", "not_attempted"),
+        TWO,
+        LIGHT,
+    ),
+    Fault(
+        "pulls_beside_the_handle",
+        _pulls_beside,
+        _of("part_not_moved", "part_moved_too_little", "blocked_by_obstacle"),
+        DRAWER[:1] + PULLS,
+        LIGHT,
+    ),
     Fault("freezes", _freezes, _of("froze_after_event"), PICKS, LIGHT),
     Fault("freezes_later", _freezes_later, _of("froze", "never_reached"), PICKS, LIGHT),
     Fault("drops", _drops, _of("dropped"), PICKS, LIGHT),
@@ -247,9 +277,29 @@ FAULTS = (
     Fault("oscillates", _oscillates, _of("never_reached"), PICKS, LIGHT),
     Fault("takes_another", _takes_another, _of("wrong_object"), SPATIAL + OBJECT, LIGHT),
     Fault("mirrored_goal", _mirrored_goal, _of("placed_elsewhere"), SPATIAL, LIGHT),
-    Fault("repeats_the_first", _repeats_the_first, _of("undone", "never_reached", "moved_goal"), TWO[:2], LIGHT),
-    Fault("presses_on_the_table", _presses_on_the_table, _of("never_reached", "stuck", "pushed_target", "toppled_target", "blocked_by_obstacle"), PICKS, LIGHT),
-    Fault("runs_into_the_obstacle", _runs_into_the_obstacle, _of("blocked_by_obstacle", "hit_obstacle"), PICKS, ("obstacle_insertion",)),
-    Fault("closes_on_the_way", _closes_on_the_way, _of("closed_early", "grasp_missed", "timed_out_holding"), PICKS, LIGHT),
+    Fault(
+        "repeats_the_first", _repeats_the_first, _of("undone", "never_reached", "moved_goal"), TWO[:2], LIGHT
+    ),
+    Fault(
+        "presses_on_the_table",
+        _presses_on_the_table,
+        _of("never_reached", "stuck", "pushed_target", "toppled_target", "blocked_by_obstacle"),
+        PICKS,
+        LIGHT,
+    ),
+    Fault(
+        "runs_into_the_obstacle",
+        _runs_into_the_obstacle,
+        _of("blocked_by_obstacle", "hit_obstacle"),
+        PICKS,
+        ("obstacle_insertion",),
+    ),
+    Fault(
+        "closes_on_the_way",
+        _closes_on_the_way,
+        _of("closed_early", "grasp_missed", "timed_out_holding"),
+        PICKS,
+        LIGHT,
+    ),
     Fault("grasps_too_high", _grasps_too_high, _of("grasp_missed", "grasp_slipped"), PICKS, LIGHT),
 )

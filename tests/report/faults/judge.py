@@ -1,7 +1,7 @@
 """Play faulty policies and judge the causes that the report gives them.
 
-    python -m tests.report.faults.judge first --pairs 4
-    python -m tests.report.faults.judge first --records FOLDER      # judge again what was played
+python -m tests.report.faults.judge first --pairs 4
+python -m tests.report.faults.judge first --records FOLDER      # judge again what was played
 """
 
 from __future__ import annotations
@@ -80,7 +80,11 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--records", type=Path, help="folder to keep what was played, or to judge it again")
     options = parser.parse_args()
-    faults = [fault for fault in importlib.import_module(f"tests.report.faults.{options.faults}").FAULTS if options.only in fault.name]
+    faults = [
+        fault
+        for fault in importlib.import_module(f"tests.report.faults.{options.faults}").FAULTS
+        if options.only in fault.name
+    ]
     results = [*verdicts(_played(faults, options))]
     for fault in faults:
         mine = [entry for entry in results if entry[0].fault == fault.name]
@@ -88,7 +92,9 @@ def main() -> None:
         print(f"{fault.name:28} {right} of {len(mine)}  {dict(Counter(entry[1] for entry in mine))}")
         for item, cause, sentence, fits in mine:
             if not fits:
-                print(f"    {item.record.item_id}: {cause}, not {'/'.join(sorted(item.accepted))}: {sentence}")
+                print(
+                    f"    {item.record.item_id}: {cause}, not {'/'.join(sorted(item.accepted))}: {sentence}"
+                )
     print(f"{sum(entry[3] for entry in results)} of {len(results)}")
 
 
@@ -96,7 +102,10 @@ def _played(faults: list[Fault], options: argparse.Namespace) -> Iterator[Played
     substrate = EmbeddedSubstrate()
     try:
         for fault in faults:
-            file = options.records and options.records / f"{fault.name}-{options.seed}{'-always' * options.always}.jsonl"
+            file = (
+                options.records
+                and options.records / f"{fault.name}-{options.seed}{'-always' * options.always}.jsonl"
+            )
             if file and file.is_file():
                 for line in file.read_text().splitlines():
                     stored = json.loads(line)
@@ -106,7 +115,19 @@ def _played(faults: list[Fault], options: argparse.Namespace) -> Iterator[Played
             items = [*play(fault, options.pairs, options.seed, substrate, options.always)]
             if file:
                 file.parent.mkdir(parents=True, exist_ok=True)
-                file.write_text("".join(json.dumps({"arm": i.arm, "truth": sorted(i.accepted) if i.accepted != fault.accepted else None, "record": i.record.to_dict()}) + "\n" for i in items))
+                file.write_text(
+                    "".join(
+                        json.dumps(
+                            {
+                                "arm": i.arm,
+                                "truth": sorted(i.accepted) if i.accepted != fault.accepted else None,
+                                "record": i.record.to_dict(),
+                            }
+                        )
+                        + "\n"
+                        for i in items
+                    )
+                )
             yield from items
     finally:
         substrate.close()
