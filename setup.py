@@ -1,7 +1,7 @@
-"""Build steps beyond pyproject.toml: the frozen tracks, and the README of a package index.
+"""Build steps beyond pyproject.toml: frozen tracks, files to begin with, and the README of a package index.
 
 The tracks lie in ``cases`` and are installed as ``pytest_libero_max/tracks``. A build in which one of them
-is missing or altered fails.
+is missing or altered fails. What ``libero-max init`` writes lies in ``fixtures``.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from setuptools.command.sdist import sdist
 
 ROOT = Path(__file__).resolve().parent
 CASES = ROOT / "cases"
+
+STARTER = ("policies/vla.py", "github-action/workflow.yml")
+"""Files of ``fixtures`` that are installed as ``pytest_libero_max/starter``."""
 
 SOURCE = os.environ.get("LIBERO_MAX_SOURCE_URL", "").rstrip("/")
 """The address of the repository, which the release workflow knows. Without it there are no project URLs."""
@@ -69,6 +72,10 @@ class BuildWithTracks(build_py):
             target = Path(self.build_lib, "pytest_libero_max", "tracks")
             shutil.rmtree(target, ignore_errors=True)
             shutil.copytree(CASES, target, ignore=shutil.ignore_patterns("*.md"))
+            for name in STARTER:
+                copy = Path(self.build_lib, "pytest_libero_max", "starter", name)
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(ROOT / "fixtures" / name, copy)
 
 
 class CheckedSource(sdist):

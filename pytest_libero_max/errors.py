@@ -29,6 +29,7 @@ __all__ = [
     "OtherRunError",
     "ProbeError",
     "ProtocolError",
+    "RefusalError",
     "ReportError",
     "ServerError",
     "SimulatorError",
@@ -126,7 +127,15 @@ class AdapterError(LiberoMaxError):
     """A policy adapter cannot be loaded or breaks the Policy contract."""
 
 
-class ActionError(AdapterError):
+class RefusalError(AdapterError):
+    """A policy did what no measured policy may do: it answers differently when it is asked again, or writes.
+
+    A pair that is refused stays refused, however often it is played: a later play that happens to pass is no
+    measurement. All other errors are faults, after which a pair may be played again.
+    """
+
+
+class ActionError(RefusalError):
     """A policy returned actions of the wrong shape, or actions that are not finite."""
 
 
@@ -189,6 +198,12 @@ class OtherRunError(ReportError):
     """A result is of another run than the one it would belong to: something differs that changes results."""
 
 
+def is_refusal(kind: str) -> bool:
+    """Return True if the name of an exception class is that of a :class:`RefusalError`."""
+    known = globals().get(kind)
+    return isinstance(known, type) and issubclass(known, RefusalError)
+
+
 def class_name(value: object) -> str:
     """Return the name of an object's class, also of one whose metaclass has a ``__name__`` of its own."""
     return str(type.__dict__["__name__"].__get__(type(value)))
@@ -200,6 +215,11 @@ def text_of(error: BaseException) -> str:
         return str(error)
     except Exception:  # a foreign exception may raise anything
         return "its text cannot be read, because its __str__ raises"
+
+
+def install_extra(name: str) -> str:
+    """Return how an extra of this package is installed, for a message: the package is on no index."""
+    return f"`pip install -e '.[{name}]'` in the clone of pytest-libero-max"
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -44,7 +44,7 @@ from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import write_trace
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.runs.kept_fingerprint import kept
-from pytest_libero_max.runs.media import TRACE_MODES, TRACES_NAME
+from pytest_libero_max.runs.media import SELECTIONS, TRACES_NAME, is_selected, selection_named
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.provenance import collect
 from pytest_libero_max.runs.replay_command import OUTSIDE
@@ -80,7 +80,7 @@ class PairedRun:
         substrate: Name of the substrate.
         options: Its options.
         traces: Pairs whose traces are kept, from which ``libero-max film`` makes films: ``none``,
-            ``regression`` or ``all``.
+            ``regressions``, ``changed`` (Base and Dynamic end differently) or ``all``.
 
     Attributes:
         cases: The cases that are to be played, in the order of play.
@@ -103,8 +103,8 @@ class PairedRun:
         traces: str = "none",
         only: Sequence[str] = (),
     ) -> None:
-        if traces not in TRACE_MODES:
-            raise OptionError.seen("traces", traces, f", but must be one of {', '.join(TRACE_MODES)}.")
+        if selection_named(traces) not in SELECTIONS:
+            raise OptionError.seen("traces", traces, f", but must be one of {', '.join(SELECTIONS)}.")
         manifest = load_cases(cases) if isinstance(cases, str) else cases
         check_cases(manifest.cases)
         chosen = tuple(dict.fromkeys(find_case(manifest, name) for name in only)) or manifest.cases
@@ -123,12 +123,12 @@ class PairedRun:
             command=sys.argv,
             fingerprint=kept(describe_substrate(substrate, options)),
         )
-        self._traces, self._traced = Path(folder) / TRACES_NAME, traces
+        self._traces, self._traced = Path(folder) / TRACES_NAME, selection_named(traces)
         self._store, stored = PairStore.resume(Path(folder), Run.of(planned, provenance))
-        measured = frozenset[str]() if stored is None else stored.measured
+        settled = frozenset[str]() if stored is None else stored.settled
         self.policy = policy
         self.cases = tuple(
-            case for case in planned if case.case_id not in measured and policy.supports(case.suite)
+            case for case in planned if case.case_id not in settled and policy.supports(case.suite)
         )
         self._left = {case.case_id for case in self.cases}
         self._begun: dict[str, tuple[str, dict[str, str]]] = {}
@@ -188,6 +188,9 @@ class PairedRun:
                 f"{env.case.item_id}: arm {env.arm.name!r} shares the executed prefix of Base, which has not "
                 "been played to its end by this run. Play Base first."
             )
+        if env._once and env.place in self._substrates and self._playing[env.place].case != env.case:
+            # A substrate keeps a dozen scenes for cases that share one; ten places would keep ten dozen.
+            self._substrates.pop(env.place).close()
         if env.place not in self._substrates:
             self._substrates[env.place] = self._open()
         self._playing[env.place] = env
@@ -225,7 +228,7 @@ class PairedRun:
             instruction, fingerprints = self._begun.pop(case.case_id)
             played = {arm.name: ArmRecord.of(arm, rollouts) for arm in arms}
             record = PairRecord.of(case, instruction, played, self.policy, fingerprints, {})
-            if self._traced in ("all", record.outcome):
+            if is_selected(record, self._traced):
                 write_trace(self._traces, Pair(record, rollouts))
             self._store.append(record)
         else:

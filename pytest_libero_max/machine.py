@@ -9,6 +9,7 @@ import resource
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from types import MappingProxyType
 
 GIB = 2**30
 
@@ -114,3 +115,16 @@ def named_user_cache() -> Iterator[None]:
         yield
     finally:
         os.environ[_CACHE_VARIABLE] = before
+
+
+WEIGHTS = MappingProxyType({"HF_HOME": "huggingface", "TORCH_HOME": "torch", "OPENPI_DATA_HOME": "openpi"})
+"""Variables for folders of downloaded weights, with their folder in the user's cache unless they are set."""
+
+
+def weight_folders() -> dict[str, Path]:
+    """Return the folders of downloaded weights that exist, by variable."""
+    folders = {
+        variable: Path(os.environ.get(variable) or user_cache() / name).absolute()
+        for variable, name in WEIGHTS.items()
+    }
+    return {variable: folder for variable, folder in folders.items() if folder.is_dir()}

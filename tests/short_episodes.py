@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import pytest
 
-PLUGIN = """
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark import cases
 
-SUITE_BUDGETS.update(dict.fromkeys(SUITE_BUDGETS, {steps}))
+PLUGIN = """
+from pytest_libero_max.benchmark import cases
+
+cases.SUITE_BUDGETS = dict.fromkeys(cases.SUITE_BUDGETS, {steps})
 """
 
 
@@ -19,3 +23,9 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
     """
     pytester.makepyfile(short_episodes=PLUGIN.format(steps=steps))
     return ("-p", "short_episodes")
+
+
+def shorten_here(monkeypatch: pytest.MonkeyPatch, steps: int) -> None:
+    """Give every suite a budget of ``steps`` in this process."""
+    budgets = MappingProxyType(dict.fromkeys(cases.SUITE_BUDGETS, steps))
+    monkeypatch.setattr(cases, "SUITE_BUDGETS", budgets)

@@ -27,6 +27,7 @@ from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import Observation
 
 from .pairing.actors import Approaching, make_case
+from .short_episodes import shorten_here
 
 pytest.importorskip("gymnasium", reason="the extra gym")
 
@@ -35,6 +36,12 @@ from pytest_libero_max.gym import ArmOfRun, LiberoLoop, PairedRun
 EVENTS = ("camera_shift", "target_relocation")
 NEVER = make_case(distance_m=0.0001, init_state_index=4, case_id="never", record={"case_id": "never"})
 CASES = Manifest("tiny", "1.0.0", {}, (*map(make_case, EVENTS), NEVER))
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The actors' cases have 50 steps, which records of every suite are compared with."""
+    shorten_here(monkeypatch, 50)
 
 
 def chunks(policy: Policy, case: Case) -> Callable[[Observation, str], NDArray[np.float64]]:
@@ -113,8 +120,10 @@ def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pair
 ) -> None:
     policy = load_policy("random")
     policy.spec = type(policy.spec)("mine", cameras=("agentview",))
-    monkeypatch.setattr(Case, "budget", 12)
-    with pytest.raises(OptionError, match=r"traces='every', but must be one of none, regression, all"):
+    shorten_here(monkeypatch, 12)
+    with pytest.raises(
+        OptionError, match=r"traces='every', but must be one of none, regressions, changed, all"
+    ):
         PairedRun(tmp_path, policy.spec, "smoke", traces="every")
     for name in ("none", "all"):
         run = PairedRun(tmp_path / name, policy.spec, "smoke", limit=1, traces=name)
@@ -156,6 +165,17 @@ def test_answers_in_the_prefix_are_compared_and_not_executed(tmp_path: Path) -> 
         assert ["at 1 steps of the executed prefix, at step 2" in each.message for each in stored.errors] == (
             [True] * repeatable
         )
+
+
+def test_the_places_of_a_batch_keep_the_scene_that_they_play_and_no_other(tmp_path: Path) -> None:
+    run = PairedRun(tmp_path, Approaching(wait=2).spec, CASES, substrate="tiny")
+    for case in run.cases:
+        run.vector([case, case]).reset()
+    first, second = (run._substrates[place] for place in (0, 1))
+    run.vector(run.cases[:2]).reset()
+    assert run._substrates[0] is not first
+    assert run._substrates[1] is not second
+    run.close()
 
 
 def test_a_vector_of_cases_and_two_environments_in_one_world(tmp_path: Path) -> None:

@@ -15,13 +15,15 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, content_of
+from pytest_libero_max.cli.init import SOURCES
 
-pytest.importorskip("setuptools", reason="the build needs it; .ci/locked.txt has it")
+pytest.importorskip("setuptools", reason="the build needs it; .ci/development.txt has it")
 
 ROOT = Path(__file__).parents[1]
 CASES = "cases"
 NEEDED = ("setup.py", "pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "NOTICE")
 FOLDERS = ("pytest_libero_max", "tests", "fixtures", CASES)
+# "starter" and "tracks" lie in the folder of the package where a build was made in the checkout.
 UNTRACKED = shutil.ignore_patterns("__pycache__", ".*", "*.egg-info", "tracks")
 
 
@@ -59,9 +61,12 @@ def test_a_wheel_has_every_track_and_every_room(checkout: Path) -> None:
     for name, digest in frozen(ROOT / CASES).items():
         (path,) = package.glob(f"tracks/{name}*")
         assert hashlib.sha256(content_of(path)).hexdigest() == digest
+    for name in SOURCES.values():
+        assert (package / "starter" / name).read_bytes() == (ROOT / "fixtures" / name).read_bytes()
     modules = {path.relative_to(package) for path in package.rglob("*.py")}
     source = ROOT / "pytest_libero_max"
-    assert modules == {path.relative_to(source) for path in source.rglob("*.py")}
+    copied = {Path("starter", name) for name in SOURCES.values() if name.endswith(".py")}
+    assert modules == {path.relative_to(source) for path in source.rglob("*.py")} | copied
     pages = [
         path for kind in ("css", "js", "webp") for path in (source / "report" / "page").rglob(f"*.{kind}")
     ]

@@ -17,6 +17,7 @@ from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.substrates.embedded.env import SceneEnv
@@ -80,14 +81,22 @@ class PairTimes:
         ]
 
 
-def measure_pairs(suite: str = "libero_spatial", *, repeats: int = 3) -> PairTimes:
-    """Time a pair of the original track with a policy that costs nothing, in turns with the plain loop.
+def case_of(suite: str, task_index: int) -> Case:
+    """Return a case of a scene whose event moves nothing: that of the original track, where it has one."""
+    scene = (suite, task_index, "camera_shift")
+    frozen = (
+        case for case in load_track("original") if (case.suite, case.task_index, case.event.name) == scene
+    )
+    return next(frozen, None) or make_case("camera_shift", suite, task_index)
+
+
+def measure_pairs(suite: str = "libero_spatial", task_index: int = 0, *, repeats: int = 3) -> PairTimes:
+    """Time a pair of a scene with a policy that costs nothing, in turns with the plain loop.
 
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
     """
-    cases = (case for case in load_track("original") if case.suite == suite)
-    case = next(case for case in cases if case.event.name == "camera_shift")
+    case = case_of(suite, task_index)
     scene = build_scene(case.suite, case.task_index)
     world = EmbeddedWorld(scene)
     world.reset(case.init_state_index)

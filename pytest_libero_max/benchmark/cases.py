@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Struct
@@ -27,13 +28,21 @@ from pytest_libero_max.errors import ManifestError, did_you_mean
 
 Source = Literal["libero", "plus", "pro"]
 
-SUITE_BUDGETS: Mapping[str, int] = {
-    "libero_spatial": 220,
-    "libero_object": 280,
-    "libero_goal": 300,
-    "libero_10": 520,
-}
+SUITE_BUDGETS: Mapping[str, int] = MappingProxyType(
+    {
+        "libero_spatial": 220,
+        "libero_object": 280,
+        "libero_goal": 300,
+        "libero_10": 520,
+    }
+)
 """Policy steps an episode may take after the settle steps (1 step = 50 ms)."""
+
+
+def step_budget(suite: str) -> int | None:
+    """Return the policy steps of an episode of a suite, which every manifest has; None for no known suite."""
+    return SUITE_BUDGETS.get(suite)
+
 
 SETTLE_STEPS = 10
 """Control steps with the no-op action before the first query."""

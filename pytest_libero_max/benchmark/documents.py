@@ -66,6 +66,27 @@ def read_content(path: Path) -> bytes:
     return unpacked.getvalue()
 
 
+def text_of(content: bytes) -> str:
+    """Return the text of a file that a person may have written: UTF-8, without the byte-order mark.
+
+    Some editors begin a file with that mark, which neither JSON nor TOML knows.
+
+    Raises:
+        UnicodeDecodeError: It is not UTF-8.
+    """
+    return content.decode("utf-8-sig")
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file that a person may have written; its lines end in ``\\n``.
+
+    Raises:
+        OSError: It cannot be read.
+        UnicodeDecodeError: It is not UTF-8.
+    """
+    return path.read_text(encoding="utf-8-sig")
+
+
 def _spelled(letter: str) -> str:
     return letter if letter.isprintable() else letter.encode("unicode_escape").decode()
 

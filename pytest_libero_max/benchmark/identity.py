@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from pytest_libero_max.benchmark.cases import Source
 
-SAMPLERS: dict[Source, str] = {
-    "plus": "libero-max-hard-v2.0",
-    "pro": "libero-max-pro-hard-v1.0",
-    "libero": "libero-max-base-v1.0",
-}
+SAMPLERS: Mapping[Source, str] = MappingProxyType(
+    {
+        "plus": "libero-max-hard-v2.0",
+        "pro": "libero-max-pro-hard-v1.0",
+        "libero": "libero-max-base-v1.0",
+    }
+)
 """Names of the random draws, by source. Those of ``plus`` and ``pro`` are the released benchmark's."""
 
 DIRECTION_SAMPLER = SAMPLERS["plus"]

@@ -20,7 +20,13 @@ from typing import Any
 from msgspec import Struct
 
 from pytest_libero_max.benchmark.cases import INTENT, PROXIMITY, Case, parse_case
-from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
+from pytest_libero_max.benchmark.documents import (
+    Json,
+    canonical_digest,
+    read_content,
+    refuse_constant,
+    text_of,
+)
 from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.benchmark.releases import NOT_PLAYED, Recognition, recognise
 from pytest_libero_max.benchmark.structs import Positive, Word, checked, require_fields
@@ -109,7 +115,7 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
         ManifestError: It is not JSON, or breaks the format.
     """
     try:
-        text = content.decode()
+        text = text_of(content)
     except UnicodeDecodeError as error:
         raise _unreadable(path, error) from error
     try:
@@ -121,7 +127,7 @@ def decode_manifest(content: bytes, path: Path) -> Manifest:
             line=getattr(error, "lineno", None),
         ) from error
     named = document.get("benchmark_id") if isinstance(document, dict) else None
-    recognition = recognise(content, path, named)
+    recognition = recognise(text.encode(), path, named)
     released = None if recognition is None else recognition.released
     if released is not None and released.version in NOT_PLAYED and released.benchmark_id == named:
         raise ManifestError(

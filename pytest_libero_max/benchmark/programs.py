@@ -27,7 +27,13 @@ from typing import Annotated, Any
 
 from msgspec import Struct
 
-from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content, refuse_constant
+from pytest_libero_max.benchmark.documents import (
+    Json,
+    canonical_digest,
+    read_content,
+    refuse_constant,
+    text_of,
+)
 from pytest_libero_max.benchmark.latency import PATTERN as LATENCY
 from pytest_libero_max.benchmark.structs import Count, Object, Positive, Text, Word, checked, rule
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
@@ -194,7 +200,7 @@ def load_program(path: Path) -> Program:
         OptionError: The file cannot be read, is not JSON, or breaks the format; names it.
     """
     try:
-        document = json.loads(read_content(path).decode(), parse_constant=refuse_constant)
+        document = json.loads(text_of(read_content(path)), parse_constant=refuse_constant)
     except (OSError, ValueError, RecursionError) as error:
         raise OptionError(
             f"Cannot read program {str(path)!r}: {error}. Give the path of a JSON file.", path=path

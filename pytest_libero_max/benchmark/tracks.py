@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import read_content
+from pytest_libero_max.benchmark.documents import read_content, read_text
 from pytest_libero_max.benchmark.manifests import Manifest, decode_manifest, load_manifest
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 
@@ -19,6 +19,9 @@ FOLDER = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 
 GENUINE = "genuine"
 """The folder of the tracks on the genuine scenes; ``genuine/smoke`` is the name of one."""
+
+PAPER_LITE = "paper-lite"
+"""The authors' own Lite, among the genuine tracks: this package has neither chosen nor examined its cases."""
 
 UNEXAMINED = "unexamined.tsv.gz"
 """The cases of tracks that nobody could examine, because their models are in no package."""
@@ -177,7 +180,7 @@ def read_checksums(folder: Path) -> dict[str, str]:
         ManifestError: The list is missing or damaged.
     """
     try:
-        lines = (folder / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+        lines = read_text(folder / CHECKSUMS).splitlines()
         return {name: digest for digest, name in (line.split() for line in lines)}
     except OSError as error:
         raise ManifestError(f"{error}. The installation is incomplete; install the package again.") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -118,11 +119,13 @@ def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:
     return rotations.unit_by_squares(rotations.yawed(rotations.quaternion(turn), yaw_degrees))
 
 
-_MEASURED = {
-    "camera_position_m": "cam_pos",
-    "camera_quaternion_wxyz": "cam_quat",
-    "camera_fovy_deg": "cam_fovy",
-}
+_MEASURED = MappingProxyType(
+    {
+        "camera_position_m": "cam_pos",
+        "camera_quaternion_wxyz": "cam_quat",
+        "camera_fovy_deg": "cam_fovy",
+    }
+)
 
 
 def _camera_reversal(change: ShiftCamera | OrbitCamera | PlaceCamera, evidence: Evidence) -> Reversal:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -143,13 +144,15 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
     return _gaussian(rough, deviation * scale)
 
 
-KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = {
-    "motion_blur": motion,
-    "gaussian_blur": focus,
-    "zoom_blur": zoom,
-    "fog": fog,
-    "glass_blur": glass,
-}
+KINDS: Mapping[str, Callable[[Picture, int, Stream], Picture]] = MappingProxyType(
+    {
+        "motion_blur": motion,
+        "gaussian_blur": focus,
+        "zoom_blur": zoom,
+        "fog": fog,
+        "glass_blur": glass,
+    }
+)
 """The five corruptions by name."""
 
 

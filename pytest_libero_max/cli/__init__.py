@@ -20,7 +20,7 @@ from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
 GROUPS = {
-    "Start here": ("doctor", "check", "show", "compare", "gate", "film"),
+    "Start here": ("init", "doctor", "check", "show", "compare", "gate", "film"),
     "Before a run": (
         "profiles",
         "events",
@@ -121,7 +121,7 @@ def _named_as_here(text: str, options: argparse.Namespace) -> str:
     """Return a message about an option of pytest with the name that it has for this command."""
     for name in vars(options):
         flag = name.replace("_", "-")
-        text = re.sub(rf"--libero-max-{flag}\b(?!-)", f"--{flag}", text)
+        text = re.sub(rf"(?<!pytest )--libero-max-{flag}\b(?!-)", f"--{flag}", text)
     return text
 
 
@@ -130,7 +130,7 @@ class _Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            hint = did_you_mean(value, [name for names in GROUPS.values() for name in names])
+            hint = did_you_mean(value, action.choices)
             raise argparse.ArgumentError(None, f"there is no command {value!r}. {hint}")
         super()._check_value(action, value)
 
@@ -151,26 +151,30 @@ def parser() -> argparse.ArgumentParser:
         help=argparse.SUPPRESS,
         parser_class=argparse.ArgumentParser,
     )
-    for names in GROUPS.values():
-        for name in names:
-            import_module(f"{__name__}.{name}").add_command(commands)
+    added: dict[str, list[str]] = {}
+    for module in (name for names in GROUPS.values() for name in names):
+        before = {*commands.choices}
+        import_module(f"{__name__}.{module}").add_command(commands)
+        added[module] = [name for name in commands.choices if name not in before]
     texts = {str(choice.dest): " ".join((choice.help or "").split()) for choice in commands._choices_actions}
     for name, one in commands.choices.items():
         one.description = f"{texts[name]}. {one.description or ''}".strip()
-    command.epilog = "\n".join(_listed(texts))
+    command.epilog = "\n".join(_listed(texts, added))
     return command
 
 
-def _listed(texts: Mapping[str, str]) -> Iterator[str]:
-    """Yield the commands by group, each with its help; commands that a module adds beside come after it."""
-    named = {name for names in GROUPS.values() for name in names}
-    for title, names in GROUPS.items():
+def _listed(texts: Mapping[str, str], added: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Yield the commands by group, each with its help.
+
+    Args:
+        texts: Help by command.
+        added: Names of the commands that a module adds, by module.
+    """
+    for title, modules in GROUPS.items():
         yield f"{title}:"
-        for name in names:
-            beside = [other for other in texts if other.startswith(name) and other not in named]
-            for one in (name, *beside):
-                yield from textwrap.wrap(
-                    texts[one], 79, initial_indent=f"  {one:<14}", subsequent_indent=" " * 16
-                )
+        for name in (name for module in modules for name in added[module]):
+            yield from textwrap.wrap(
+                texts[name], 79, initial_indent=f"  {name:<14}", subsequent_indent=" " * 16
+            )
         yield ""
     yield "libero-max COMMAND --help has the options of a command."

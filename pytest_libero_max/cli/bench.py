@@ -29,7 +29,7 @@ def add_command(commands: Commands) -> None:
         bench, "--scene SUITE/TASK", "Default: libero_spatial/0", type=_scene, default=("libero_spatial", 0)
     )
     option(bench, "--steps N", "Control steps", type=whole_number(1), default=100)
-    option(bench, "--repeats N", "Pairs", type=whole_number(1), default=3)
+    option(bench, "--repeats N", "Pairs; with 0, steps and images alone", type=whole_number(0), default=3)
     bench.set_defaults(run=_bench)
 
     scenes = commands.add_parser("bench-scenes", help="Measure what each of the forty scenes costs")
@@ -156,7 +156,8 @@ def _bench(options: argparse.Namespace) -> None:
 
     suite, index = options.scene
     print("\n".join(measure_stepping(suite, index, steps=options.steps).lines()), flush=True)
-    print("\n".join(measure_pairs(suite, repeats=options.repeats).lines()))
+    if options.repeats:
+        print("\n".join(measure_pairs(suite, index, repeats=options.repeats).lines()))
 
 
 def _bench_scenes(options: argparse.Namespace) -> None:

@@ -402,11 +402,10 @@ class Runs:
     def write_cases(self, good: StoredRun, lost: Lost) -> list[str]:
         """Write the lost cases as a manifest, and return the arguments that play it."""
         from pytest_libero_max.benchmark.manifests import Manifest
-        from pytest_libero_max.benchmark.tracks import load_cases
+        from pytest_libero_max.runs.outside import cases_of_run
 
-        case_set = good.run.provenance["case_set"]
-        name = str(case_set.get("path", case_set["name"].partition(" ")[2]))
-        whole = load_cases(str(Path(name).expanduser()))
+        asked = self._cases[0].partition("=")[2] if self._cases else None
+        whole = cases_of_run(good.run.provenance, asked, "--libero-max-manifest")
         cases = tuple(case for case in whole if case.case_id in set(lost.case_ids))
         path = self._output / "lost.json"
         path.write_text(

@@ -37,6 +37,13 @@ def add_command(commands: Commands) -> None:
     )
     option(
         build,
+        "--paper-lite FILE",
+        "Only write the authors' own Lite beside the genuine tracks of FOLDER, from the ids in the first "
+        "column of their case_index.csv",
+        type=Path,
+    )
+    option(
+        build,
         "--draw NAME",
         "Make a fresh draw, for example 2026Q4, in FOLDER, which lies beside the frozen tracks",
     )
@@ -54,6 +61,9 @@ def add_command(commands: Commands) -> None:
 
 
 def _build(options: argparse.Namespace) -> None:
+    if options.paper_lite is not None:
+        _build_paper_lite(options)
+        return
     if options.draw is not None:
         _build_draw(options)
         return
@@ -82,6 +92,25 @@ def _build(options: argparse.Namespace) -> None:
     write_overview(options.folder)
     checks = ["", *verify(options.folder)] if whole else []
     print("\n".join([*overview_lines(options.folder), *checks]))
+
+
+def _build_paper_lite(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.tracks import PAPER_LITE
+    from pytest_libero_max.construction.overview import write_overview
+    from pytest_libero_max.construction.paper_lite import paper_lite
+    from pytest_libero_max.construction.release import add_track
+    from pytest_libero_max.construction.verification import verify
+
+    if options.draw is not None or options.tracks or options.substrate != "libero":
+        raise OptionError(
+            "--paper-lite makes one track of the genuine scenes. Give no TRACK and no --draw, and add "
+            "--substrate libero."
+        )
+    lines = options.paper_lite.read_text(encoding="utf-8-sig").splitlines()[1:]
+    manifest = paper_lite([line.partition(",")[0] for line in lines], catalogue_of(options))
+    add_track(options.folder, PAPER_LITE, manifest)
+    write_overview(options.folder)
+    print("\n".join(verify(options.folder)))
 
 
 def _build_draw(options: argparse.Namespace) -> None:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
-from pytest_libero_max.cli.arguments import Commands, add_jobs, number, option, whole_number
+from pytest_libero_max.cli.arguments import Commands, add_jobs, add_libero, number, option, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError
 
@@ -61,6 +61,13 @@ def add_command(commands: Commands) -> None:
         type=Path,
         dest="run_folder",
     )
+    option(
+        demos,
+        "--cases TRACK|MANIFEST",
+        "With --run: its cases, if it played no frozen track",
+        dest="case_set",
+    )
+    add_libero(demos)
     add_jobs(demos)
     option(
         demos,
@@ -101,7 +108,15 @@ def _of_run(options: argparse.Namespace) -> list[Path]:
         def tell(done: int, total: int) -> None:
             work.show(f"{done} of {total} pairs written{work.left(done, total)}", last=done == total)
 
-        paths, left_out = collect_run(options.run_folder, options.folder, options.image_size, tell)
+        paths, left_out = collect_run(
+            options.run_folder,
+            options.folder,
+            options.image_size,
+            tell,
+            cases=options.case_set,
+            installations=options.libero,
+            assets=options.libero_assets,
+        )
     print(
         f"Episodes in {options.folder}: {len(paths)}. Pairs without traces: {left_out}. The run's own cases "
         "no longer test a policy that is trained on them."

@@ -9,10 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.cli.arguments import Commands, add_libero, option, switch, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS
+from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS, selection_named
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -74,18 +75,27 @@ def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
         folder: Name of the folder for its files, in the folder of the run.
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
-    command.add_argument("cases", nargs="*", metavar="CASE", help="Ids of pairs (default: see --select)")
+    command.add_argument(
+        "cases",
+        nargs="*",
+        metavar="CASE",
+        help="Names of pairs, or expressions as for pytest -k: 'camera_shift and v1' (default: see --select)",
+    )
     option(
         command,
         "--select",
         "Without CASE: pairs that only Base completes, whose outcomes differ, or all that have traces",
+        type=selection_named,
         default="regressions",
         choices=FILM_SELECTIONS,
     )
     option(command, "--output FOLDER", f"Folder for the files (default: {folder} in RUN)", type=Path)
     switch(command, "--overwrite", "Replace files that are there already")
     option(
-        command, "--cases TRACK|MANIFEST", "The cases, if they are not where the run says", dest="case_set"
+        command,
+        "--cases TRACK|MANIFEST",
+        "The cases of the run, if it played no frozen track",
+        dest="case_set",
     )
     add_libero(command)
 
@@ -97,7 +107,7 @@ def _film(options: argparse.Namespace) -> int:
     of_policy = options.view == "policy"
     if not of_policy and (options.adapter or options.profile):
         raise OptionError("--adapter and --profile say what the policy saw: give --view=policy as well.")
-    report = f"libero-max report {options.run_folder} links the films in report.html."
+    report = f"libero-max view {options.run_folder} shows them beside their cases."
     return write_each(
         options,
         "films",
@@ -129,6 +139,7 @@ def write_each(
 
     use_one_blas_thread()  # as in a run: the last bits depend on it
     from pytest_libero_max.films.recorded import chosen, open_recorded
+    from pytest_libero_max.runs.outside import require_inside
 
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
     how_drawn = {"size": options.size, "every": options.every, "overwrite": options.overwrite}
@@ -136,10 +147,10 @@ def write_each(
     with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
         write = how(run.stored.run.provenance)
-        if (renderer := run.drawn_differently()) is not None:
-            work.say(renderer)
+        for note in filter(None, (run.outside, run.drawn_differently())):
+            work.say(printable(note))
         for number, record in enumerate(records, start=1):
-            path = path_of(options.output or run.folder / name, record)
+            path = path_of(options.output or require_inside(run.folder, run.folder / name), record)
             place, begin = f"{number}/{len(records)}", time.perf_counter()
             if path.exists() and not options.overwrite:
                 work.say(f"{place} {path} is there already; --overwrite makes it again")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import iniconfig  # installed with pytest, which reads its own files with it
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
@@ -43,28 +44,40 @@ def ini_lines(option: str, start: Path) -> tuple[list[str], Path]:
         OptionError: That file cannot be read.
     """
     for folder in (start, *start.parents):
-        for name in _NAMES:
-            path = folder / name
-            if path.is_file():
-                try:
-                    settings = _settings(path)
-                except (OSError, ValueError, RecursionError, iniconfig.ParseError) as error:
-                    raise OptionError(f"Cannot read {path}: {error}. Mend it or give the option.") from error
-                if settings is not None:
-                    value = settings.get(option, [])
-                    lines = value if isinstance(value, list) else str(value).splitlines()
-                    return [*map(str, lines)], folder
+        path = settings_file(folder)
+        if path is not None:
+            value = (_settings(path) or {}).get(option, [])
+            lines = value if isinstance(value, list) else str(value).splitlines()
+            return [*map(str, lines)], folder
     return [], start
+
+
+def settings_file(folder: Path) -> Path | None:
+    """Return the file of a folder that pytest reads its settings from; None where there is none.
+
+    Raises:
+        OptionError: A file that may have them cannot be read.
+    """
+    for name in _NAMES:
+        path = folder / name
+        if path.is_file():
+            try:
+                settings = _settings(path)
+            except (OSError, ValueError, RecursionError, iniconfig.ParseError) as error:
+                raise OptionError(f"Cannot read {path}: {error}. Mend it or give the option.") from error
+            if settings is not None:
+                return path
+    return None
 
 
 def _settings(path: Path) -> dict[str, object] | None:
     if path.suffix == ".toml":
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(read_text(path))
         if path.name != "pyproject.toml":
             return dict(document.get("pytest", {}))
         tool = document.get("tool", {}).get("pytest")
         return None if tool is None else dict(tool.get("ini_options", tool))
-    sections = iniconfig.IniConfig(str(path))
+    sections = iniconfig.IniConfig(str(path), data=read_text(path))
     name = "tool:pytest" if path.name == "setup.cfg" else "pytest"
     if name in sections:
         return dict(sections[name].items())

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.cli.arguments import Commands, option, switch
 from pytest_libero_max.cli.terminal import say_coloured
+from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.gates import Gate
 
 
 def add_command(commands: Commands) -> None:
@@ -35,6 +43,27 @@ def add_command(commands: Commands) -> None:
     merge.set_defaults(run=_merge)
 
 
+def _declared(provenance: Json, asked: Sequence[Gate]) -> tuple[Gate, ...]:
+    """Return the gates that the shards were given.
+
+    Raises:
+        OptionError: One names a run, which is opened only if the user names it as well.
+    """
+    from pytest_libero_max.report.gates import parse_gates
+
+    given = {gate.text for gate in asked}
+    declared = tuple(gate for gate in parse_gates(provenance.get("gates") or ()) if gate.text not in given)
+    for gate in declared:
+        if gate.run is not None:
+            raise OptionError.seen(
+                "gate",
+                gate.text,
+                f" of the shards names the run {gate.run!r}. Nothing that a folder names is opened: give it "
+                f"again with --gate={shlex.quote(gate.text)}.",
+            )
+    return declared
+
+
 def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
     from pytest_libero_max.report.gate_results import decide, require_usable
@@ -42,15 +71,19 @@ def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
+    from pytest_libero_max.runs.media import films_in, show_command
     from pytest_libero_max.runs.merge import finished, merge_folders
 
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
     asked = parse_gates(options.gate)
     run, here = merge_folders(folders, options.output).run, Path.cwd()
-    gates = (*parse_gates(run.provenance.get("gates") or ()), *asked)
+    gates = (*_declared(run.provenance, asked), *asked)
     verdicts = decide(gates, options.output, here)
     report, paths = write_reports(options.output, gates=verdicts)
-    say_coloured([*left_out, *summary_lines(report, [str(path) for path in paths])])
+    films = {item: str(options.output / film) for item, film in films_in(options.output).items()}
+    changed = [pair.item_id for pair in report.changed_pairs]
+    show = show_command(options.output, str(options.output), changed, report.provenance)
+    say_coloured([*left_out, *summary_lines(report, [str(path) for path in paths], films, show)])
     if report.pairs.complete:
         require_usable(gates, run.planned, run.planned, options.output, here)
     failed = not_passed_text(verdicts)

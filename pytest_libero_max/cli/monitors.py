@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.cli.arguments import Commands, add_libero, option
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.cli.work import Work
@@ -24,7 +25,7 @@ def add_command(commands: Commands) -> None:
     monitors.add_argument(
         "monitors", nargs="+", metavar="MONITOR", help="Names of monitors, for example chunk_change"
     )
-    option(monitors, "--cases TRACK|MANIFEST", "The cases, if they are not where the run says")
+    option(monitors, "--cases TRACK|MANIFEST", "The cases of the run, if it played no frozen track")
     add_libero(monitors)
     monitors.set_defaults(run=_monitors)
 
@@ -45,13 +46,17 @@ def _monitors(options: argparse.Namespace) -> None:
             raise OptionError(f"{probe.name!r} is a probe that gives no scores, and no monitor.")
     where = options.run_folder, options.cases, options.libero, options.libero_assets
     with open_recorded(*where) as run, Work() as work:
+        if run.outside is not None:
+            work.say(printable(run.outside))
         records = []
         for number, record in enumerate(run.stored.records):
             work.show(
                 f"{number + 1} of {len(run.stored.records)}{work.left(number, len(run.stored.records))}"
             )
             records.append(scored(run, record, monitors))
-    for title, rows in monitor_sections(records).items():
+        stopped = run.stored.stopped
+    with_intervals = stopped is None or stopped.rule is None
+    for title, rows in monitor_sections(records, with_intervals=with_intervals).items():
         if title in chosen:
             cameras = getattr(chosen[title], "cameras", ())
             looks = f"images of {', '.join(cameras)}, drawn again" if cameras else "recorded answers alone"

@@ -44,7 +44,9 @@ def _profiles(options: argparse.Namespace) -> int:
 
 def _about(profile: Profile) -> list[str]:
     """Return the comment with which the file of a profile begins; an empty line where there is none."""
-    text = profile.path.read_text(encoding="utf-8")
+    from pytest_libero_max.benchmark.documents import read_text
+
+    text = read_text(profile.path)
     comment = takewhile(lambda line: line.startswith("#"), text.splitlines())
     return [line.removeprefix("#").removeprefix(" ") for line in comment] or [""]
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import argparse
 import secrets
+import shlex
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
+from pytest_libero_max.benchmark.documents import Json, printable
+from pytest_libero_max.cli.arguments import Commands, add_libero, option, switch, whole_number
 from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
+    from pytest_libero_max.runs.replay_command import Places
     from pytest_libero_max.runs.store import StoredRun
 
 
@@ -35,8 +38,9 @@ def add_command(commands: Commands) -> None:
         help="Check a published run: compute every number again, and play some pairs again",
         description="Reports, figures and cases have to follow from the packed pairs and from the frozen "
         "tracks. Pairs drawn at random are then played again, each in a process of its own, and have to end "
-        "alike, with the same proofs. This loads the policy that the run names, and runs its code; "
-        "--pairs=0 prints the name alone. Exit status 1 if anything differs.",
+        "alike, with the same proofs. Nothing that the folder names is opened or run: a policy of this "
+        "package is played by its name, any other is named by --policy, and LIBERO is that of this machine. "
+        "--pairs=0 plays none. Exit status 1 if anything differs.",
     )
     check.add_argument("folder", type=Path, metavar="FOLDER", help="Written by libero-max publish")
     option(check, "--pairs K", "Number of pairs to play again; 0 plays none", type=whole_number(0), default=2)
@@ -44,9 +48,14 @@ def add_command(commands: Commands) -> None:
     option(
         check,
         "--policy REFERENCE",
-        "The policy of the run as it is found here, as for pytest --libero-max-policy (default: that "
-        "of the run)",
+        "The policy of the run as it is found here, as for pytest --libero-max-policy (default: that of the "
+        "run, if it is one of this package)",
     )
+    option(check, "--profile NAME|PATH", "The profile of its server, if it is none of this package's")
+    option(
+        check, "--cases MANIFEST", "The manifest of the run, if it played no frozen track", dest="case_set"
+    )
+    add_libero(check)
     switch(
         check,
         "--actions",
@@ -93,20 +102,28 @@ def _publish(options: argparse.Namespace) -> None:
 def _verify_run(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.publication import checked
     from pytest_libero_max.report.run_index import note_check, read_checks
+    from pytest_libero_max.runs.outside import outside_text
     from pytest_libero_max.runs.replay_command import is_outside
-    from pytest_libero_max.runs.run_verification import verification_lines, verified
+    from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, FRESH, verification_lines, verified
     from pytest_libero_max.runs.store import read_pairs
 
     for line in checked(options.folder):
         print(line)
     run = read_pairs(options.folder)
+    provenance = run.run.provenance
     if options.actions and options.policy is not None:
         raise OptionError("--actions asks no policy: leave out one of --actions and --policy.")
     if not options.actions:
-        print(f"policy: {options.policy or run.run.provenance['policy']['reference']}", flush=True)
-    if not options.pairs or (is_outside(run.run.provenance) and not options.actions):
+        print(printable(f"policy: {options.policy or provenance['policy']['reference']}"), flush=True)
+    if (outside := outside_text(provenance)) is not None:
+        print(printable(outside), flush=True)
+    if not options.pairs or (is_outside(provenance) and not options.actions):
         print("played again: none; nothing shows that these pairs were played")
         return 0
+    if not options.actions and run.records and not run.records[0].policy.get("repeatable", True):
+        print(CANNOT_JUDGE)
+        return 0
+    places = None if options.actions else _places(provenance, options)
     if options.record is not None:
         read_checks(options.record)  # before minutes of play
     seed = options.seed if options.seed is not None else str(secrets.randbelow(10**6))
@@ -114,11 +131,10 @@ def _verify_run(options: argparse.Namespace) -> int:
     drawn = f"{min(options.pairs, len(run.records))} pairs again, drawn by --seed={seed}"
     print(f"playing {what}{drawn}", flush=True)
     start = time.perf_counter()
-    if options.actions:
-        found, how = _replayed(options.folder, run, options.pairs, seed), "from their recorded actions"
+    if places is None:
+        found, how = _replayed(options, run, seed), "from their recorded actions"
     else:
-        found = verified(run, options.pairs, Path.cwd(), seed=seed, policy=options.policy)
-        how = "in processes of their own"
+        found, how = verified(run, options.pairs, places, seed=seed), FRESH
     lines, problems = verification_lines(found, time.perf_counter() - start, how)
     print("\n".join([*lines, *problems]))
     if problems:
@@ -132,7 +148,43 @@ def _verify_run(options: argparse.Namespace) -> int:
     return 1 if problems else 0
 
 
-def _replayed(folder: Path, run: StoredRun, pairs: int, seed: str) -> dict[str, str]:
+def _places(provenance: Json, options: argparse.Namespace) -> Places:
+    """Return what is taken from this machine to play the pairs of a run.
+
+    Raises:
+        OptionError: The run names something that only an option may name.
+    """
+    from pytest_libero_max.policies.clients.address import is_served
+    from pytest_libero_max.policies.profile import profile_names
+    from pytest_libero_max.policies.references import absolute_reference
+    from pytest_libero_max.runs.outside import built_in_policy, cases_of_run
+    from pytest_libero_max.runs.replay_command import Places
+
+    policy = built_in_policy(provenance) if options.policy is None else options.policy
+    if policy is None:
+        reference = shlex.quote(str(provenance["policy"]["reference"]))
+        raise OptionError(
+            f"The folder names the policy {reference}, and nothing that a folder names is run. Name the "
+            f"policy as it is found here, for example --policy={reference}; --actions or --pairs=0 need none."
+        )
+    profile = options.profile or (provenance["policy"].get("profile") if is_served(policy) else None)
+    if profile is not None and options.profile is None and profile not in profile_names():
+        raise OptionError(
+            f"The folder names the profile {shlex.quote(str(profile))}, which is none of this package's. "
+            "Nothing that a folder names is opened: give it with --profile."
+        )
+    cases_of_run(provenance, options.case_set)  # says which option is missing
+    return Places(
+        absolute_reference(policy, Path.cwd()),
+        profile,
+        None if options.case_set is None else str(Path(options.case_set).expanduser().absolute()),
+        None,
+        tuple(str(root.expanduser().absolute()) for root in options.libero),
+        None if options.libero_assets is None else str(options.libero_assets.expanduser().absolute()),
+    )
+
+
+def _replayed(options: argparse.Namespace, run: StoredRun, seed: str) -> dict[str, str]:
     """Return what :func:`~pytest_libero_max.runs.run_verification.verified` does, from recorded actions."""
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -140,11 +192,15 @@ def _replayed(folder: Path, run: StoredRun, pairs: int, seed: str) -> dict[str, 
     from pytest_libero_max.films.recorded import open_recorded
     from pytest_libero_max.runs.run_verification import chosen
 
-    with open_recorded(folder) as recorded:
-        return {record.item_id: recorded.replayed(record) for record in chosen(run.records, pairs, seed)}
+    where = options.folder, options.case_set, options.libero, options.libero_assets
+    with open_recorded(*where) as recorded:
+        return {
+            record.item_id: recorded.replayed(record) for record in chosen(run.records, options.pairs, seed)
+        }
 
 
 def _index(options: argparse.Namespace) -> int:
+    from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.page.index_page import index_html
     from pytest_libero_max.report.run_index import published_in, read_checks, run_index
     from pytest_libero_max.report.writers.report_files import write_text
@@ -154,7 +210,7 @@ def _index(options: argparse.Namespace) -> int:
     write_text(options.output, index_html(index, options.output.parent))
     for folder, reason in index.refused:
         print(f"refused: {folder}: {reason}")
-    print(f"Written: {options.output}, {sum(map(len, index.groups.values()))} runs")
+    print(f"Written: {options.output}, {counted(sum(map(len, index.groups.values())), 'run')}")
     return 1 if index.refused else 0
 
 

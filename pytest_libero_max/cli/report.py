@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import Commands, option, switch
 from pytest_libero_max.cli.terminal import say_coloured
+
+if TYPE_CHECKING:
+    from pytest_libero_max.report.gates import GateResult
+    from pytest_libero_max.report.report_document import Report
 
 
 def add_command(commands: Commands) -> None:
@@ -28,21 +34,34 @@ def add_command(commands: Commands) -> None:
     report.set_defaults(run=_report)
 
 
-def _report(options: argparse.Namespace) -> None:
+def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:
+    """Write the report of a run again; return it, the files to look at, and the verdicts on gates.
+
+    Args:
+        folder: Of the run.
+        asked: Gates; by default those of the ini file.
+    """
     from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.gate_results import decide
+    from pytest_libero_max.report.writers.report_files import write_reports
+
+    gates, start = gates_of(asked, Path.cwd())
+    verdicts = decide(gates, folder, start) if gates else ()
+    report, paths = write_reports(folder, gates=verdicts)
+    return report, paths, verdicts
+
+
+def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
     from pytest_libero_max.report.writers.gate_text import gate_lines
-    from pytest_libero_max.report.writers.report_files import write_figures, write_reports, write_text
+    from pytest_libero_max.report.writers.report_files import write_figures, write_text
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.report.writers.tables import csv_text, latex_text
-    from pytest_libero_max.runs.media import films_in
+    from pytest_libero_max.runs.media import films_in, show_command
 
-    gates, start = gates_of(options.gate, Path.cwd())
-    verdicts = decide(gates, options.folder, start) if gates else ()
-    report, paths = write_reports(options.folder, gates=verdicts)
+    report, paths, verdicts = rewrite(options.folder, options.gate)
     if options.figures:
         paths += write_figures(report, options.folder)
     if options.tables:
@@ -56,7 +75,9 @@ def _report(options: argparse.Namespace) -> None:
         write_text(options.folder / BADGE_NAME, badge_json(report))
         paths.append(options.folder / BADGE_NAME)
     films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
-    say_coloured(summary_lines(report, [str(path) for path in paths], films))
+    changed = [pair.item_id for pair in report.changed_pairs]
+    show = show_command(options.folder, str(options.folder), changed, report.provenance)
+    say_coloured(summary_lines(report, [str(path) for path in paths], films, show))
     if verdicts:
         say_coloured(gate_lines(verdicts))
     if options.figures and not raster.available():

@@ -38,7 +38,8 @@ def add_command(commands: Commands) -> None:
 
 def _trend(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
-    from pytest_libero_max.report.comparison.compare_text import warning_lines, with_short_names
+    from pytest_libero_max.report.comparison.compare_text import caveat_lines, warning_lines, with_short_names
+    from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.studies.study_figures import success_plot
     from pytest_libero_max.report.table import aligned
     from pytest_libero_max.report.writers.report_files import write_text
@@ -52,8 +53,9 @@ def _trend(options: argparse.Namespace) -> None:
     pairs = comparison.pairs
     say(
         [
-            f"{len(causes)} runs on {pairs.common} common cases",
+            f"{counted(len(causes), 'run')} on {counted(pairs.common, 'common case')}",
             *warning_lines(comparison),
+            *caveat_lines(comparison),
             *aligned([_HEAD, *map(_row, comparison.runs, causes)]),
         ]
     )
@@ -66,7 +68,7 @@ def _trend(options: argparse.Namespace) -> None:
     if options.figure:
         names = [run.name for run in comparison.runs]
         base, dynamic = ([getattr(run, rate) for run in comparison.runs] for rate in _RATES)
-        title = f"Success on {pairs.common} common cases"
+        title = f"Success on {counted(pairs.common, 'common case')}"
         write_text(options.figure, success_plot(title, "run", names, base, dynamic))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import re
 import webbrowser
 from contextlib import suppress
@@ -10,11 +11,13 @@ from functools import partial
 from http import HTTPStatus
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from pytest_libero_max.cli.arguments import PORT, Commands, option, switch
+from pytest_libero_max.cli.report import rewrite
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.runs.media import MOST_FILMS, films_in, traced_in
 
 _PAGE = "report.html"
 _RANGE = re.compile(r"bytes=(\d+)-(\d*)")
@@ -25,21 +28,27 @@ def add_command(commands: Commands) -> None:
     view = commands.add_parser(
         "view",
         help="Show the page of a run in the browser, with its films",
-        description="Serves the folder on this machine alone, at an address that is printed, until Ctrl-C. A "
-        "page that is missing is made first.",
+        description="Serves the folder on this machine alone, at an address that is printed, until Ctrl-C. "
+        "What is missing is made first: films of changed pairs that have traces (Ctrl-C leaves them out), "
+        "and the page.",
     )
     view.add_argument("folder", type=Path, metavar="RUN", help="Folder of the run")
+    option(
+        view,
+        "--cases TRACK|MANIFEST",
+        "The cases of a run whose films are made, if it has a manifest",
+        dest="case_set",
+    )
     option(view, "--port PORT", "Default: one that is free", type=PORT, default=0)
     switch(view, "--no-browser", "Print the address alone")
     view.set_defaults(run=_view)
 
 
 def _view(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.writers.report_files import write_reports
-
     folder: Path = options.folder
-    if not (folder / _PAGE).is_file():
-        write_reports(folder)
+    _make_films(folder, options.case_set)
+    if not _page_shows_all(folder):
+        rewrite(folder)
     try:
         server = ThreadingHTTPServer(("127.0.0.1", options.port), partial(_Files, directory=str(folder)))
     except OSError as error:
@@ -55,13 +64,47 @@ def _view(options: argparse.Namespace) -> int:
     return 0
 
 
+def _make_films(folder: Path, case_set: str | None) -> None:
+    """Film the changed pairs that the run has traces of, as many as a run films at its end."""
+    from pytest_libero_max.cli import main
+    from pytest_libero_max.report.writers.broken import named_of
+    from pytest_libero_max.report.writers.report_files import report_of
+    from pytest_libero_max.runs.store import read_pairs
+
+    missing = traced_in(folder) - films_in(folder).keys()
+    if not missing:
+        return
+    changed = report_of(read_pairs(folder)).changed_pairs
+    names = [name for name in named_of(changed, MOST_FILMS) if name in missing]
+    if names:
+        cases = [] if case_set is None else [f"--cases={case_set}"]
+        main(["film", str(folder), *names, *cases])
+
+
+def _page_shows_all(folder: Path) -> bool:
+    """Return True if there is a page, and it has the films that lie beside it."""
+    try:
+        page = (folder / _PAGE).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return False
+    return all(path.rpartition("/")[2] in page for path in films_in(folder).values())
+
+
 class _Files(SimpleHTTPRequestHandler):
     """Files of the folder, in parts where a browser asks for one, as it does to step through a film."""
+
+    def send_head(self) -> io.BytesIO | BinaryIO | None:
+        file = Path(self.translate_path(self.path))
+        if not file.resolve().is_relative_to(Path(self.directory).resolve()):  # a link in a folder of others
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return None
+        return super().send_head()
 
     def do_GET(self) -> None:
         asked = _RANGE.fullmatch(self.headers.get("Range", ""))
         file = Path(self.translate_path(self.path))
-        if asked is None or not file.is_file():
+        inside = file.resolve().is_relative_to(Path(self.directory).resolve())
+        if asked is None or not inside or not file.is_file():
             super().do_GET()
             return
         content = file.read_bytes()

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.identity import Draw, seed_of
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track, track_names
@@ -97,7 +98,7 @@ def read_draw(folder: Path, seed_file: Path | None = None) -> Draw:
     """
     path = folder / SEED if seed_file is None else seed_file
     try:
-        text, published = path.read_text(encoding="utf-8"), (folder / COMMITMENT).read_text(encoding="utf-8")
+        text, published = read_text(path), read_text(folder / COMMITMENT)
     except OSError as error:
         raise ManifestError(
             f"{error}. A draw needs its seed, and the digest of it that was published before. Make both with "

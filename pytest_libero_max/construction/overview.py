@@ -13,6 +13,7 @@ from pytest_libero_max.construction.certificates import ENDINGS, Certificate
 from pytest_libero_max.construction.configurations import Cell, cell_of
 from pytest_libero_max.construction.preflight import CHECKS, Preflight
 from pytest_libero_max.construction.release import (
+    own_tracks,
     read_certificates,
     read_rejected,
     read_sights,
@@ -44,9 +45,10 @@ def overview_lines(folder: Path) -> list[str]:
     """
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
-    every = {case.case_id: case for manifest in tracks.values() for case in manifest}.values()
+    own = {name: tracks[name] for name in own_tracks(folder)}
+    every = {case.case_id: case for manifest in own.values() for case in manifest}.values()
     cases = [case for case in every if case.program is None]
-    lines = [f"Version {next(iter(tracks.values())).version}.", "", "## Tracks", ""]
+    lines = [f"Version {next(iter(own.values())).version}.", "", "## Tracks", ""]
     lines += ["| track | cases | Plus | PRO | unmodified | events | digest |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: | --- |")
     for name, manifest in tracks.items():
@@ -54,11 +56,13 @@ def overview_lines(folder: Path) -> list[str]:
         events = len({case.event.name for case in manifest})
         numbers = f"{len(manifest)} | {count['plus']} | {count['pro']} | {count['libero']} | {events}"
         lines.append(f"| {name} | {numbers} | `{manifest.digest[:16]}` |")
+    for name in tracks.keys() - own.keys():
+        lines += ["", f"`{name}` is {tracks[name].recognition}; the tables below are of the other tracks."]
     lines += ["", "## Rejected by the preflight", "", "First reason of each rejected case, by event.", ""]
     lines += _rejections({name: problems[0].check for name, problems in rejected.items()})
     unexamined = read_unexamined(folder)
     if unexamined:
-        lines += ["", *_unexamined_lines(tracks, cases, unexamined)]
+        lines += ["", *_unexamined_lines(own, cases, unexamined)]
     lines += ["", *_out_of_sight_lines(cases, read_sights(folder))]
     lines += ["", *_certificate_lines(cases, certificates)]
     return [*lines, *_program_lines(every, certificates)]

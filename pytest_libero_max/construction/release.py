@@ -13,6 +13,7 @@ from typing import cast
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
+    PAPER_LITE,
     UNEXAMINED,
     frozen_content,
     frozen_files,
@@ -113,7 +114,23 @@ def write_release(release: Release, folder: Path) -> None:
         tables.append(UNEXAMINED)
     _write_certificates(folder, {})
     _write_tracks(folder, release.tracks)
-    write_checksums(folder, [*tables, *(_file(name) for name in release.tracks)])
+    kept = [PAPER_LITE] if (folder / _file(PAPER_LITE)).exists() else []
+    write_checksums(folder, [*tables, *map(_file, (*release.tracks, *kept))])
+
+
+def add_track(folder: Path, name: str, manifest: Manifest) -> None:
+    """Write one more track into a folder of frozen ones."""
+    listed = read_checksums(folder)
+    _write_tracks(folder, {name: manifest})
+    files = (file.name for file in frozen_files(folder))
+    write_checksums(
+        folder, [file for file in files if file == _file(name) or file.removesuffix(".gz") in listed]
+    )
+
+
+def own_tracks(folder: Path) -> tuple[str, ...]:
+    """Return the tracks whose cases this package chose, examined and certified."""
+    return tuple(name for name in track_names(folder) if name != PAPER_LITE)
 
 
 def add_certificates(
@@ -174,7 +191,7 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
 
 def independent_tracks(folder: Path) -> tuple[str, ...]:
     """Return the tracks that have every case of a folder, without those that were drawn from them."""
-    names = track_names(folder)
+    names = own_tracks(folder)
     return ("original", "max", "beyond") if "original" in names else names
 
 

@@ -15,6 +15,7 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import (
     CHECKSUMS,
+    PAPER_LITE,
     UNEXAMINED,
     frozen_files,
     load_track,
@@ -35,6 +36,7 @@ from pytest_libero_max.construction.release import (
     CERTIFICATES,
     REJECTED,
     SIGHTS,
+    own_tracks,
     read_certificates,
     read_rejected,
     read_sights,
@@ -143,7 +145,15 @@ def _genuine_checks(folder: Path) -> Iterator[str]:
     for name in sorted(tracks.keys() & (SPLITS.keys() - {"smoke"})):
         _require_same(name, tracks[name], SPLITS[name](tracks["max"]))
         yield f"{name}: drawn from max"
-    yield from _table_checks(folder, (case for track in tracks.values() for case in track))
+    if PAPER_LITE in tracks:
+        yield f"{PAPER_LITE}: {_recognised(tracks[PAPER_LITE])}"
+    yield from _table_checks(folder, (case for name in own_tracks(folder) for case in tracks[name]))
+
+
+def _recognised(track: Manifest) -> str:
+    if track.recognition is None or not track.recognition.identical:
+        raise ManifestError(f"{PAPER_LITE} is not a file that the authors released. Restore it.")
+    return str(track.recognition)
 
 
 def _require_own_names(case: Case) -> None:

@@ -5,7 +5,7 @@ The recorded actions are played again, as for films, and the hash chain is compu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -39,6 +39,10 @@ def collect_run(
     folder: Path,
     image_size: int,
     report: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    cases: str | None = None,
+    installations: Sequence[Path] = (),
+    assets: Path | None = None,
 ) -> tuple[list[Path], int]:
     """Write each arm of the pairs of a run as an episode, whether the policy completed the task or not.
 
@@ -49,6 +53,9 @@ def collect_run(
         folder: Folder of the episodes, made if missing; what it holds already is not made again.
         image_size: Side of the images, pixels.
         report: Called with the number of finished pairs and of all, after each pair.
+        cases: As for :func:`~pytest_libero_max.films.recorded.open_recorded`, like those that follow.
+        installations: As there.
+        assets: As there.
 
     Returns:
         The files in the order of the pairs, and the number of pairs without traces.
@@ -58,7 +65,7 @@ def collect_run(
         ReportError: The run cannot be read.
         ProtocolError: A pair comes out otherwise than it was recorded.
     """
-    with open_recorded(run_folder) as run:
+    with open_recorded(run_folder, cases, installations, assets) as run:
         provenance = run.stored.run.provenance
         policy = str(provenance["policy"]["reference"])
         records = sorted(run.stored.records, key=lambda record: record.item_id)

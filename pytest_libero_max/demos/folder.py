@@ -31,7 +31,7 @@ class Settings:
     """Properties that all episodes of a folder share.
 
     Attributes:
-        expert: The policy, as for ``pytest --libero-max-policy``.
+        expert: The policy, as for ``pytest --libero-max-policy=POLICY``.
         image_size: Side of the images, pixels.
         substrate: Builds the worlds.
         disturbed: Share of the queries after which the hand is pushed aside.

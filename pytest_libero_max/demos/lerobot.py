@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.demos.episodes import Demonstration
 from pytest_libero_max.demos.folder import load
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, install_extra
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.policies.transforms.states import axis_angle
 from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ
@@ -49,8 +49,7 @@ def require_pyarrow() -> None:
         import pyarrow.parquet  # noqa: F401  # to be told
     except ImportError as error:
         raise OptionError(
-            "A dataset of LeRobot needs PyArrow: pip install 'pytest-libero-max[demos]'. The .npz files do "
-            "not."
+            f"A dataset of LeRobot needs PyArrow: {install_extra('demos')}. The .npz files do not."
         ) from error
 
 

@@ -6,6 +6,7 @@ This module imports Hypothesis, so nothing that plays a pair may import it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -111,12 +112,16 @@ def vectors(limit_m: float, plane: bool = False) -> SearchStrategy[tuple[float, 
     return st.tuples(component, component, st.just(0.0) if plane else component)
 
 
-_AS_IT_WAS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
-    "shift_camera": {"delta_position_m": (0, 0, 0), "yaw_degrees": (0,), "delta_fovy_degrees": (0,)},
-    "move_object": {"delta_position_m": (0, 0, 0)},
-    "set_lighting": {"scale": (1,)},
-    "set_visual_theme": {"rgb_permutation": (0, 1, 2), "rgb_multiplier": (1, 1, 1)},
-}
+_AS_IT_WAS: Mapping[str, Mapping[str, tuple[float, ...]]] = MappingProxyType(
+    {
+        "shift_camera": MappingProxyType(
+            {"delta_position_m": (0, 0, 0), "yaw_degrees": (0,), "delta_fovy_degrees": (0,)}
+        ),
+        "move_object": MappingProxyType({"delta_position_m": (0, 0, 0)}),
+        "set_lighting": MappingProxyType({"scale": (1,)}),
+        "set_visual_theme": MappingProxyType({"rgb_permutation": (0, 1, 2), "rgb_multiplier": (1, 1, 1)}),
+    }
+)
 """Parameters with which a change leaves every world as it was, by its operation."""
 
 

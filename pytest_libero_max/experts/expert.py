@@ -7,6 +7,8 @@ moved, needs no special treatment: the next route starts from the situation as i
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,7 +35,7 @@ from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
 Array = NDArray[np.float64]
 
 _BEFORE_M, _BESIDE_M = 0.25, 0.2  # of the handle of a closed drawer: what stands there ends up under it
-_ORDER = {"turnoff": 0, "turnon": 0, "open": 1, "in": 2, "on": 2, "close": 3}
+_ORDER = MappingProxyType({"turnoff": 0, "turnon": 0, "open": 1, "in": 2, "on": 2, "close": 3})
 
 
 class ExpertPolicy:

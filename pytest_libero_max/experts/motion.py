@@ -25,12 +25,15 @@ Array = NDArray[np.float64]
 
 OPEN, CLOSED = -1.0, 1.0
 _LIMIT = np.array([0.05] * 3 + [0.5] * 3)  # what an action of 1 asks for, m and rad
+_LIMIT.setflags(write=False)
 _PERIOD_S = 0.05
 _STIFFNESS = 150.0
 _DAMPING = 2 * math.sqrt(_STIFFNESS)
 # The speed to aim at for each m or rad of error, and its limit: that of an arm whose axes are independent.
 _GAIN, _TOP_SPEED = 8.0, np.array([0.25] * 3 + [2.5] * 3)
+_TOP_SPEED.setflags(write=False)
 _WEIGHT = np.array([1.0] * 3 + [0.1] * 3)  # 0.1 rad/s is as bad as 1 cm/s
+_WEIGHT.setflags(write=False)
 _DAMPING_OF_INVERSE = 1e-4  # keeps actions small in directions in which the hand hardly responds
 
 

@@ -41,6 +41,7 @@ from pytest_libero_max.worlds.contract import Observation
 Array = NDArray[np.float64]
 
 _NOWHERE = np.full(3, np.inf)
+_NOWHERE.setflags(write=False)
 _MOVED_M = 0.01  # a thing that is seen farther than this from where the route leads has moved
 _FOLLOW_M = 0.14  # how far a thing may move between two looks
 _LEASH = 1.5  # how much score a thing must gain for each m that it is seen to have moved
@@ -55,6 +56,7 @@ _ARRIVED_M = 0.02
 _ON_TOP_M, _OVER_RIM_M = 0.004, 0.015
 _HAND_M = np.array([(x, y, z) for x in (-0.1, 0.1) for y in (-0.03, 0.03) for z in (-0.14, 0.0)])
 """(8, 3) m: corners of a box around palm and fingers, in the frame of the fingers."""
+_HAND_M.setflags(write=False)
 _FINGERS_ACROSS = Rotation.from_euler("z", -90, degrees=True)  # from the hand's frame to that of its fingers
 
 

@@ -28,6 +28,7 @@ LEVELS = 12
 """Steps into which each colour channel is divided, by its square root, finer where it is dark."""
 
 _CIRCLE = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
+_CIRCLE.setflags(write=False)
 _RING_PX = 6  # how far around the outline another colour is expected
 _SUBPIXEL_BITS = 4
 _COARSE_M = 0.02

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, install_extra
 from pytest_libero_max.runs.media import FILM_FORMATS
 from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
 
-INSTALL = "pip install 'pytest-libero-max[film]'"
+INSTALL = install_extra("film")
 
 _H264 = {"crf": "30", "preset": "superfast", "x264-params": "mbtree=0"}
 """Without mbtree, with which the same frames may give other bytes in a process that has made films before."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -241,9 +240,7 @@ def _profile_of(ran: Json, asked: str | None) -> Profile | None:
         profile = load_profile(asked)
         _require_same(ran, profile.digest, f"profile={asked!r}")
         return profile
-    written = str(ran.get("profile", ""))  # a file may be there still, and unchanged
-    names = [written] if written.endswith(".toml") and Path(written).expanduser().is_file() else []
-    known = map(load_profile, [*names, *profile_names()])
+    known = map(load_profile, profile_names())  # a file that the run names is not opened
     return next((profile for profile in known if profile.digest == ran.get("code")), None)
 
 

@@ -9,11 +9,9 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.programs import program_of_run
-from pytest_libero_max.benchmark.tracks import load_cases
+from pytest_libero_max.benchmark.keywords import matches
 from pytest_libero_max.errors import (
     LiberoMaxError,
-    ManifestError,
     OptionError,
     ProtocolError,
     ReportError,
@@ -27,6 +25,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
+from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
 from pytest_libero_max.runs.recorded_poses import write_poses
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
@@ -182,13 +181,18 @@ class RecordedRun:
     cases: Mapping[str, Case]
     substrate: Substrate
 
+    @property
+    def outside(self) -> str | None:
+        """A sentence on the places that the run names and that are not opened; None where it names none."""
+        return outside_text(self.stored.run.provenance)
+
     def traces(self, record: PairRecord) -> dict[str, ArmTrace]:
         """Return the traces of a pair.
 
         Raises:
             ReportError: The run kept none of it, or they cannot be read.
         """
-        path = self.folder / TRACES_NAME / trace_name(record.item_id)
+        path = require_inside(self.folder, self.folder / TRACES_NAME / trace_name(record.item_id))
         if not path.exists():
             raise ReportError(
                 f"{record.item_id} has no trace ({path} is missing), so its actions are not known. Play it "
@@ -285,14 +289,17 @@ def open_recorded(
 ) -> Iterator[RecordedRun]:
     """Open a run to play its pairs again, on the substrate that it was played on.
 
+    Paths that the run names are not opened (:mod:`~pytest_libero_max.runs.outside`).
+
     Args:
         folder: The output folder of the run.
-        cases: Track or path of a manifest. None: those of the run.
-        installations: LIBERO's folders on this machine. None given: those of the run.
-        assets: Models and textures for it. None: where the run found them.
+        cases: Track or path of a manifest. None: the track of the run.
+        installations: LIBERO's folders on this machine. None given: what ``import libero`` finds.
+        assets: Models and textures for it. None: its own.
 
     Raises:
         ReportError: The pairs cannot be read, or the run kept no traces.
+        OptionError: The run played a manifest, and none is given.
         ManifestError: The cases cannot be read.
         SubstrateError: The substrate cannot be opened.
     """
@@ -304,7 +311,7 @@ def open_recorded(
             f"{home} has no {TRACES_NAME}, so the actions of its pairs are not known. Play the run again "
             f"with {traces_setting(provenance)}."
         )
-    cases_played = _cases(provenance, cases)
+    cases_played = {case.case_id: case for case in cases_of_run(provenance, cases)}
     substrate = open_substrate(
         provenance["substrate"]["name"], _options(provenance["substrate"], installations, assets)
     )
@@ -319,50 +326,41 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
 
     Args:
         stored: The run.
-        names: Item ids or case ids; none: ``which`` decides.
+        names: Item ids, case ids, or expressions over parts of them as for pytest's ``-k``; none: ``which``
+            decides.
         which: One of :data:`.media.FILM_SELECTIONS`.
 
     Raises:
-        OptionError: A name is not that of a measured pair; suggests the closest.
+        OptionError: A name is not that of a measured pair, nor a part of one; suggests the closest.
     """
     records = sorted(stored.records, key=lambda record: record.item_id)
     if not names:
         return [record for record in records if is_selected(record, which)]
-    known = {name: record for record in records for name in (record.case_id, record.item_id)}
+    asked: set[str] = set()
     for name in names:
-        if name not in known:
+        exact = {record.item_id for record in records if name in (record.case_id, record.item_id)}
+        found = exact or {record.item_id for record in records if matches(name, _keywords(record))}
+        if not found:
             raise OptionError.seen(
                 "case",
                 name,
-                f" is not a measured pair of this run. "
+                f" is neither a measured pair of this run nor a part of the name of one. "
                 f"{did_you_mean(name, [record.item_id for record in records])}",
             )
-    asked = {known[name].item_id for name in names}
+        asked |= found
     return [record for record in records if record.item_id in asked]
 
 
-def _cases(provenance: Json, asked: str | None) -> dict[str, Case]:
-    case_set = provenance["case_set"]
-    kind, _, name = str(case_set["name"]).partition(" ")
-    if asked is None:
-        asked = str(case_set.get("path", name)) if kind in ("track", "manifest") else ""
-        if not asked:
-            raise ReportError(f"The run names its cases {case_set['name']!r}. Give its track or manifest.")
-    try:
-        manifest = load_cases(str(Path(asked).expanduser()))
-    except ManifestError as error:
-        raise ManifestError(f"{error} Name the track or manifest of the run with --cases.") from error
-    program = program_of_run(provenance["protocol"])
-    return {case.case_id: case for case in (manifest if program is None else manifest.playing(program))}
+def _keywords(record: PairRecord) -> tuple[str, ...]:
+    """Names of a pair that ``-k`` looks at: the item, and its markers."""
+    markers = (record.event, record.family, record.suite, f"variant_{record.variant}", record.source)
+    return (record.case_id, record.item_id, *markers)
 
 
 def _options(described: Json, installations: Sequence[Path], assets: Path | None) -> SubstrateOptions:
     known = SubstrateOptions()
-    roots = tuple(installations) or tuple(Path(root).expanduser() for root in described.get("roots", ()))
-    if assets is None and described.get("assets"):
-        assets = Path(described["assets"]).expanduser()
     return SubstrateOptions(
-        roots,
+        tuple(installations),
         assets,
         described.get("semantics", known.semantics),
         described.get("instruction_source", known.instruction),

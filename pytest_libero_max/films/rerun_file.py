@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, install_extra
 from pytest_libero_max.films.drawing import labels, shared_steps
 from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m
 from pytest_libero_max.pairing.record import PairRecord
@@ -28,7 +28,7 @@ from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
 if TYPE_CHECKING:
     import rerun
 
-INSTALL = "pip install 'pytest-libero-max[rerun]'"
+INSTALL = install_extra("rerun")
 
 ACTION = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z", "gripper")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.documents import canonical_digest
-from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.errors import ProtocolError, RefusalError
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.policies.check import copy_memory, memory_digest, remembers, restore_memory
@@ -56,7 +56,8 @@ class Memory:
             step: Step of the copy, for messages.
 
         Raises:
-            AdapterError: The copy has changed since, or the policy raised.
+            RefusalError: The copy has changed since.
+            AdapterError: The policy raised.
         """
         if remembers(stage.policy):
             self.require_unchanged(stage, step)
@@ -66,10 +67,10 @@ class Memory:
         """Check that the copy is unchanged.
 
         Raises:
-            AdapterError: It has changed.
+            RefusalError: It has changed.
         """
         if memory_digest(self.value) != self.digest:
-            raise AdapterError(
+            raise RefusalError(
                 f"{stage.case.item_id}: the memory that policy {stage.spec.name!r} copied at step {step} has "
                 "changed since. Let snapshot() return a copy that the policy does not write to, and "
                 "restore(memory) copy from it (copy.deepcopy in both)."
@@ -96,9 +97,8 @@ class RecordedQuery:
         """Bring world and policy to the query, ask, and compare; both are left there.
 
         Raises:
-            ProtocolError: The world's snapshot leaves something out, or a policy without ``snapshot`` answers
-                differently.
-            AdapterError: A policy with ``snapshot`` answers differently, or its copies are none.
+            ProtocolError: The world's snapshot leaves something out.
+            RefusalError: The policy answers differently, or its copies are none.
         """
         stage.world.restore(self.state)
         if stage.world.digest() != self.digest:
@@ -122,8 +122,7 @@ def require_same_answer(result: QueryResult, stage: Stage) -> None:
     """Ask a query again, in the world as it is, and compare the bytes.
 
     Raises:
-        ProtocolError: A policy without ``snapshot`` answers differently.
-        AdapterError: A policy with ``snapshot`` answers differently.
+        RefusalError: The policy answers differently.
     """
     with stage.clock("asked_again_s"):
         again = stage.ask(stage.query(result.index, result.step, result.reseeds))
@@ -134,12 +133,12 @@ def require_same_answer(result: QueryResult, stage: Stage) -> None:
         f"{result.step} differently when it was shown the same observation again"
     )
     if remembers(stage.policy):
-        raise AdapterError(
+        raise RefusalError(
             f"{where}, with the memory that it had before. Let snapshot() copy all that answers depend "
             "on (copy.deepcopy), and restore(memory) bring all of it back; draw from query.seed and from "
             "nothing else."
         )
-    raise ProtocolError(
+    raise RefusalError(
         f"{where}. Draw from query.seed and from nothing else; give a policy with memory snapshot() and "
         "restore(memory), or declare PolicySpec(history=True); declare PolicySpec(repeatable=False) only "
         "for a server whose arithmetic varies."

@@ -83,9 +83,9 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
         mode: The way there.
 
     Raises:
-        ProtocolError: Another state was reached, or the policy answers differently this time.
-        AdapterError: The policy raised, its snapshot was no copy, or it answers differently with the memory
-            that it had.
+        ProtocolError: Another state was reached.
+        RefusalError: The policy answers differently this time, or its snapshot was no copy.
+        AdapterError: The policy raised.
     """
     if branch.memory is not None:
         branch.memory.require_unchanged(stage, branch.step)

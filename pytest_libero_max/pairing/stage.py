@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import AdapterError, ProbeError
+from pytest_libero_max.errors import ProbeError, RefusalError
 from pytest_libero_max.pairing.changing import begin_world
 from pytest_libero_max.pairing.kept_images import KeptImages
 from pytest_libero_max.pairing.probes.probe import Probes
@@ -119,7 +119,8 @@ class Stage:
         """Tell the policy that an episode begins.
 
         Raises:
-            AdapterError: It raised, or altered the world or its spec.
+            AdapterError: It raised.
+            RefusalError: It altered the world or its spec.
         """
         with self._policy_acts("reset"):
             start(self.policy, self.episode)
@@ -130,7 +131,7 @@ class Stage:
         The write is undone, so that the next arm or pair finds the scene as it was built.
 
         Raises:
-            AdapterError: The policy wrote one; names the fields.
+            RefusalError: The policy wrote one; names the fields.
             ProbeError: A probe did, or one of several that had the world in their hands; names them.
         """
         written = self.world.take_back_writes()
@@ -138,7 +139,7 @@ class Stage:
             return
         policy, fields = f"policy {self.spec.name!r}", f"{', '.join(written)} of the world's model"
         if not self.probes.names:
-            raise AdapterError(f"{policy} wrote {fields}, but episode.world is read only. {_CURE}")
+            raise RefusalError(f"{policy} wrote {fields}, but episode.world is read only. {_CURE}")
         suspects = [f"probe {name!r}" for name in self.probes.names]
         suspects += [policy] if self.spec.privileged else []
         raise ProbeError(
@@ -158,7 +159,8 @@ class Stage:
 
         Raises:
             ActionError: The actions cannot be played.
-            AdapterError: The policy raised, or altered the world or its spec, which are read only for it.
+            AdapterError: The policy raised.
+            RefusalError: It altered the world or its spec, which are read only for it.
             SimulatorError: The renderer does not answer.
         """
         index, step = query.index, query.step
@@ -185,7 +187,8 @@ class Stage:
             step: Policy steps executed before it.
 
         Raises:
-            AdapterError: The policy raised, or altered the world or its spec, which are read only for it.
+            AdapterError: The policy raised.
+            RefusalError: It altered the world or its spec, which are read only for it.
             SimulatorError: The renderer does not answer.
         """
         observation = self.observed()
@@ -213,7 +216,7 @@ class Stage:
         require_spec(self.policy, self.spec, where)
         if self.world.digest() != digest:
             self._require_unaltered(before, where)
-            raise AdapterError(  # a policy that is given no world may have found it
+            raise RefusalError(  # a policy that is given no world may have found it
                 f"the world was altered while policy {self.spec.name!r} was called ({where}). {_CURE}"
             )
 
@@ -228,7 +231,7 @@ class Stage:
     def _require_unaltered(self, before: WorldState | None, where: str) -> None:
         altered = () if before is None else before.differing(self.world.snapshot())
         if altered:
-            raise AdapterError(
+            raise RefusalError(
                 f"policy {self.spec.name!r} altered the world in {where}, but episode.world is read only. "
                 f"What differs: {', '.join(altered)}. {_CURE}"
             )

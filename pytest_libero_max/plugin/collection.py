@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,10 @@ from pytest_libero_max.plugin.options import Settings, usage_errors
 from pytest_libero_max.plugin.stash_keys import (
     CASES,
     MANIFEST,
-    MEASURED,
-    MEASURED_INPUT,
     NOISE_CASES,
     SETTINGS,
+    SETTLED,
+    SETTLED_INPUT,
 )
 
 PSEUDO_PATH = "libero-max"
@@ -44,7 +45,8 @@ _LISTING = ("collectonly", "showfixtures", "show_fixtures_per_test", "setuponly"
 _LISTED_NODES = 3
 """Number of node ids that the selection names; more are counted."""
 
-ITEM_PREFIX = f"{PSEUDO_PATH}::test_pair["
+TEST_NAME = "test_pair"
+ITEM_PREFIX = f"{PSEUDO_PATH}::{TEST_NAME}["
 
 
 class PairItem(pytest.Function):
@@ -57,18 +59,28 @@ class PairItem(pytest.Function):
         assert isinstance(case, Case)
         return case
 
-    @property
+    @cached_property
     def nodeid(self) -> str:
+        """Node id, one string for each item: other plugins keep what they know of a test by its ``id()``."""
         return f"{ITEM_PREFIX}{self.case.item_id}]"
 
-    @property
+    @cached_property
     def id(self) -> Any:
         """Node id in parts; pytest has it since 9.2."""
         return type(super().id).parse(self.nodeid)
 
 
 class PairModule(pytest.Module):
-    """Module of the pairs, under a node id that is the same on every machine."""
+    """Module of the pairs, under a node id that is the same on every machine.
+
+    Its one test is found whatever the ini file says of the names of tests.
+    """
+
+    def funcnamefilter(self, name: str) -> bool:
+        return name == TEST_NAME
+
+    def classnamefilter(self, name: str) -> bool:
+        return False
 
     def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
         for item in super().collect():
@@ -249,10 +261,11 @@ def pytest_report_header(config: pytest.Config) -> str | None:
     """Return a note on a policy in the ini file in a session without pairs; None with pairs, or no policy."""
     if not options.policy_in_ini_file(config) or is_run(config):
         return None
-    policy = config.getini("libero_max_policy")
+    policy = options.ini_value(config, "libero_max_policy")
     return f"libero-max: policy {policy} is for tests that ask for it; to play the pairs: pytest libero-max"
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> pytest.Module | None:
     """Return the collector of the pairs; None for any other module."""
     if module_path != PAIRS_FILE:
@@ -261,12 +274,12 @@ def pytest_pycollect_makemodule(module_path: Path, parent: pytest.Collector) -> 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Deselect the pairs that a resumed run has measured, the same ones on every worker."""
+    """Deselect the pairs that a resumed run has settled, the same ones on every worker."""
     on_worker: dict[str, list[str]] = getattr(config, "workerinput", {})
-    measured = {*on_worker.get(MEASURED_INPUT, ()), *config.stash.get(MEASURED, ())}
-    if measured:
-        done = [item for item in items if case_of_item(item) in measured]
-        items[:] = [item for item in items if case_of_item(item) not in measured]
+    settled = {*on_worker.get(SETTLED_INPUT, ()), *config.stash.get(SETTLED, ())}
+    if settled:
+        done = [item for item in items if case_of_item(item) in settled]
+        items[:] = [item for item in items if case_of_item(item) not in settled]
         config.hook.pytest_deselected(items=done)
 
 

@@ -13,9 +13,12 @@ from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
 from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import (
+    ActionError,
+    AdapterError,
     DiskError,
     LiberoMaxError,
     OtherRunError,
+    RefusalError,
     ReportError,
 )
 from pytest_libero_max.events.registry import EVENTS, families
@@ -37,16 +40,18 @@ from pytest_libero_max.plugin.collection import (
 from pytest_libero_max.plugin.junit_file import tell_junit
 from pytest_libero_max.plugin.options import gates_from, usage_errors
 from pytest_libero_max.plugin.pair_reports import RECORD_PHASE, keep_status, result_of
+from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.resource_checks import memory_note, require_disk_space
 from pytest_libero_max.plugin.run_end import RunEnd
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import (
-    MEASURED,
-    MEASURED_INPUT,
+    DIST_NOTE,
     NOTE_ATTRIBUTE,
     POLICY_PHASE,
     RESULT_ATTRIBUTE,
+    SETTLED,
+    SETTLED_INPUT,
     STOP_ATTRIBUTE,
 )
 from pytest_libero_max.plugin.user_hooks import call_user_hook
@@ -71,6 +76,8 @@ from pytest_libero_max.worlds.rendering import gl
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.stopping_rule import NamedRule
+
+_OF_THE_POLICY = (AdapterError.__name__, RefusalError.__name__, ActionError.__name__)
 
 STOP_AFTER_ERRORS = 8
 """Pairs that end in the same error of the policy, none being measured, after which a run is stopped."""
@@ -98,11 +105,15 @@ class RunController:
         self.stop = RunStop(config, self.settings)
         self.end = RunEnd(config, self.settings, self.stop)
         self.cases = {case.item_id: case for case in cases_of(config)}
+        # Taken before any policy is loaded, which could alter them in this process.
+        self._budgets = {name: case.budget for name, case in self.cases.items()}
         self.store: PairStore | None = None
         self._before: StoredRun | None = None
+        self._settled_before = 0, 0  # pairs that a resumed run has measured, and refused
         self._remark: str | None = None  # of the stopping rule
         self._changed: list[ChangedPair] = []
-        self._measured_now: dict[str, bool] = {}  # by item id; False for an error
+        self._settled_now: dict[str, bool] = {}  # by item id; False for a fault
+        self._measured_any = False
         self._collected: list[str] = []  # node ids, by the first worker of xdist
         self._hook_raised = False
         self._adapter_errors: Counter[str] = Counter()  # pairs by message
@@ -119,13 +130,13 @@ class RunController:
 
     @property
     def has_all(self) -> bool:
-        """True if a resumed run holds all pairs already, so that no worker is needed."""
-        return self.cases.keys() <= set(self.measured)
+        """True if a resumed run has settled all pairs already, so that no worker is needed."""
+        return self.cases.keys() <= set(self.settled)
 
     @property
-    def measured(self) -> tuple[str, ...]:
-        """Item ids of the pairs that a resumed run holds already."""
-        return self.config.stash.get(MEASURED, ())
+    def settled(self) -> tuple[str, ...]:
+        """Item ids of the pairs of a resumed run that are not played again: measured, or refused."""
+        return self.config.stash.get(SETTLED, ())
 
     def _chance_line(self) -> list[str]:
         """Return a line on a served policy that is not repeatable by its profile."""
@@ -178,6 +189,7 @@ class RunController:
         """Look at the output folder, which only a session that plays may touch."""
         if only_lists(self.config):
             return
+        self._require_other_process()
         with usage_errors():
             require_writable(self.settings.output)
             require_free(self.settings.output)
@@ -186,6 +198,20 @@ class RunController:
         if self.settings.stop is not None:
             with usage_errors(f"--libero-max-stop={self.settings.stop.text}: "):
                 self._remark = self._checked_rule(self.settings.stop)
+
+    def _require_other_process(self) -> None:
+        """Refuse gates in the process that plays, whatever another plugin made of the options.
+
+        Raises:
+            pytest.UsageError: No worker, actor or process of its own will play the pairs.
+        """
+        settings = self.settings
+        apart = self.config.pluginmanager.has_plugin("dsession") or settings.ray is not None
+        if settings.gate and not (apart or settings.isolate or self.has_all):
+            raise pytest.UsageError(
+                "The pairs would be played in the process that decides the gates, and a policy could end it: "
+                "another plugin or -p no:dsession keeps the workers away. Add --libero-max-isolate."
+            )
 
     def _require_usable_gates(self) -> None:
         if self.settings.gate:
@@ -213,7 +239,9 @@ class RunController:
         self._before = read_to_resume(self.settings.output)
         if self._before is not None:
             self.end.lines += damage_said(self._before.damaged)
-            self.config.stash[MEASURED] = tuple(record.item_id for record in self._before.records)
+            before: list[PairRecord | PairError] = [*self._before.records, *self._before.refused]
+            self._settled_before = len(self._before.records), len(self._before.refused)
+            self.config.stash[SETTLED] = tuple(pair.item_id for pair in before)
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, manifest_of(self.config)
@@ -223,9 +251,10 @@ class RunController:
         details = [f"{len(manifest)} cases, digest {manifest.digest[:12]}"]
         details += [] if manifest.recognition is None else [str(manifest.recognition)]
         details += [f"selection: {', '.join(asked)}"] if asked else []
-        details += [f"{len(self.measured)} measured before"] if self.measured else []
-        workers = self.config.getoption("numprocesses", None) or 1
-        note = memory_note(workers, SUBSTRATES[settings.substrate])
+        measured, refused = self._settled_before
+        details += [f"{measured} measured before"] if measured else []
+        details += [f"{refused} refused before, which stay refused"] if refused else []
+        note = memory_note(number_of_workers(self.config), SUBSTRATES[settings.substrate])
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
             f"substrate {_origin(self.substrate)}, prefix {settings.prefix}{settings.extras}",
@@ -233,6 +262,7 @@ class RunController:
             *self._chance_line(),
             *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
+            *([self.config.stash[DIST_NOTE]] if DIST_NOTE in self.config.stash else []),
             *([] if self._remark is None else [self._remark]),
         ]
 
@@ -249,8 +279,8 @@ class RunController:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
-        """Tell a worker which pairs are measured, so that all collect the same."""
-        node.workerinput[MEASURED_INPUT] = list(self.measured)
+        """Tell a worker which pairs are settled, so that all collect the same."""
+        node.workerinput[SETTLED_INPUT] = list(self.settled)
 
     # What is planned: the pairs left after -k and -m, seen here or by the workers.
 
@@ -280,7 +310,7 @@ class RunController:
                     "pairs.",
                     returncode=pytest.ExitCode.USAGE_ERROR,
                 )
-        chosen = {*tests, *self.measured}
+        chosen = {*tests, *self.settled}
         planned = [case for name, case in self.cases.items() if name in chosen]
         if not planned or self.store is not None or only_lists(self.config):
             return
@@ -296,6 +326,7 @@ class RunController:
         )
         tell_junit(self.config, suite_properties(selection, self.settings.case_set))
         run = Run.of(planned, self._provenance(selection))
+        self._require_decidable(run)
         resume, stored = self.settings.resume, None
         try:
             if resume:
@@ -309,9 +340,23 @@ class RunController:
             pytest.exit(f"{prefix}{error}", returncode=pytest.ExitCode.USAGE_ERROR)
         self.store = store
         records = () if stored is None else stored.records
+        refused = () if stored is None else stored.refused
         self._changed += changed_pairs(records)
-        self.progress.begin(store, run.planned, records)
-        self.stop.begin(run, records)
+        self.progress.begin(store, run.planned, (*records, *refused))
+        self.stop.begin(run, (*records, *refused))
+
+    def _require_decidable(self, run: Run) -> None:
+        """Refuse gates and a rule that can decide nothing on the pairs that are left after -k and -m."""
+        settings = self.settings
+        try:
+            if settings.stop is not None:
+                settings.stop.rule.check_run(run)
+            if settings.gate and settings.shard is None:
+                from pytest_libero_max.report.gate_results import require_open
+
+                require_open(settings.gate, run.planned)
+        except LiberoMaxError as error:
+            pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
 
     def _provenance(self, selection: Selection) -> Json:
         settings, manifest = self.settings, manifest_of(self.config)
@@ -366,18 +411,20 @@ class RunController:
         name = case_of(report.nodeid) if result is None else result["item_id"]
         if name not in self.cases or self.store is None or self.stop.status is not None:
             return
-        # The teardown of a pair, or one that another plugin plays again: a record counts, after an error.
-        if name in self._measured_now and (self._measured_now[name] or result is None or is_error(result)):
+        # The teardown of a pair, or one that another plugin plays again: a record counts after a fault, and
+        # nothing counts after a refusal.
+        if name in self._settled_now and (self._settled_now[name] or result is None or is_error(result)):
             return
-        pair = result_of(report, self.cases[name])
+        pair = result_of(report, self.cases[name], self._budgets[name])
         if pair is None:
             if report.skipped:
                 self.stop.stored(name, None)
             return
-        if isinstance(pair, PairError) and (pair.phase == POLICY_PHASE or pair.kind == "AdapterError"):
+        if isinstance(pair, PairError) and (pair.phase == POLICY_PHASE or pair.kind in _OF_THE_POLICY):
             self._count_adapter_error(pair.message, report)
         pair = self._stored(pair, self.cases[name])
-        self._measured_now[name] = isinstance(pair, PairRecord)
+        self._settled_now[name] = isinstance(pair, PairRecord) or pair.refused
+        self._measured_any |= isinstance(pair, PairRecord)
         if isinstance(pair, PairRecord):
             self._changed += changed_pairs([pair])
             keep_status(report, pair)
@@ -395,7 +442,7 @@ class RunController:
         found = self._adapter_errors[message]
         if found > 1:
             report.longrepr = f"As above: {message}"
-        if found >= STOP_AFTER_ERRORS and not self.measured and not any(self._measured_now.values()):
+        if found >= STOP_AFTER_ERRORS and not self._settled_before[0] and not self._measured_any:
             self.stop.stop(f"{found} pairs ended in the same error of the policy, and none was measured")
 
     def _stored(self, pair: PairRecord | PairError, case: Case) -> PairRecord | PairError:
@@ -435,7 +482,7 @@ class RunController:
         try:
             yield
         finally:  # whatever another plugin's hook has raised
-            self.end.finish(session, self.store, measured_before=bool(self.measured))
+            self.end.finish(session, self.store, measured_before=bool(self.settled))
             _leave_out_hypothesis_summary(self.config)
 
 

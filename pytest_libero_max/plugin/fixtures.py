@@ -39,6 +39,7 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 @pytest.fixture(scope="session")
 def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings) -> Policy:
     """Return the policy under test, loaded once a worker."""
+    from pytest_libero_max.policies.adapter_digest import files_read
     from pytest_libero_max.policies.adaptive import AdaptivePolicy
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.clients.waiting import note_in
@@ -54,14 +55,15 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
         )
     note_in(settings.output)
     try:
-        policy = load_policy(
-            settings.policy,
-            horizon=settings.horizon,
-            query_interval=settings.query_interval,
-            profile=settings.profile,
-            revision=settings.revision,
-            seat=_seat(pytestconfig, settings),
-        )
+        with files_read(settings.policy):
+            policy = load_policy(
+                settings.policy,
+                horizon=settings.horizon,
+                query_interval=settings.query_interval,
+                profile=settings.profile,
+                revision=settings.revision,
+                seat=_seat(pytestconfig, settings),
+            )
         if settings.restore != "native":
             policy = RestoringPolicy(policy, settings.restore)
         if settings.adaptive is not None:

@@ -27,7 +27,11 @@ from pytest_libero_max.plugin.pair_reports import (
     pytest_report_to_serializable,
     pytest_runtest_makereport,
 )
-from pytest_libero_max.plugin.session_setup import pytest_cmdline_main, pytest_configure
+from pytest_libero_max.plugin.session_setup import (
+    pytest_cmdline_main,
+    pytest_configure,
+    pytest_play_apart_from_gates,
+)
 
 __all__ = [
     "libero_max_inject",
@@ -43,6 +47,7 @@ __all__ = [
     "pytest_configure",
     "pytest_generate_tests",
     "pytest_load_initial_conftests",
+    "pytest_play_apart_from_gates",
     "pytest_pycollect_makemodule",
     "pytest_report_from_serializable",
     "pytest_report_header",

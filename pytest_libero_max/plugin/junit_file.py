@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None = None) -> pytest.TestReport:
-    """Return the test case of a gate: failed where it does not hold, skipped where it is not decided.
+    """Return the test case of a gate: failed where it does not hold, skipped where nothing was decided.
 
     Args:
         text: The gate as written.
@@ -27,7 +27,8 @@ def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None
     outcome: Literal["passed", "failed", "skipped"] = "skipped"
     said = f"{text}: not decided by this run; that of a shard is decided by libero-max merge."
     if result is not None:
-        outcome = "skipped" if result.verdict == "undecidable" else result.verdict
+        if result.verdict != "undecidable" and not result.no_baseline:
+            outcome = result.verdict
         said = "\n".join(gate_lines([result], replay))
     place = (PSEUDO_PATH, 0, f"gate[{text}]")
     return pytest.TestReport(

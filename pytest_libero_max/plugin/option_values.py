@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.plugin.array_jobs import shard_of_job
+from pytest_libero_max.runs.media import selection_named
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.latency import Latency
@@ -149,6 +150,12 @@ def known_in(known: Collection[str]) -> Callable[[str], str]:
         return text
 
     return parse
+
+
+def selection_in(known: Collection[str]) -> Callable[[str], str]:
+    """Return a parser of the name of a selection of pairs, in either number of *regression*."""
+    parse = known_in(known)
+    return lambda text: parse(selection_named(text))
 
 
 def _number(text: str) -> float:

@@ -19,8 +19,10 @@ from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.plugin import option_values as read
+from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.plugin.processes.time_limits import Limits
-from pytest_libero_max.runs.media import FILM_SELECTIONS, MOST_FILMS, TRACE_MODES
+from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
+from pytest_libero_max.runs.replay_command import Places
 from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
@@ -264,20 +266,20 @@ class Settings:
     strict: str | None = _option(
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
-        read.known_in(("regression",)),
+        read.selection_in(("regressions",)),
     )
     traces: str = _option(
         "WHICH",
         "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
-        "films: none, regression or all",
-        read.known_in(TRACE_MODES),
+        "films: none, regressions, changed (Base and Dynamic end differently) or all",
+        read.selection_in(SELECTIONS),
         default="none",
     )
     film: str = _option(
         "WHICH",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all",
-        read.known_in(("none", *FILM_SELECTIONS)),
+        read.selection_in(SELECTIONS),
         default="none",
     )
     film_limit: int | None = _option(
@@ -446,6 +448,8 @@ class Settings:
 
 OPTIONS = tuple(Option(item.name.replace("_", "-"), **item.metadata) for item in fields(Settings))
 """Every option, in the order of the help."""
+
+_OPTION_OF = {option.key: option for option in OPTIONS}
 
 
 @contextmanager
@@ -632,10 +636,31 @@ def _program(config: pytest.Config, values: dict[str, Any]) -> Program | None:
         return find_program(values["program"], config.invocation_params.dir)
 
 
+def places_of(config: pytest.Config, settings: Settings) -> Places:
+    """Return what a session needs of this machine to play pairs of this one again, in another folder."""
+    from pytest_libero_max.policies.references import absolute_reference
+
+    folder, option = config.invocation_params.dir, config.option
+    profile = settings.profile
+    arguments = [f"--rootdir={config.rootpath}", "-p", "pytest_libero_max.plugin.fresh_folder"]
+    arguments += [] if config.inipath is None else ["-c", str(config.inipath)]
+    arguments += [word for text in option.override_ini or () for word in ("-o", text)]
+    arguments += [word for name in option.plugins or () for word in ("-p", name)]
+    return Places(
+        absolute_reference(settings.reference, folder),
+        str(_path(config, profile)) if profile is not None and profile.endswith(".toml") else profile,
+        None if settings.manifest is None else str(settings.manifest.absolute()),
+        None,
+        tuple(map(str, settings.libero)),
+        None if settings.libero_assets is None else str(settings.libero_assets),
+        tuple(arguments),
+    )
+
+
 def given(config: pytest.Config, name: str) -> bool:
     """Return True if an option is given on the command line or in the ini file."""
     key = f"libero_max_{name}"
-    return bool(config.getoption(key, None) or config.getini(key))
+    return bool(config.getoption(key, None) or ini_value(config, key))
 
 
 def require_known_keys(config: pytest.Config) -> None:
@@ -646,8 +671,7 @@ def require_known_keys(config: pytest.Config) -> None:
     """
     known = {option.key for option in OPTIONS}
     overridden = (text.partition("=")[0].strip() for text in config.option.override_ini or ())
-    in_file = config._inicfg if hasattr(config, "_inicfg") else config.inicfg  # the latter until pytest 9
-    for key in (*in_file, *overridden):
+    for key in (*in_file(config), *overridden):
         ours = key.lower().replace("-", "_")
         if ours.startswith("libero_max") and key not in known:
             raise pytest.UsageError(f"ini option {key}: unknown. {did_you_mean(ours, known)}")
@@ -670,13 +694,13 @@ def policy_on_command_line(config: pytest.Config) -> bool:
 
 def policy_in_ini_file(config: pytest.Config) -> bool:
     """Return True if the policy is named in the ini file, which asks for the pairs only where collected."""
-    return bool(config.getini("libero_max_policy"))
+    return bool(ini_value(config, "libero_max_policy"))
 
 
 def _value(config: pytest.Config, option: Option) -> Any:
     text, where = config.getoption(option.key), option.flag
     if text is None:
-        text, where = _ini_value(config, option.key), f"ini option {option.key}"
+        text, where = ini_value(config, option.key), f"ini option {option.key}"
         if option.key in _OF_FILES and text:
             text = _beside_ini_file(config, text)
     if option.switch:
@@ -720,7 +744,15 @@ def gates_from(config: pytest.Config) -> Path:
     return config.inipath.parent
 
 
-def _ini_value(config: pytest.Config, key: str) -> Any:
+def ini_value(config: pytest.Config, key: str) -> Any:
+    """Return one of our values from the ini file: text, a list of texts, True or False; None if not there.
+
+    Raises:
+        pytest.UsageError: It has a type that the option does not have.
+    """
+    entry = in_file(config).get(key)
+    if getattr(entry, "mode", "ini") == "toml":
+        return native_value(key, entry.value, many=_OPTION_OF[key].many, switch=_OPTION_OF[key].switch)
     try:
         return config.getini(key)
     except (ValueError, pytest.UsageError) as error:  # which one depends on pytest's version

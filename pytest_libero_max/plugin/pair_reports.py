@@ -12,6 +12,8 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ReportError, SimulatorError
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
+from pytest_libero_max.plugin.collection import PairItem
+from pytest_libero_max.plugin.processes.sending import sendable
 from pytest_libero_max.plugin.stash_keys import (
     NOTE,
     NOTE_ATTRIBUTE,
@@ -29,12 +31,17 @@ RECORD_PHASE = "record"
 """Phase of a pair error: the pair was played, and its record cannot be stored."""
 
 
-@pytest.hookimpl(wrapper=True)
+@pytest.hookimpl(wrapper=True, trylast=True)
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types."""
+    """Attach the result of a pair to the report of the phase in which it arises, once, as JSON types.
+
+    Before the wrappers of other plugins, some of which write what was logged as UTF-8.
+    """
     report = yield
+    if isinstance(item, PairItem):
+        report.sections = sendable(report.sections)
     result = item.stash.get(RESULT, None)
     if result is not None and call.when == ("setup" if is_error(result) else "call"):
         setattr(report, RESULT_ATTRIBUTE, result)
@@ -84,12 +91,18 @@ def unpacked(data: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
-def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:
-    """Return the result of a pair from one of its reports; None where this report does not have it."""
+def result_of(report: pytest.TestReport, case: Case, budget: int) -> PairRecord | PairError | None:
+    """Return the result of a pair from one of its reports; None where this report does not have it.
+
+    Args:
+        report: The report.
+        case: The case of the pair.
+        budget: Policy steps of its episodes, as known before any policy was loaded.
+    """
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is not None:
         try:
-            return _of_its_length(result_from_dict(result), case)
+            return _of_its_length(result_from_dict(result), case, budget)
         except ReportError as error:
             return PairError.of(case, error, RECORD_PHASE)
     if not report.failed:
@@ -99,15 +112,15 @@ def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError |
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
 
 
-def _of_its_length(result: PairRecord | PairError, case: Case) -> PairRecord | PairError:
-    """Return the result; its episodes have the length that the case says where it is stored.
+def _of_its_length(result: PairRecord | PairError, case: Case, budget: int) -> PairRecord | PairError:
+    """Return the result; its episodes have the length that the case had before any policy was loaded.
 
     Raises:
         ReportError: They have another length.
     """
-    if isinstance(result, PairRecord) and result.max_steps != case.budget:
+    if isinstance(result, PairRecord) and result.max_steps != budget:
         raise ReportError(
-            f"max_steps={result.max_steps} of case_id={case.case_id!r}, but its episodes have {case.budget}. "
+            f"max_steps={result.max_steps} of case_id={case.case_id!r}, but its episodes have {budget}. "
             "Something has changed the budgets where it was played: look for it in the adapter."
         )
     return result

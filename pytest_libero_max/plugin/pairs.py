@@ -14,10 +14,10 @@ def test_pair(libero_max_pair: PairRecord, libero_max_settings: Settings) -> Non
     """Passes when the pair was validly measured, whatever the policy did.
 
     The pair is played by its fixture, so that a broken simulator, adapter or protocol is an *error* of the
-    item and only ``--libero-max-strict=regression`` can make it *fail*.
+    item and only ``--libero-max-strict=regressions`` can make it *fail*.
     """
     pair = libero_max_pair
-    if libero_max_settings.strict == "regression" and pair.outcome == "regression":
+    if libero_max_settings.strict == "regressions" and pair.outcome == "regression":
         pytest.fail(
             f"{pair.item_id}: Base succeeds after {pair.base_steps} steps, Dynamic does not within "
             f"{pair.max_steps}. {happenings_text(happenings(pair, pair.arm(DYNAMIC)))}.",

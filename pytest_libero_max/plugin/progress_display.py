@@ -66,17 +66,23 @@ class RunProgress:
         self._composed_at = -math.inf
         self._stale = False  # something has happened since they were composed
 
-    def begin(self, store: PairStore, planned: Sequence[PlannedPair], measured: Sequence[PairRecord]) -> None:
+    def begin(
+        self,
+        store: PairStore,
+        planned: Sequence[PlannedPair],
+        settled: Sequence[PairRecord | PairError],
+    ) -> None:
         """Begin to show and note a run.
 
         Args:
             store: Takes the notes.
             planned: The pairs of the run.
-            measured: Records that a resumed run holds. A pair with an error is played again.
+            settled: Pairs of a resumed run that are not played again. One with a fault is.
         """
-        self._store, self._counts.planned, self._before = store, planned, len(measured)
-        for record in measured:
-            self._counts.add(record)
+        self._store, self._counts.planned = store, planned
+        self._before = sum(isinstance(pair, PairRecord) for pair in settled)
+        for pair in settled:
+            self._counts.add(pair)
         self._began = time.time()
         self._note_workers()
         self._reporter = self._config.pluginmanager.get_plugin("terminalreporter")

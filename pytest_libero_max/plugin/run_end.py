@@ -12,11 +12,12 @@ import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
-from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, text_of
+from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, is_refusal, text_of
 from pytest_libero_max.plugin.collection import asked_for, cases_of, manifest_of, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
-from pytest_libero_max.plugin.options import Settings, gates_from
-from pytest_libero_max.plugin.processes.retries import set_aside_lines
+from pytest_libero_max.plugin.options import Settings, gates_from, places_of
+from pytest_libero_max.plugin.processes.retries import refused_lines, set_aside_lines
+from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.plugin.user_hooks import call_user_hook
@@ -24,15 +25,15 @@ from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
-from pytest_libero_max.runs.media import films_in
+from pytest_libero_max.runs.media import films_in, show_command
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.record import PairRecord
-    from pytest_libero_max.report.gates import Gate, GateResult
-    from pytest_libero_max.report.report_document import Report
+    from pytest_libero_max.report.gates import GateResult
+    from pytest_libero_max.report.report_document import PairCounts, Report
 
 
 class RunEnd:
@@ -156,15 +157,18 @@ class RunEnd:
 
     def _verify(self, ended: int) -> list[str]:
         """Play pairs again that the option asks for; return lines of the summary."""
-        if not self.settings.verify or not self._records or ended == pytest.ExitCode.INTERRUPTED:
+        if not self.settings.verify:
             return []
-        if not self._records[0].policy.get("repeatable", True):
-            return ["Played again: no pair, because the policy is not repeatable."]
-        from pytest_libero_max.runs.run_verification import verification_lines, verified
+        if not self._records or ended == pytest.ExitCode.INTERRUPTED:
+            why = "the run was interrupted" if self._records else "none was measured"
+            return [f"Played again: no pair, because {why}."]
+        from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, verification_lines, verified
 
+        if not self._records[0].policy.get("repeatable", True):
+            return [CANNOT_JUDGE]
         begun = time.perf_counter()
         run, folder = read_pairs(self.settings.output), self.config.invocation_params.dir
-        self._verified = verified(run, self.settings.verify, folder)
+        self._verified = verified(run, self.settings.verify, places_of(self.config, self.settings), folder)
         lines, self._not_repeated = verification_lines(self._verified, time.perf_counter() - begun)
         return lines
 
@@ -172,17 +176,11 @@ class RunEnd:
     def _processes(self) -> int:
         """Number of processes that can make films; 0 where this one has played the pairs itself."""
         if self.config.pluginmanager.has_plugin("dsession"):
-            return min(int(self.config.getoption("numprocesses", None) or 1), len(os.sched_getaffinity(0)))
+            return min(number_of_workers(self.config), len(os.sched_getaffinity(0)))
         return 1 if self.settings.isolate or self.settings.ray is not None else 0
 
-    @property
-    def _waiting(self) -> tuple[Gate, ...]:
-        """Gates of a shard, which are decided on all shards together."""
-        shard = self.settings.shard
-        return self.settings.gate if shard is not None and shard[1] > 1 else ()
-
     def _decide(self) -> tuple[GateResult, ...]:
-        """Compute the report and decide the gates, unless those of all shards are to be."""
+        """Compute the report and decide the gates; those of a shard wait for all shards."""
         from pytest_libero_max.report.gate_results import decide_on
         from pytest_libero_max.report.page.origin import query_times_text
         from pytest_libero_max.report.writers.report_files import report_of
@@ -190,25 +188,27 @@ class RunEnd:
         stored = read_pairs(self.settings.output)
         self.report, self._run, self._records = report_of(stored), stored.run, stored.records
         self._query_times = query_times_text(stored.records)
-        gates = () if self._waiting else self.settings.gate
-        verdicts = decide_on(gates, stored, self.report, gates_from(self.config))
+        verdicts = decide_on(self.settings.gate, stored, self.report, gates_from(self.config))
         if not all(verdict.passed for verdict in verdicts):
             self._replay = replay_command(stored)
         return verdicts
 
     def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
-        from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations, left_to_merge
+        from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
-        shards = 0 if self.settings.shard is None else self.settings.shard[1]
-        verdicts = self._verdicts or left_to_merge(self._waiting, shards)
-        self.report, written = write_reports(folder, self._add_sections, self._problems.append, verdicts)
+        self.report, written = write_reports(
+            folder, self._add_sections, self._problems.append, self._verdicts
+        )
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
-        self.lines += summary_lines(self.report, paths, films)
+        named = str(_relative(folder, here))
+        changed, ran = [pair.item_id for pair in self.report.changed_pairs], self.report.provenance
+        show = show_command(folder, named, changed, ran)
+        self.lines += summary_lines(self.report, paths, films, show)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)
         if self.settings.compare is not None and self._run is not None:
@@ -216,12 +216,11 @@ class RunEnd:
 
             self.lines += comparison_at_the_end(self.settings.compare, folder, self._run, here)
         self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
+        self.lines += refused_lines(self.report.pairs.invalid_pairs)
         self._tell_reported(self.report)
-        self.lines += gate_lines(self._verdicts, self._replay)
-        self.lines += [
-            f"gate wait  {gate.text}: libero-max merge decides it, on all {shards} shards."
-            for gate in self._waiting
-        ]
+        lost = [name for verdict in self._verdicts for name in verdict.lost]
+        show = show_command(folder, named, lost[:1], ran)
+        self.lines += gate_lines(self._verdicts, self._replay, show)
         if os.environ.get("GITHUB_ACTIONS") == "true":
             self.lines += github_annotations(self._verdicts)
             try:
@@ -312,9 +311,10 @@ class RunEnd:
         if not ended_as_declared(pairs):
             return [
                 f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
-                f"{pairs.missing} missing). Repair what broke and continue with --libero-max-resume."
+                f"{pairs.missing} missing). {_cure(pairs)}"
             ], INCOMPLETE
-        if (failed := not_passed_text(self._verdicts)) is not None:
+        decided = [verdict for verdict in self._verdicts if not verdict.waits]
+        if (failed := not_passed_text(decided)) is not None:
             return [f"Exit status {GATE_FAILED}: {failed}"], GATE_FAILED
         if pairs.complete:
             return [], status
@@ -329,13 +329,19 @@ class RunEnd:
         if terminalreporter.verbosity < 0:
             from pytest_libero_max.report.writers.gate_text import KEPT
 
-            kept = (*KEPT, "::error", "Exit status", "Interrupted")
+            kept = (*KEPT, "::error", "::notice", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]
         if self.lines:
             terminalreporter.section("libero-max")
         for line in self.lines:
             colour = colour_of(line)
             terminalreporter.write_line(printable(line), **({colour: True} if colour else {}))
+
+
+def _cure(pairs: PairCounts) -> str:
+    if any(is_refusal(pair.kind) for pair in pairs.invalid_pairs):
+        return "Repair the policy and begin a new run: pairs that were refused stay refused."
+    return "Repair what broke and continue with --libero-max-resume."
 
 
 def _text(error: Exception) -> str:

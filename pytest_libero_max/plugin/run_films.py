@@ -13,7 +13,7 @@ from pytest_libero_max.errors import class_name, text_of
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.report.report_document import ChangedPair
-from pytest_libero_max.report.writers.broken import LETTERS, groups_of
+from pytest_libero_max.report.writers.broken import named_of
 from pytest_libero_max.runs.media import FILMS_NAME, MOST_FILMS, is_selected
 
 _LONGEST_S = 300.0
@@ -37,12 +37,7 @@ def chosen_for_films(
     """
     asked = {record.item_id: record for record in records if is_selected(record, settings.film)}
     limit = settings.film_limit or (len(records) if settings.film == "all" else MOST_FILMS)
-    named = [
-        pair.item_id
-        for outcome in LETTERS
-        for group in groups_of(changed, outcome, limit, limit)
-        for pair in group.named
-    ]
+    named = named_of(changed, limit)
     if settings.film == "all":
         named = list(dict.fromkeys([*named, *asked]))[:limit]
     return [asked[name] for name in named if name in asked], len(asked)

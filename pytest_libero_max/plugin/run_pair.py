@@ -14,11 +14,13 @@ from msgspec import structs
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.costs.model import PAIR, WORLD
-from pytest_libero_max.errors import AdapterError, LiberoMaxError, class_name, text_of
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.errors import AdapterError, LiberoMaxError, RefusalError, class_name, text_of
+from pytest_libero_max.pairing.record import FILES, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.plugin.collection import markers_of, noise_cases_of, settings_of
 from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.plugin.processes.left_running import left_running
 from pytest_libero_max.plugin.processes.pair_process import PairProcess, pair_process_of
+from pytest_libero_max.plugin.processes.sending import encodable
 from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import ADAPTER_DIGEST, DECLARED, LOADED, NOTE, POLICY_PHASE, RESULT
 from pytest_libero_max.runs.media import TRACES_NAME
@@ -63,7 +65,7 @@ def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     """Play a pair in the process of the session or of its worker; an error is kept on the item."""
     process = pair_process_of(request.config)
     try:
-        with process.pair():
+        with process.pair(), left_running(request.config).pair():
             return play(request, case, process)
     except Unsupported as unsupported:
         pytest.skip(str(unsupported))
@@ -89,6 +91,9 @@ def _leave(
         stop_run(request.node, BROKEN_POLICY)
     if isinstance(error, LiberoMaxError):
         pytest.fail(explain(error), pytrace=False)
+    whole = "".join(traceback.format_exception(error))
+    if encodable(whole) != whole:  # a reporter would read the exception itself, and write it as UTF-8
+        pytest.fail(encodable(whole), pytrace=False)
     if not isinstance(error, Exception):
         # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
         raise LiberoMaxError(f"{type(error).__name__} in phase {process.phase!r}: {error}") from error
@@ -141,7 +146,7 @@ def _require_first_pair_again(
     Base alone is played again: half of the time, and the other arms share its beginning and its policy.
 
     Raises:
-        AdapterError: It came out otherwise than before.
+        RefusalError: It came out otherwise than before.
     """
     if not policy.spec.repeatable:
         return
@@ -161,7 +166,7 @@ def _require_first_pair_again(
             ).record.arms
         different = [name for name, arm in again.items() if first.record.arms[name].proof != arm.proof]
         if different:
-            raise AdapterError(
+            raise RefusalError(
                 f"the policy remembers something from pair to pair: {first.case.item_id} was played again "
                 f"after {AGAIN_AFTER} pairs, and {' and '.join(different)} came out otherwise, so that "
                 "results depend on what was played before. Let reset() empty queues, histories, counters and "
@@ -217,6 +222,7 @@ def _measure(request: pytest.FixtureRequest, case: Case, process: PairProcess, p
     pair = _measure_arms(case, world, policy, request.config, process, fingerprints)
     if settings.study is not None:
         settings.study.check(pair)
+    pair = _with_files(pair, policy, settings)
     return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin})
 
 
@@ -250,6 +256,19 @@ def _measure_arms(
     )
 
 
+def _with_files(pair: Pair, policy: Policy, settings: Settings) -> Pair:
+    """Return the pair with the files that its policy has read, unless a revision names what it is."""
+    from pytest_libero_max.policies.adapter_digest import names_its_files
+    from pytest_libero_max.policies.files_read import FILES_READ
+
+    if policy.spec.revision is not None or not names_its_files(settings.reference):
+        return pair
+    named = pair.record.policy | {FILES: dict(FILES_READ.files)}
+    if FILES_READ.reset_files:
+        named[RESET_FILES] = dict(sorted(FILES_READ.reset_files.items()))
+    return replace(pair, record=structs.replace(pair.record, policy=named))
+
+
 def _timed(pair: Pair, said: Mapping[str, float | str]) -> Pair:
     """Return the pair with more timings in its record."""
     rounded = {name: round(value, 6) if isinstance(value, float) else value for name, value in said.items()}
@@ -278,8 +297,7 @@ def _keep(pair: Pair, settings: Settings) -> list[str]:
     from pytest_libero_max.pairing.trace import write_trace
     from pytest_libero_max.runs.media import is_selected
 
-    filmed = settings.film != "none" and is_selected(pair.record, settings.film)
-    if filmed or settings.traces == "all" or settings.traces == pair.record.outcome:
+    if any(is_selected(pair.record, which) for which in (settings.film, settings.traces)):
         try:
             write_trace(settings.output / TRACES_NAME, pair)
         except (OSError, ValueError) as error:
@@ -291,7 +309,7 @@ def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
     """Check that the policy's spec is that of before its first pair.
 
     Raises:
-        AdapterError: Its spec has changed.
+        RefusalError: Its spec has changed.
     """
     from pytest_libero_max.policies.check import require_spec
 
@@ -304,9 +322,9 @@ def _require_declared_spec(config: pytest.Config, policy: Policy) -> None:
 
 
 def explain(error: BaseException) -> str:
-    """Return the message, with the frames of the user's own code and none of this package."""
+    """Return the message with the frames of the user's own code and none of this package, fit for UTF-8."""
     text = f"{class_name(error)}: {text_of(error)}"
     cause = error.__cause__
-    if cause is None or isinstance(cause, LiberoMaxError):
-        return text
-    return text + "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))
+    if cause is not None and not isinstance(cause, LiberoMaxError):
+        text += "\n\n" + "".join(traceback.format_exception(type(cause), cause, cause.__traceback__))
+    return encodable(text)

@@ -108,20 +108,21 @@ class RunStop:
             self._close(Stopped(str(session.shouldfail or session.shouldstop), self._planned))
         return self._stopped
 
-    def begin(self, run: Run, measured: Iterable[PairRecord]) -> None:
+    def begin(self, run: Run, settled: Iterable[PairRecord | PairError]) -> None:
         """Begin to ask the stopping rule.
 
         Args:
             run: The plan, in the order of play.
-            measured: Pairs that a resumed run holds. Its rule may find that nothing is to be played.
+            settled: Pairs of a resumed run that are not played again. Its rule may find that nothing is to be
+                played.
         """
         self._planned = len(run.planned)
         if self._settings.stop is not None:
             from pytest_libero_max.report.stopping_rule import CompletedPrefix
 
             self._prefix = CompletedPrefix(self._settings.stop, run.planned, self._settings.gate)
-            for record in measured:
-                self.stored(record.item_id, record)
+            for pair in settled:
+                self.stored(pair.item_id, pair)
 
     def stored(self, item_id: str, pair: PairRecord | PairError | None) -> None:
         """Ask the stopping rule after a pair has been stored, or is left out as unsupported (None)."""

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.plugin import collection, options
-from pytest_libero_max.plugin.stash_keys import END_STATUS
+from pytest_libero_max.plugin.stash_keys import DIST_NOTE, END_STATUS
 from pytest_libero_max.report.exit_status import INCOMPLETE
 
 
@@ -43,9 +43,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _be_worker(config: pytest.Config) -> None:
     from pytest_libero_max.plugin.processes.pair_process import keep_from_children
+    from pytest_libero_max.plugin.processes.sending import send_only_sendable
     from pytest_libero_max.plugin.run_stop import PairGate
 
     keep_from_children(config)
+    send_only_sendable(config)
     config.pluginmanager.register(PairGate(config))
 
 
@@ -78,44 +80,80 @@ def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
     """Choose the distribution of a session that plays, and its exit status."""
     if hasattr(config, "workerinput") or not collection.is_run(config):
         return (yield)
+    from pytest_libero_max.plugin.processes.left_running import end_in_spite_of_them
+
     _choose_distribution(config)
-    return (yield from _keep_status(config))
+    status = yield from _keep_status(config)
+    end_in_spite_of_them(config, int(status))
+    return status
 
 
 def _choose_distribution(config: pytest.Config) -> None:
     """Let xdist hand out contiguous blocks, so that neighbours share a scene that is built once.
 
-    Where the order of play matters, it hands out one pair after another. What the user chooses stays. Where
-    gates are to be decided the pairs are played by a worker: what a policy does to its own process, such as
-    ``os._exit(0)``, must not end the session.
+    The number of workers may still be ``auto`` here; where it turns out to be 0, xdist takes the choice back.
+    """
+    if _workers(config):
+        _choose_dist(config)
+
+
+def _choose_dist(config: pytest.Config) -> None:
+    """Choose how xdist hands out tests, and note a choice of the user's that cannot be that of pairs.
+
+    All pairs are in one module, each is played once, and one that kills its worker must not come back for
+    ever; so modes that group tests, often those of a project's own tests in its ini file, are replaced.
+    """
+    from pytest_libero_max.plugin.processes.workers import DISTS
+
+    option, in_order = config.option, options.in_order(config)
+    asked = "load" if getattr(option, "distload", False) else option.dist
+    if asked in DISTS:
+        return
+    option.dist = "load" if in_order else "worksteal"
+    if in_order and getattr(option, "maxschedchunk", None) is None:
+        option.maxschedchunk = 1
+    if asked != "no":
+        config.stash[DIST_NOTE] = (
+            f"libero-max: --dist={asked} is replaced by --dist={option.dist} in this session: pairs are "
+            "handed out one by one, each to one worker"
+        )
+
+
+def _workers(config: pytest.Config) -> object:
+    """Return what asks for workers of xdist, if anything does; ``-n 0`` wins over every other option."""
+    count = getattr(config.option, "numprocesses", None)
+    return count or (count is None and getattr(config.option, "tx", None))
+
+
+@pytest.hookimpl(specname="pytest_cmdline_main")
+def pytest_play_apart_from_gates(config: pytest.Config) -> None:
+    """Let a worker play where gates are to be decided.
+
+    What a policy does to its own process, such as ``os._exit(0)``, must not end the session. Only xdist's own
+    implementation of this hook, which comes before this one, knows whether there are workers: ``-n auto`` may
+    be none.
 
     Raises:
         pytest.UsageError: A debugger is to stop in pairs, and there are gates.
     """
-    if _decides_what_it_plays(config) and config.option.usepdb:
+    if hasattr(config, "workerinput") or not collection.is_run(config) or not _decides_what_it_plays(config):
+        return
+    if config.option.usepdb:
         raise pytest.UsageError(
             "--pdb plays pairs in the process that decides the gates, and a policy could end it. Leave the "
             "gates away; where the ini file has them, add -o libero_max_gate="
         )
-    if _decides_what_it_plays(config) and config.pluginmanager.hasplugin("xdist"):
-        config.option.numprocesses = 1
-        config.option.tx = ["popen"]
-    elif _decides_what_it_plays(config):
+    if not config.pluginmanager.hasplugin("xdist"):
         config.option.libero_max_isolate = True
-    if not config.getoption("numprocesses", None) or config.getoption("dist", "no") != "no":
         return
-    if not options.in_order(config):
-        config.option.dist = "worksteal"
-        return
-    config.option.dist = "load"
-    if config.getoption("maxschedchunk", None) is None:
-        config.option.maxschedchunk = 1
+    config.option.numprocesses = 1
+    config.option.tx = ["popen"]
+    _choose_dist(config)
 
 
 def _decides_what_it_plays(config: pytest.Config) -> bool:
     """Return True if the process that decides gates would load the policy as well."""
-    option = config.option
-    workers = getattr(option, "tx", None) or getattr(option, "numprocesses", None)
+    workers = config.getoption("dist", "no") != "no" and config.getoption("tx", None)
     elsewhere = workers or options.given(config, "ray") or options.given(config, "isolate")
     return options.given(config, "gate") and not (elsewhere or collection.only_lists(config))
 

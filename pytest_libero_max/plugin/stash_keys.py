@@ -56,11 +56,14 @@ NOTE = pytest.StashKey[str]()
 NOTE_ATTRIBUTE = "libero_max_note"
 """The attribute of a test report that carries the same to the controller."""
 
+DIST_NOTE = pytest.StashKey[str]()
+"""On the controller's config: line of the header on a way to hand out tests that cannot be that of pairs."""
+
 END_STATUS = pytest.StashKey[int]()
 """On the config of the process that owns the run: its exit status, decided before users' hooks are called."""
 
-MEASURED = pytest.StashKey[tuple[str, ...]]()
-"""On the controller's config: item ids of the pairs that a resumed run holds already."""
+SETTLED = pytest.StashKey[tuple[str, ...]]()
+"""On the controller's config: item ids of the pairs of a resumed run that are not played again."""
 
-MEASURED_INPUT = "libero_max_measured"
+SETTLED_INPUT = "libero_max_settled"
 """Key of the same in a worker's input."""

@@ -9,11 +9,12 @@ import ast
 import hashlib
 import sysconfig
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.policies.clients.address import is_served
+from pytest_libero_max.policies.files_read import FILES_READ
 from pytest_libero_max.policies.references import (
     BUILT_IN,
     DEFAULT_NAME,
@@ -38,7 +39,7 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     That covers the adapter's file, the name taken from it, and every module that the code imports (anywhere,
     also inside a function) from the adapter's own folder or package. Comments, docstrings and layout do not
     count; neither does where the folder lies. It does not cover installed packages, whose versions are
-    recorded elsewhere, nor weights and other data, for which an adapter declares ``PolicySpec.revision``, nor
+    recorded elsewhere, nor weights and other data, which records name (:mod:`.files_read`), nor
     modules whose names are computed at run time.
 
     Args:
@@ -63,6 +64,36 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     except OSError as error:
         raise refusal(text, f" cannot be read ({error}). Check the file's permissions.") from None
     return hashlib.sha256(f"{reference.name}|{code}".encode()).hexdigest()
+
+
+def names_its_files(text: str) -> bool:
+    """Return True if the files that loading a policy reads belong to its identity, see :mod:`.files_read`.
+
+    They do not for a policy that ships with the package, which has a version, and not behind a server, whose
+    files are read elsewhere.
+
+    Args:
+        text: The reference as the user typed it.
+    """
+    if is_served(text):
+        return False
+    package, _, module = parse_reference(text).target.rpartition(".")
+    return not (package == _SHIPPED and module in BUILT_IN)
+
+
+@contextmanager
+def files_read(text: str) -> Iterator[None]:
+    """Collect the files that loading a policy reads in the block, where they belong to its identity.
+
+    Args:
+        text: The reference as the user typed it.
+    """
+    if not names_its_files(text):
+        yield
+        return
+    file = file_of(parse_reference(text))
+    with FILES_READ.loading(None if file is None else file.parent):
+        yield
 
 
 def shown_identity(identity: str) -> str:

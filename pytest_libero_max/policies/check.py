@@ -20,11 +20,13 @@ from pytest_libero_max.errors import (
     ActionError,
     AdapterError,
     LimitReached,
+    RefusalError,
     ServerError,
     class_name,
     did_you_mean,
     text_of,
 )
+from pytest_libero_max.policies.answers import Unplayable, read_rows
 from pytest_libero_max.policies.contract import (
     BatchItem,
     BatchPolicy,
@@ -36,6 +38,7 @@ from pytest_libero_max.policies.contract import (
     RemembersPolicy,
     SeeingPolicy,
 )
+from pytest_libero_max.policies.files_read import FILES_READ
 from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
 
@@ -121,7 +124,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
         where: The call that it has answered since, for the message.
 
     Raises:
-        AdapterError: Its spec has changed; names the first field.
+        RefusalError: Its spec has changed; names the first field.
     """
     if policy.spec == spec:
         return
@@ -129,7 +132,7 @@ def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
     names = (item.name for item in fields(spec))
     name = next((name for name in names if getattr(now, name, None) != getattr(spec, name)), None)
     before, after = (spec, now) if name is None else (getattr(spec, name), getattr(now, name, None))
-    raise AdapterError(
+    raise RefusalError(
         f"policy {spec.name!r} changed its spec in {where}: {name or 'spec'}={before!r} became {after!r}. "
         "The spec is part of every result: declare it when the policy is constructed, and leave it."
     )
@@ -162,7 +165,8 @@ def batches(policy: Policy) -> bool:
 def check_actions(value: Any, spec: PolicySpec) -> Actions:
     """Return the answer to a query as a fresh C-contiguous (n, 7) float64 array, Q <= n <= H.
 
-    A single action may come as a (7,) vector, which counts as n = 1 and so is enough only for Q = 1.
+    A single action may come as a (7,) vector, which counts as n = 1 and so is enough only for Q = 1; a batch
+    of one, (1, n, 7), is its one chunk.
     Components beyond +-1 are left alone: the controller clips them, as it does for LIBERO.
 
     Raises:
@@ -171,23 +175,15 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
     """
     expected = f"an (n, {ACTION_DIM}) array with {spec.query_interval} <= n <= {spec.horizon}"
     try:
-        given = np.asarray(value)
-    except Exception as error:  # __array__ is code of the adapter, and may raise anything
+        actions = read_rows(value)
+    except Unplayable as error:
+        rule = error.rule or f"predict must return {expected} of real numbers"
         raise ActionError(
-            f"policy {spec.name!r} returned a {class_name(value)} that is no array ({text_of(error)}), but "
-            f"predict must return {expected}."
+            f"policy {spec.name!r} returned {error.what}, but {rule}. {error.cure}".rstrip()
         ) from error
-    if given.dtype.kind not in "fiu":
+    if actions.shape[1] != ACTION_DIM:
         raise ActionError(
-            f"policy {spec.name!r} returned {class_name(value)} of dtype {given.dtype}, but predict must "
-            f"return {expected} of real numbers."
-        )
-    actions = np.array(given, dtype=np.float64, order="C")
-    if actions.ndim == 1:
-        actions = actions.reshape(1, -1)
-    if actions.ndim != 2 or actions.shape[1] != ACTION_DIM:
-        raise ActionError(
-            f"policy {spec.name!r} returned actions of shape {given.shape}, but predict must return "
+            f"policy {spec.name!r} returned actions of shape {np.shape(value)}, but predict must return "
             f"{expected}."
         )
     count = len(actions)
@@ -200,13 +196,6 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
         raise ActionError(
             f"policy {spec.name!r} returned {count} actions > horizon={spec.horizon}, but a query returns at "
             f"most H. Return actions[: self.spec.horizon], or raise H."
-        )
-    finite = np.isfinite(actions)
-    if not finite.all():
-        row, column = (int(i) for i in np.argwhere(~finite)[0])
-        raise ActionError(
-            f"policy {spec.name!r} returned actions[{row}, {column}]={actions[row, column]}, but every "
-            "component must be finite. Find where the policy divides by zero or overflows."
         )
     if spec.control == "absolute":
         _check_poses(actions, spec)
@@ -239,7 +228,7 @@ def start(policy: Policy, episode: Episode) -> None:
     Raises:
         AdapterError: It raised; the original is chained.
     """
-    with _blaming(policy, "reset"):
+    with _blaming(policy, "reset"), FILES_READ.resetting():
         policy.reset(episode)
 
 

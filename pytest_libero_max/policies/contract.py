@@ -6,6 +6,7 @@ import hashlib
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
@@ -26,7 +27,7 @@ by showing every step again."""
 CHANCE_SHARE = 0.2
 """Share of the pairs that measure the chance of a policy that is not repeatable, unless the user sets it."""
 
-MOST = {"horizon": 10_000, "query_interval": 10_000, "image_size": 4096}
+MOST = MappingProxyType({"horizon": 10_000, "query_interval": 10_000, "image_size": 4096})
 """Largest values of a spec: an episode is shorter, and an answer or an image has to fit in memory."""
 
 

@@ -30,11 +30,17 @@ from pytest_libero_max.policies.check import (
 )
 from pytest_libero_max.policies.clients.transport import LOG as SERVER_LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy
-from pytest_libero_max.policies.finding import Finding, Shown, note, ok, wrong
-from pytest_libero_max.policies.model_inputs import compare_inputs, marked_observation, model_inputs
+from pytest_libero_max.policies.finding import Finding, Shown, doubt, note, ok, skip, wrong
+from pytest_libero_max.policies.model_inputs import INPUTS, compare_inputs, marked_observation, model_inputs
 
 FAR_BEYOND = 3.0
 """Components larger than this are in other units, not movements that overshoot [-1, 1]."""
+
+LEAST_MOVEMENT = 0.06
+"""Movements that are all below it, 3 mm a step, reach nothing within an episode; 0.05 is 5 cm in metres."""
+
+LEAST_ROTATION = 0.01
+"""A rotation that is below it throughout, 0.3 degrees a step, turns nothing within an episode."""
 
 FAR_AWAY_M = 0.5
 """Largest plausible distance of the next target: a hand moves 5 cm in a step."""
@@ -112,14 +118,14 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
     )
     lengths = sorted({len(answer) for answer in answers})
     if len(lengths) > 1:
-        yield note(
+        yield doubt(
             "length",
             f"answers of {', '.join(map(str, lengths))} actions",
             "the same number from every query",
             "The chunk drifts: a queue inside the adapter may hand out what is left of it.",
         )
     elif lengths[0] != spec.horizon:
-        yield note(
+        yield doubt(
             "horizon",
             f"every query returns {lengths[0]} actions",
             f"horizon={spec.horizon}, as declared",
@@ -138,31 +144,47 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
 
 
 def _range(actions: Actions) -> Finding:
-    beyond = np.abs(actions) > 1.0
-    largest, share = float(np.abs(actions).max()), float(beyond.mean())
-    if largest > FAR_BEYOND:
+    """Judge movement and rotation, each by its own size; the gripper, -1 or 1, would hide both."""
+    movement, rotation = (float(np.abs(actions[:, part]).max()) for part in (slice(0, 3), slice(3, 6)))
+    share = float((np.abs(actions[:, :6]) > 1.0).mean())
+    sizes = f"movement up to {movement:.3g}, rotation up to {rotation:.3g}"
+    if max(movement, rotation) > FAR_BEYOND:
         return wrong(
             "range",
-            f"components up to {largest:.3g}",
+            sizes,
             "movements within [-1, 1]",
             "These are other units: un-normalise the actions, or do not un-normalise them twice. Poses are "
             'declared with PolicySpec(control="absolute").',
         )
     if not actions[:, :6].any():
-        return note(
+        return doubt(
             "range",
             "no movement at all",
             "movements",
             "A policy that holds still, or one that got zeros.",
         )
+    if movement < LEAST_MOVEMENT:
+        return doubt(
+            "range",
+            sizes,
+            f"movements of at least {LEAST_MOVEMENT}, 3 mm a step",
+            "Too small to reach anything: metres instead of LIBERO's units (1 is 5 cm), or normalised still.",
+        )
     if share > 0.05:
-        return note(
+        return doubt(
             "range",
             f"{share:.0%} of the components are beyond 1 and will be clipped",
             "few",
             "Look at the un-normalisation.",
         )
-    return ok("range", f"components up to {largest:.3g}, {share:.0%} of them clipped")
+    if 0.0 < rotation < LEAST_ROTATION:
+        return note(
+            "range",
+            sizes,
+            f"rotations of at least {LEAST_ROTATION}, or none",
+            "Hardly any: right for a policy that never turns the hand, else normalised still (1 is 0.5 rad).",
+        )
+    return ok("range", f"{sizes}, {share:.0%} of both clipped")
 
 
 def _poses(actions: list[Actions], shown: Shown) -> Finding:
@@ -180,6 +202,14 @@ def _poses(actions: list[Actions], shown: Shown) -> Finding:
 
 
 def _gripper(values: NDArray[Any], first: NDArray[Any]) -> Finding:
+    """Judge the gripper by all values of it, and by those that would be executed."""
+    if np.abs(values).max() > FAR_BEYOND:
+        return wrong(
+            "gripper",
+            f"from {values.min():.3g} to {values.max():.3g}",
+            "-1 opens, +1 closes",
+            "These are other units: the sign of a centred value is enough.",
+        )
     if (
         ((values >= 0.0) & (values <= 1.0)).all()
         and len(set(np.round(values, 6))) <= 2
@@ -199,7 +229,7 @@ def _gripper(values: NDArray[Any], first: NDArray[Any]) -> Finding:
             "It is a probability or an opening from 0 to 1: write -sign(2 g - 1) where 1 means open.",
         )
     if (first > 0.0).mean() > 0.9:
-        return note(
+        return doubt(
             "gripper",
             "closes at once, far from any object",
             "open (-1) at the beginning of an episode",
@@ -245,6 +275,10 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
 def _forgets(policy: Policy, shown: Shown) -> Iterator[Finding]:
     """Check that reset removes all traces of an episode, and that answers depend on nothing but the query."""
     if not policy.spec.repeatable:
+        yield skip(
+            "repeatable",
+            "reset, memory, what the answer depends on: repeatable=False, so no two answers can be compared",
+        )
         return
     start(policy, shown.episode)
     fresh = _ask(policy, shown, 0)
@@ -324,7 +358,8 @@ def _looks(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "An old chunk is returned, or the model is not asked.",
         )
     elif ignored:
-        yield note(
+        report = note if ignored == ["the state"] else doubt  # many models have no state
+        yield report(
             "observation",
             f"the answer does not depend on {', '.join(ignored)}",
             mistake="If the model reads it, it does not arrive there.",
@@ -441,11 +476,11 @@ def _inputs(policy: Policy, shown: Shown) -> Iterator[Finding]:
     start(policy, shown.episode)
     told = model_inputs(policy, observation, query)
     if told is None:
-        yield note(
+        yield skip(
             "inputs",
-            "the policy does not tell what its model is shown",
+            f"{', '.join(INPUTS)}: the policy does not tell what its model is shown",
             mistake="Offer model_inputs(observation, query), a mapping of names to the arrays that predict "
-            "hands to the model: then orientation, colours, cameras and the state are compared as well.",
+            "hands to the model.",
         )
         return
     yield from compare_inputs(told, observation)

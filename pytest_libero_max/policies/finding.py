@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.worlds.contract import Observation
 
-Level = Literal["ok", "note", "wrong"]
-"""``wrong`` breaks the contract or is never intended; ``note`` may be intended, and deserves attention."""
+Level = Literal["ok", "note", "wrong", "skip"]
+"""``wrong`` breaks the contract or is never intended; ``note`` may be intended, and deserves attention;
+``skip`` could not be examined."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Finding:
         observed: The observed behaviour.
         expected: The expected behaviour; empty where it was observed.
         mistake: The likely mistake and its cure; empty where there is none.
+        probable: True for a note of what is a mistake of most policies, and intended by few.
     """
 
     level: Level
@@ -30,6 +32,11 @@ class Finding:
     observed: str
     expected: str = ""
     mistake: str = ""
+    probable: bool = False
+
+    def strict(self) -> Finding:
+        """Return the finding as ``wrong`` if it is a probable mistake, and as it is otherwise."""
+        return replace(self, level="wrong", probable=False) if self.probable else self
 
     def __str__(self) -> str:
         text = f"{self.level:<6}{self.subject}: {self.observed}"
@@ -39,6 +46,7 @@ class Finding:
 
 
 ok, note, wrong = partial(Finding, "ok"), partial(Finding, "note"), partial(Finding, "wrong")
+doubt, skip = partial(Finding, "note", probable=True), partial(Finding, "skip")
 
 
 @dataclass(frozen=True)

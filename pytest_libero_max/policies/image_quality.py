@@ -29,6 +29,7 @@ MOST_COVERED = 0.3
 """Share of the image above which no cover is believed, and none is marked."""
 
 _HIGH_PASS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32)
+_HIGH_PASS.setflags(write=False)
 _GAIN = 6.0  # root of the sum of the squares above: what the filter makes of independent noise
 _MEDIAN_OF_NORMAL = 0.6744897501960817  # of the absolute value, in standard deviations
 _GREEN = 1

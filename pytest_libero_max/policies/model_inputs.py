@@ -7,25 +7,37 @@ an observation whose images are marked.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import Policy, Query
-from pytest_libero_max.policies.finding import Finding, note, ok, wrong
+from pytest_libero_max.policies.finding import Finding, doubt, ok, skip, wrong
 from pytest_libero_max.policies.transforms import states
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 
-_TURNS: Mapping[str, Callable[[Image], Image]] = {
-    "as delivered, bottom row first": lambda image: image,
-    "rotated by 180 degrees": lambda image: image[::-1, ::-1],
-    "flipped upside down ([::-1])": lambda image: image[::-1],
-    "mirrored left to right ([:, ::-1])": lambda image: image[:, ::-1],
-    "transposed": lambda image: image.transpose(1, 0, 2),
-}
+_TURNS: Mapping[str, Callable[[Image], Image]] = MappingProxyType(
+    {
+        "as delivered, bottom row first": lambda image: image,
+        "rotated by 180 degrees": lambda image: image[::-1, ::-1],
+        "flipped upside down ([::-1])": lambda image: image[::-1],
+        "mirrored left to right ([:, ::-1])": lambda image: image[:, ::-1],
+        "transposed": lambda image: image.transpose(1, 0, 2),
+    }
+)
 USUAL = "rotated by 180 degrees"
+
+INPUTS = ("orientation and colours of images", "which camera is which", "orientation of the hand")
+"""What is compared of the inputs of a model, and of nothing else."""
+
+_SAMPLES = 32
+"""Rows, and columns, of an image that are compared."""
+
+_FARTHEST = 12.0
+"""Largest mean difference of two images of the same view, of 255."""
 
 
 def model_inputs(policy: Policy, observation: Observation, query: Query) -> dict[str, NDArray[Any]] | None:
@@ -85,13 +97,48 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
         observation: A marked one, see :func:`marked_observation`.
     """
     names = iter(CAMERAS)
+    views = {
+        camera: _views(observation[f"{camera}_image"]) for camera in CAMERAS if _sees(observation, camera)
+    }
+    compared: set[str] = set()
+    oriented = False
     for name, array in told.items():
-        image = as_image(array)
-        if image is not None:
-            for part, half in _halves(name, image, observation):
-                yield from _one_image(part, half, observation, next(names, None))
-        elif array.dtype.kind == "f":
-            yield from _one_state(name, array.ravel(), observation)
+        images = _images(name, array, observation)
+        for part, image in images:
+            # Frames of one camera have one place among the inputs.
+            meant = next(names, None) if len(images) < 2 or "," in part else None
+            view = _nearest(image, views)
+            if view is None:
+                yield skip(
+                    f"input {part!r}", "is like no camera's image in any orientation, nor a part of one"
+                )
+            else:
+                compared.add(view.camera)
+                yield from _one_image(part, view, meant)
+        if not images and array.dtype.kind == "f":
+            state = _one_state(name, array.ravel(), observation)
+            oriented |= state is not None
+            yield from filter(None, [state])
+    for camera in views:
+        if camera not in compared:
+            yield skip("inputs", f"no image of {camera} was recognised among {', '.join(told)}")
+    if not oriented:
+        yield skip("inputs", f"the orientation of the hand was recognised in none of {', '.join(told)}")
+
+
+def _sees(observation: Observation, camera: str) -> bool:
+    return f"{camera}_image" in observation
+
+
+def _images(name: str, array: NDArray[Any], observation: Observation) -> list[tuple[str, Image]]:
+    """Return the images of an input by name: one, two side by side, or the frames of a stack."""
+    image = as_image(array)
+    if image is not None:
+        return _halves(name, image, observation)
+    if array.ndim < 4:
+        return []
+    frames = [as_image(frame) for frame in array.reshape(-1, *array.shape[-3:])]
+    return [(f"{name}[{index}]", frame) for index, frame in enumerate(frames) if frame is not None]
 
 
 def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str, Image]]:
@@ -103,28 +150,54 @@ def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str
     return [(f"{name}, left", image[:, :height]), (f"{name}, right", image[:, height:])]
 
 
-def _one_image(name: str, image: Image, observation: Observation, meant: str | None) -> Iterator[Finding]:
+class _View(NamedTuple):
+    """What an image shows: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
+
+    camera: str
+    turn: str
+    whole: bool
+    reversed_colours: bool
+
+
+def _views(source: Image) -> dict[str, NDArray[np.float32]]:
+    """Return the parts of an image, from half its height and width on, by turn: (15, 15, S, S, 3)."""
     from pytest_libero_max.policies.transforms.images import resize_area
 
-    side = 32
-    small = resize_area(image, side).astype(float)
-    best: tuple[float, str, str, bool] = (np.inf, "", "", False)
-    for camera in CAMERAS:
-        source = observation.get(f"{camera}_image")
-        if source is None:
-            continue
-        for turn, apply in _TURNS.items():
-            turned = resize_area(np.ascontiguousarray(apply(source)), side).astype(float)
+    side = 2 * _SAMPLES
+    spans = [(first, last) for first in range(5) for last in range(first + 4, 9)]
+    steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    places = np.array([(first + (last - first) * steps) * side / 8 for first, last in spans]).astype(int)
+    views = {}
+    for turn, apply in _TURNS.items():
+        turned = resize_area(np.ascontiguousarray(apply(source)), side).astype(np.float32)
+        views[turn] = turned[places[:, None, :, None], places[None, :, None, :]]
+    return views
+
+
+def _nearest(image: Image, views: Mapping[str, Mapping[str, NDArray[np.float32]]]) -> _View | None:
+    """Return the view that an image shows; None where it is like none."""
+    from pytest_libero_max.policies.transforms.images import resize_area
+
+    small = resize_area(image, _SAMPLES).astype(np.float32)
+    best: tuple[float, _View | None] = (_FARTHEST, None)
+    for camera, turns in views.items():
+        for turn, parts in turns.items():
             for reversed_colours in (False, True):
-                seen = turned[:, :, ::-1] if reversed_colours else turned
-                distance = float(np.abs(seen - small).mean())
-                best = min(best, (distance, camera, turn, reversed_colours))
-    distance, camera, turn, reversed_colours = best
+                seen = small[:, :, ::-1] if reversed_colours else small
+                distances = np.abs(parts - seen).mean(axis=(2, 3, 4))
+                if (least := float(distances.min())) < best[0]:
+                    whole = least == distances[_WHOLE, _WHOLE]
+                    best = (least, _View(camera, turn, whole, reversed_colours))
+    return best[1]
+
+
+_WHOLE = 4
+"""Index of the span that leaves nothing out, see :func:`_views`: the last that begins at 0."""
+
+
+def _one_image(name: str, view: _View, meant: str | None) -> Iterator[Finding]:
     where = f"input {name!r}"
-    if distance > 12.0:
-        yield note(where, "is like no camera's image in any orientation", mistake="Look at the picture.")
-        return
-    if reversed_colours:
+    if view.reversed_colours:
         yield wrong(
             where,
             "has blue and red exchanged",
@@ -132,22 +205,22 @@ def _one_image(name: str, image: Image, observation: Observation, meant: str | N
             "OpenCV reads and writes BGR: turn the channels with [:, :, ::-1].",
         )
     expected_camera = _camera_named(name) or meant
-    if expected_camera is not None and camera != expected_camera:
+    if expected_camera is not None and view.camera != expected_camera:
         yield wrong(
             where,
-            f"is the image of {camera}",
+            f"is the image of {view.camera}",
             f"that of {expected_camera}, by its name or place",
             "The two cameras may be exchanged.",
         )
-    if turn != USUAL:
-        yield note(
+    if view.turn != USUAL:
+        yield doubt(
             where,
-            f"is {turn}",
+            f"is {view.turn}",
             f"{USUAL}, unless the model was trained otherwise",
             "If its own evaluation code turns images by [::-1, ::-1], do so too: no error tells.",
         )
-    elif not reversed_colours:
-        yield ok(where, f"{camera}, {turn}")
+    elif not view.reversed_colours:
+        yield ok(where, f"{view.camera}, {view.turn}{'' if view.whole else ', a part of it'}")
 
 
 def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
@@ -183,33 +256,49 @@ def _camera_named(name: str) -> str | None:
     return CAMERAS[0] if any(word in lower for word in ("agent", "full", "base", "front", "scene")) else None
 
 
-def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Iterator[Finding]:
+def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Finding | None:
+    """Judge the form in which a state has the orientation of the hand; None where it has no known one."""
     q = observation["robot0_eef_quat"]
-    rules = {
-        "kept": states.axis_angle(q),
-        "antipodal": states.axis_angle_antipodal(q),
-        "w first": states.axis_angle(np.roll(q, 1)),
-        "w first, antipodal": states.axis_angle_antipodal(np.roll(q, 1)),
-        "taken for w, x, y, z": states.axis_angle(np.roll(q, -1)),
-    }
-    windows = [values[i : i + 3] for i in range(len(values) - 2)]
-    found = [
-        rule for rule, vector in rules.items() if any(np.allclose(w, vector, atol=1e-4) for w in windows)
-    ]
     where = f"input {name!r}"
-    if "kept" in found:
-        yield ok(where, "orientation as axis times angle, the sign of the quaternion kept")
-    elif "antipodal" in found:
-        yield note(
+    sound = {
+        "axis times angle, the sign of the quaternion kept": states.axis_angle(q),
+        "a quaternion x, y, z, w": q,
+        "two columns of the rotation matrix": states.rotation_6d_columns(q),
+        "two rows of the rotation matrix": states.rotation_6d_rows(q),
+    }
+    for form, vector in sound.items():
+        if _contains(values, vector):
+            return ok(where, f"orientation as {form}")
+    if _contains(values, states.axis_angle_antipodal(q)):
+        return doubt(
             where,
             "orientation as axis times angle of at most pi (antipodal rule)",
             "the sign kept, as robosuite has it, unless the model was trained otherwise",
             "pytest_libero_max.transforms.axis_angle keeps it.",
         )
-    elif found:
-        yield wrong(
+    if _contains(values, np.roll(q, 1)):
+        return doubt(
+            where,
+            "orientation as a quaternion w, x, y, z",
+            "x, y, z, w, as LIBERO delivers it, unless the model was trained otherwise",
+            "robot0_eef_quat has w last.",
+        )
+    misread = (
+        states.axis_angle(np.roll(q, 1)),
+        states.axis_angle_antipodal(np.roll(q, 1)),
+        states.axis_angle(np.roll(q, -1)),
+    )
+    if any(_contains(values, vector) for vector in misread):
+        return wrong(
             where,
             "orientation from a quaternion read in the wrong order",
             "x, y, z, w",
             "robot0_eef_quat has w last.",
         )
+    return None
+
+
+def _contains(values: NDArray[Any], vector: NDArray[Any]) -> bool:
+    """Return True if a vector stands somewhere among the values."""
+    count = len(vector)
+    return any(np.allclose(values[i : i + count], vector, atol=1e-4) for i in range(len(values) - count + 1))

@@ -15,8 +15,10 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
 
@@ -37,53 +39,63 @@ _ImageSize = Annotated[
 _List = Annotated[list[Any], rule("a list")]
 _Budgets = Annotated[dict[str, Positive], rule("a table of integers of at least 1, by suite")]
 
-SECTIONS: Mapping[str, Mapping[str, Any]] = {
-    "policy": {
-        "name": Text,
-        "protocol": Text,
-        "horizon": Positive,
-        "query_interval": Positive,
-        "image_size": _ImageSize,
-        "repeatable": Flag,
-        "revision": Text,
-        "path": Text,
-        "codec": Text,
-        "dialect": Text,
-        "declared_by_server": Flag,
-        "every_step": Flag,
-        "suites": Texts,
-        "unnorm_key": Text,
-    },
-    "inputs": {},
-    "instruction": {"steps": _List},
-    "request": {},
-    "reply": {"at": _List, "parts": _List, "normalised_at": _List},
-    "actions": {
-        "control": Text,
-        "steps": _List,
-        "statistics": Text,
-        "statistics_key": Text,
-        "statistics_rule": Text,
-        "normalised_steps": _List,
-    },
-    "native": {
-        "horizon": Positive,
-        "query_interval": Positive,
-        "wait_steps": Count,
-        "budgets": _Budgets,
-        "episodes": Positive,
-        "seed": Count,
-        "weights": Text,
-        "runtime": Text,
-    },
-    "sources": {},
-}
+SECTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {
+        "policy": MappingProxyType(
+            {
+                "name": Text,
+                "protocol": Text,
+                "horizon": Positive,
+                "query_interval": Positive,
+                "image_size": _ImageSize,
+                "repeatable": Flag,
+                "revision": Text,
+                "path": Text,
+                "codec": Text,
+                "dialect": Text,
+                "declared_by_server": Flag,
+                "every_step": Flag,
+                "suites": Texts,
+                "unnorm_key": Text,
+            }
+        ),
+        "inputs": MappingProxyType({}),
+        "instruction": MappingProxyType({"steps": _List}),
+        "request": MappingProxyType({}),
+        "reply": MappingProxyType({"at": _List, "parts": _List, "normalised_at": _List}),
+        "actions": MappingProxyType(
+            {
+                "control": Text,
+                "steps": _List,
+                "statistics": Text,
+                "statistics_key": Text,
+                "statistics_rule": Text,
+                "normalised_steps": _List,
+            }
+        ),
+        "native": MappingProxyType(
+            {
+                "horizon": Positive,
+                "query_interval": Positive,
+                "wait_steps": Count,
+                "budgets": _Budgets,
+                "episodes": Positive,
+                "seed": Count,
+                "weights": Text,
+                "runtime": Text,
+            }
+        ),
+        "sources": MappingProxyType({}),
+    }
+)
 """Tables of a profile with the types of their fields. Tables without fields here take any."""
 
-GIVEN_BY_OPTION = {
-    "policy.horizon": "--libero-max-horizon",
-    "policy.query_interval": "--libero-max-query-interval",
-}
+GIVEN_BY_OPTION = MappingProxyType(
+    {
+        "policy.horizon": "--libero-max-horizon",
+        "policy.query_interval": "--libero-max-query-interval",
+    }
+)
 
 Table = Mapping[str, Any]
 
@@ -220,7 +232,7 @@ def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
     if path in above:
         raise AdapterError.seen("profile", text, " extends itself. Let it extend a profile of this package.")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise AdapterError.seen("profile", text, f" cannot be read: {error}. Repair the file.") from None
     extends = content.pop("extends", None)

@@ -11,6 +11,7 @@ from functools import partial
 from importlib.machinery import ModuleSpec, all_suffixes
 from operator import attrgetter
 from pathlib import Path
+from types import MappingProxyType
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.registry import Registry
@@ -20,7 +21,9 @@ DEFAULT_NAME = "policy"
 GROUP = "pytest_libero_max.policies"
 """Entry point group by which an installed package offers policies by name."""
 
-BUILT_IN: Mapping[str, int] = {"expert": 1, "stale_expert": 1, "servo": 1, "noop": 1, "random": 1}
+BUILT_IN: Mapping[str, int] = MappingProxyType(
+    {"expert": 1, "stale_expert": 1, "servo": 1, "noop": 1, "random": 1}
+)
 """The policies that ship with the package, each with its version.
 
 Raise the version of a policy when it may act otherwise somewhere: runs of two versions are runs of two
@@ -108,6 +111,21 @@ def parse_reference(text: str) -> Reference:
             f"{_instead(Path(target), colon + name if colon else '')} {FORMS}",
         )
     return Reference(text, target, name)
+
+
+def absolute_reference(text: str, folder: Path) -> str:
+    """Return a reference that means the same in every working folder.
+
+    Args:
+        text: The reference as the user typed it.
+        folder: The working folder that it was typed in.
+    """
+    file, colon, name = text.rpartition(":")
+    if not colon or not file.endswith(".py"):
+        file, colon, name = text, "", ""
+    if not file.endswith((".py", ".toml")) or "://" in file:
+        return text
+    return f"{folder / Path(file).expanduser()}{colon}{name}"
 
 
 def _instead(path: Path, name: str) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
 from pytest_libero_max.events.schedules import BASE
 from pytest_libero_max.pairing.record import ArmRecord, FiringRecord, PairRecord
+from pytest_libero_max.report.goal_words import name_in_words
 from pytest_libero_max.report.happenings import happenings, happenings_text
 
 STAGES = "stages"
@@ -323,20 +323,6 @@ def _or_never(step: int | None) -> float:
 
 
 # Words.
-
-
-def name_in_words(name: str, instruction: str) -> str:
-    """Return the longest part of an entity's name in the instruction, the last of those; or all of it.
-
-    Of a region of an entity, ``wooden_cabinet_1_top_side``, the entity is named.
-    """
-    parts = re.split(r"_\d+(?:_|$)", name)[0].split("_")
-    for length in range(len(parts), 0, -1):
-        for first in range(len(parts) - length, -1, -1):
-            words = " ".join(parts[first : first + length])
-            if re.search(rf"\b{re.escape(words)}s?\b", instruction.lower()):
-                return words
-    return " ".join(parts)
 
 
 def cm(metres: float | None) -> str:

@@ -122,8 +122,8 @@ class Bootstrap(Block, frozen=True, kw_only=True):
             about precision.
     """
 
-    lower: Difference | None
-    upper: Difference | None
+    lower: WideDifference | None
+    upper: WideDifference | None
     degenerate: bool | None
 
 

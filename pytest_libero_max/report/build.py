@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import msgspec
+from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
@@ -48,17 +48,16 @@ from pytest_libero_max.report.report_document import (
     PresentShards,
     Report,
     Returned,
-    Shrunken,
     Split,
     Stop,
 )
 from pytest_libero_max.report.safety import safety_section
 from pytest_libero_max.report.sham import sham_of
 from pytest_libero_max.report.statements import own_cases_text, statements_of
-from pytest_libero_max.report.stopping_rule import watched_by
+from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.report.timing import success_curves, timing_section
-from pytest_libero_max.runs.outcomes import columns_of
+from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.stats import breakdown as breakdowns
@@ -72,7 +71,6 @@ from pytest_libero_max.stats.breakdown import (
 from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
 from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
-from pytest_libero_max.stats.shrinkage import shrunken
 from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.registry import scores_of
 
@@ -155,20 +153,19 @@ def build_report(
     study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     with_intervals = counts.stopped is None or counts.stopped.rule is None
-    row = partial(_row, with_intervals=with_intervals)
     sections = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
     if study is not None and study.name == Repeats.name:
         tasks = [pair.task for pair in measured]
         sections = repeats_section(in_order, tasks, with_intervals=with_intervals) | sections
-    return Report(
+    report = Report(
         pairs=counts,
         selection=selection,
         headline=_headline(counts, result_of(overall, len(planned)), stopped),
         missing_as_failures=_missing_as_failures(counts, overall.outcomes),
         policy=policy,
         substrate=substrate_of(provenance, planned),
-        caveats=caveats_of(in_order),
-        overall=row(overall, len(planned)),
+        caveats=caveats_of(map(Played.of, in_order)),
+        overall=result_of(overall, len(planned)),
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),
         returned=_returned(played.values()),
@@ -177,21 +174,29 @@ def build_report(
         base_failures=base_failures([*played.values()]),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
         by={
-            name: {label: row(result, total) for label, (result, total) in group.items()}
+            name: {label: result_of(result, total) for label, (result, total) in group.items()}
             for name, group in groups.items()
         },
         category_by_event=_cells(planned, played),
         macro=Macros(category=_macro(macro_average([r.outcomes for r, _ in groups["category"].values()]))),
         largest_split=_split(largest_split(_variants(groups["variant"]))),
         extremes=_extremes(groups["category"]),
-        shrunken=_shrunken(measured, columns),
         success_curves=success_curves(in_order),
         study=study,
-        sections=sections | safety_section(in_order) | monitor_sections(in_order) | probe_means(in_order),
+        sections={
+            **sections,
+            **safety_section(in_order, with_intervals=with_intervals),
+            **monitor_sections(in_order, with_intervals=with_intervals),
+            **probe_means(in_order),
+        },
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,
     )
+    if with_intervals:
+        return report
+    # Intervals and p-values are for a number of pairs that is fixed before. The rule's own are in ``pairs``.
+    return structs.replace(without_intervals(report), pairs=counts)
 
 
 def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFailures | None:
@@ -331,32 +336,6 @@ def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, E
     }
 
 
-_FEW_PAIRS = 100
-"""Groups with fewer played pairs get a second estimate, drawn towards the mean of all."""
-
-
-def _shrunken(measured: Sequence[PlannedPair], columns: Pairs) -> dict[str, dict[str, Shrunken]]:
-    """Return the second estimates of events and tasks with few pairs; without those that have none."""
-    changes = columns.dynamic.astype(int) - columns.base
-    labels = {"event": [pair.event for pair in measured], "task": [pair.task for pair in measured]}
-    found = {}
-    for name, groups in labels.items():
-        if min(Counter(groups).values(), default=_FEW_PAIRS) < _FEW_PAIRS:
-            estimates = shrunken(changes, groups) or {}
-            found[name] = {
-                group: Shrunken(
-                    pairs=one.pairs,
-                    **{
-                        key: float(f"{getattr(one, key):.12g}")
-                        for key in ("raw", "value", "weight", "lower", "upper")
-                    },
-                )
-                for group, one in sorted(estimates.items(), key=lambda item: group_order(name, item[0]))
-                if one.pairs < _FEW_PAIRS
-            }
-    return {name: groups for name, groups in found.items() if groups}
-
-
 def _variants(
     groups: Mapping[str, tuple[PairedResult, int]],
 ) -> dict[str, dict[str, Outcomes]]:
@@ -435,12 +414,6 @@ def _counts(
     )
 
 
-def _row(result: PairedResult, planned: int, *, with_intervals: bool) -> Result:
-    """Return a row; intervals and p-values are for a fixed number of pairs, which no rule has ended."""
-    row = result_of(result, planned)
-    return row if with_intervals else without_intervals(row)
-
-
 def _stop(
     stopped: Stopped | None,
     planned: Iterable[PlannedPair],
@@ -451,7 +424,10 @@ def _stop(
     if stopped is None:
         return None
     watched = watched_by(stopped, planned, pairs, provenance.get("gates") or ())
-    return Stop(reason=stopped.reason, of=stopped.of, rule=stopped.rule, at=stopped.at, watched=watched)
+    bias = bias_of(stopped)
+    return Stop(
+        reason=stopped.reason, of=stopped.of, rule=stopped.rule, at=stopped.at, bias=bias, watched=watched
+    )
 
 
 def substrate_of(provenance: Json, planned: Iterable[PlannedPair]) -> Substrate:

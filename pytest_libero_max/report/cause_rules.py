@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from pytest_libero_max.report.arm_stages import FailedArm, cm, is_at, name_in_words
+from pytest_libero_max.report.arm_stages import FailedArm, cm, is_at
+from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words, name_in_words
 
 _CANCELS = "cancel_instruction"
 """Operation of the change that cancels a task; its module imports NumPy."""
@@ -166,7 +167,8 @@ def _undone(arm: FailedArm) -> str | None:
     row = arm.row
     if row.satisfied_step is None or row.satisfied:
         return None
-    return arm.after_event(f"'{row.goal}' held at step {row.satisfied_step} and does not at the end.")
+    held = fact_in_words(row.goal, arm.record.instruction)
+    return arm.after_event(f"{held} at step {row.satisfied_step}, and is not at the end.")
 
 
 def _grasp_slipped(arm: FailedArm) -> str | None:
@@ -241,7 +243,7 @@ def _part_moved_too_little(arm: FailedArm) -> str | None:
         return None
     if not row.is_part:
         return _shut(arm)
-    return arm.after_event(f"{arm.thing} moved by {_way(arm)}, which is not enough for '{row.goal}'.")
+    return arm.after_event(f"{arm.thing} moved by {_way(arm)}, which is not enough {aim_in_words(row.goal)}.")
 
 
 def _part_not_moved(arm: FailedArm) -> str | None:

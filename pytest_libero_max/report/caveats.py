@@ -10,11 +10,12 @@ import re
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 
-from pytest_libero_max.events.schedules import BASE
-from pytest_libero_max.pairing.record import PROGRAM, PairRecord
+from pytest_libero_max.events.schedules import BASE, BASE_AGAIN
+from pytest_libero_max.pairing.record import PROGRAM
 from pytest_libero_max.pairing.scene_fingerprints import START
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.report.report_document import Caveat
+from pytest_libero_max.runs.outcomes import Played
 from pytest_libero_max.worlds.rendering.context import renderers
 from pytest_libero_max.worlds.versions import is_later_line
 
@@ -38,36 +39,36 @@ class Rule:
     """
 
     name: str
-    concerns: Callable[[PairRecord], bool]
+    concerns: Callable[[Played], bool]
     text: str
 
 
-def _semantics(record: PairRecord) -> str | None:
+def _semantics(record: Played) -> str | None:
     """Name of the way in which the event was played; None without an event, or where there is but one way."""
     return record.fingerprints.get("semantics") if record.triggered else None
 
 
-def _varied(source: str, category: str) -> Callable[[PairRecord], bool]:
+def _varied(source: str, category: str) -> Callable[[Played], bool]:
     """Return a test for pairs on a genuine scene that LIBERO-Plus or LIBERO-PRO varied itself."""
 
-    def concerns(record: PairRecord) -> bool:
+    def concerns(record: Played) -> bool:
         same = (record.source, record.source_category) == (source, category)
         return same and _genuine(record) and not _own_variation(record)
 
     return concerns
 
 
-def _own_variation(record: PairRecord) -> bool:
+def _own_variation(record: Played) -> bool:
     """Return True for a pair on a genuine scene with a variation of this package."""
     return record.source != "libero" and record.fingerprints.get("source_variations") == "own"
 
 
-def _genuine(record: PairRecord) -> bool:
+def _genuine(record: Played) -> bool:
     """Return True for a pair on scenes of an installed package, which has two ways to play events."""
     return "semantics" in record.fingerprints
 
 
-def _event(semantics: str, *names: str) -> Callable[[PairRecord], bool]:
+def _event(semantics: str, *names: str) -> Callable[[Played], bool]:
     return lambda record: _semantics(record) == semantics and record.event in names
 
 
@@ -180,7 +181,7 @@ OTHER_RENDERERS = (
 )
 
 
-def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
+def caveats_of(records: Iterable[Played]) -> list[Caveat]:
     """Return the caveats that concern a pair, with how many they concern; :data:`RULES` last, in order."""
     pairs = list(records)
     counts = [("unequal_bases", _unequal_bases(pairs), UNEQUAL_BASES)]
@@ -191,7 +192,7 @@ def caveats_of(records: Iterable[PairRecord]) -> list[Caveat]:
     ]
 
 
-def _unequal_bases(records: Iterable[PairRecord]) -> int:
+def _unequal_bases(records: Iterable[Played]) -> int:
     """Count the pairs whose Base differs from its repetition, or from that of a pair that begins alike.
 
     What an event brings in is taken out of the scene before Base begins: pairs with such events are left out.
@@ -201,20 +202,20 @@ def _unequal_bases(records: Iterable[PairRecord]) -> int:
     for record in records:
         if not record.policy.get("repeatable", True):
             continue
-        repeated = record.base_repeat
-        if repeated is not None and not repeated["identical"]:
+        repeated = record.proofs.get(BASE_AGAIN)
+        if repeated not in (None, record.proofs[BASE]):
             unequal += 1
         elif START in record.fingerprints and {PROGRAM, record.event}.isdisjoint(
             (*record.fingerprints, *_INSERTIONS)
         ):
             played = frozenset(record.fingerprints.items())
             key = (played, record.policy_seed, record.instruction, record.max_steps)
-            proof = record.arms[BASE].proof
+            proof = record.proofs[BASE]
             unequal += bases.setdefault(key, proof) != proof
     return unequal
 
 
-def _drawn_otherwise(records: Iterable[PairRecord]) -> int:
+def _drawn_otherwise(records: Iterable[Played]) -> int:
     """Count the pairs with another renderer than most; not those whose renderer is not recorded."""
     drawn = renderers(record.fingerprints for record in records)
     return drawn.total() - max(drawn.values(), default=0)

@@ -301,6 +301,17 @@ class PValue:
         return {"": value.p_value}
 
 
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """Return a number with its noun, for example ``1 run`` and ``2 runs``.
+
+    Args:
+        count: The number.
+        noun: For one.
+        plural: For other numbers; by default the noun with an s.
+    """
+    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
+
+
 def rate_text(rate: CountedEstimate) -> str:
     """Return a rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
     if rate.value is None:

@@ -1,98 +1,167 @@
-"""Gates that no outcome can meet: found before anything is played."""
+"""Gates that no outcome can meet, or none can fail: refused before anything is played."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.gate_bounds import BOUNDED
 from pytest_libero_max.report.gates import (
     BEYOND_SHAM,
     COUNTS,
     EQUIVALENCE_CONFIDENCE,
     EQUIVALENT,
+    QUANTITIES,
     WHOLE_TRACK,
     Gate,
     meets,
     value_in,
 )
+from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
+from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.significance import mcnemar
 
 _CURE = "Gate more pairs, a wider limit, or the estimate; libero-max power --gate says what can be met."
+_NARROWER = "It would pass whatever the policy does: give a narrower limit, or gate dynamic_sr."
 _MANY = 10_000
 """More stale actions than an episode has steps."""
 
+EXACT = (*BOUNDED, "stale_mean", "stale_median")
+"""Quantities whose smallest and largest values are among those of :func:`extremes`."""
+
 
 def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
-    """Refuse a limit for a quantity of the run that none of its extreme outcomes meets.
+    """Refuse a limit for a quantity of the run that none of its extreme outcomes meets, or all of them.
 
     Args:
-        gate: A gate that names no other run. One that asks for equality, for a count of pairs, or for the
-            sham event, which a share of the pairs plays, passes.
+        gate: A gate that names no other run. One on the number of planned pairs or on the whole track is
+            about what is chosen, and one on the sham event about a share of the pairs; they pass.
         chosen: The pairs of the run.
 
     Raises:
-        OptionError: No outcome of the pairs meets it.
+        OptionError: No outcome of the pairs meets it, or every one.
     """
-    if gate.name in (*COUNTS, WHOLE_TRACK, BEYOND_SHAM) or gate.operator in ("==", "!="):
+    if gate.name in (COUNTS[0], WHOLE_TRACK, BEYOND_SHAM):
         return
     pairs = [pair for pair in chosen if gate.scope is None or _label(gate.scope[0], pair) == gate.scope[1]]
-    if pairs and not any(_met(gate, outcome) for outcome in _extremes(pairs)):
+    if not pairs:
+        return
+    if gate.name in COUNTS:
+        values: list[float] = [0, len(pairs)]
+    else:
+        values = [value for outcome in extremes(pairs) if (value := value_of(gate, outcome)) is not None]
+    exact = gate.name in (*COUNTS, *EXACT)
+    if _none_meets(gate, values) and (exact or gate.operator not in ("==", "!=")):
         raise OptionError.seen(
             "gate", gate.text, f" can never hold: no outcome of its {len(pairs)} pairs can meet it. {_CURE}"
+        )
+    if exact and _all_meet(gate, values):
+        raise OptionError.seen(
+            "gate",
+            gate.text,
+            f" can never fail: every outcome of its {len(pairs)} pairs meets it. {_NARROWER}",
         )
 
 
 def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
-    """Refuse a limit for a difference from another run that no outcome of this one meets.
+    """Refuse a limit for a difference from another run that no outcome of this one meets, or every one.
 
     Args:
         gate: A gate against another run.
         earlier: Dynamic success of the other run on the cases of this one.
 
     Raises:
-        OptionError: No outcome of the cases meets it.
+        OptionError: No outcome of the cases meets it, or every one.
     """
     cases, succeeded = len(earlier), sum(earlier)
-    if gate.name == EQUIVALENT:
-        interval = paired_difference(0, 0, cases, EQUIVALENCE_CONFIDENCE)
-        reachable = interval is None or meets(gate, max(-interval.lower, interval.upper))
-    elif gate.name == "dynamic_sr_vs" and gate.operator not in ("==", "!="):
-        best, worst = paired_difference(0, cases - succeeded, cases), paired_difference(succeeded, 0, cases)
-        if best is None or worst is None:
-            return
-        if gate.end is None:
-            reachable = meets(gate, 1 - succeeded / cases) or meets(gate, -succeeded / cases)
-        else:
-            reachable = meets(gate, getattr(best, gate.end)) or meets(gate, getattr(worst, gate.end))
-    else:
+    if not cases:
         return
-    if not reachable:
+    values = [
+        _value_vs(gate, losses, gains, cases) for losses in (0, succeeded) for gains in (0, cases - succeeded)
+    ]
+    there = f"of which Dynamic succeeded in {succeeded} of the {cases} there"
+    if _none_meets(gate, values):
         raise OptionError.seen(
             "gate",
             gate.text,
-            f" can never hold: no outcome of its {cases} pairs can meet it, of which Dynamic succeeded in "
-            f"{succeeded} of the {cases} there. {_CURE}",
+            f" can never hold: no outcome of its {cases} pairs can meet it, {there}. {_CURE}",
         )
+    if _all_meet(gate, values):
+        raise OptionError.seen(
+            "gate",
+            gate.text,
+            f" can never fail: every outcome of its {cases} pairs meets it, {there}. {_NARROWER}",
+        )
+
+
+def _none_meets(gate: Gate, values: Sequence[float]) -> bool:
+    """Return True if no value from the smallest to the largest meets the gate; also where there is none."""
+    if not values:
+        return True
+    least, most = min(values), max(values)
+    if gate.operator == "==":
+        return not _within(gate, least, most)
+    if gate.operator == "!=":
+        return least == most and not meets(gate, least)
+    return not (meets(gate, least) or meets(gate, most))
+
+
+def _all_meet(gate: Gate, values: Sequence[float]) -> bool:
+    """Return True if every value from the smallest to the largest meets the gate; False without values."""
+    if not values:
+        return False
+    least, most = min(values), max(values)
+    if gate.operator == "==":
+        return least == most and meets(gate, least)
+    if gate.operator == "!=":
+        return not _within(gate, least, most)
+    return meets(gate, least) and meets(gate, most)
+
+
+def _within(gate: Gate, least: float, most: float) -> bool:
+    return Fraction(repr(least)) <= gate.threshold <= Fraction(repr(most))
+
+
+def _value_vs(gate: Gate, losses: int, gains: int, cases: int) -> float:
+    """Return the quantity of a gate against another run, of which so many cases were lost and gained."""
+    if gate.name == "regressions_vs":
+        return losses
+    if gate.name == "gains_vs":
+        return gains
+    if gate.name == "p_value_vs":
+        return mcnemar(losses, gains).p_value
+    if gate.name != EQUIVALENT and gate.end is None:
+        return (gains - losses) / cases
+    interval = paired_difference(
+        losses, gains, cases, EQUIVALENCE_CONFIDENCE if gate.name == EQUIVALENT else CONFIDENCE
+    )
+    assert interval is not None
+    return (
+        max(-interval.lower, interval.upper) if gate.name == EQUIVALENT else getattr(interval, gate.end or "")
+    )
 
 
 def _label(dimension: str, pair: PlannedPair) -> str:
     return DIMENSIONS[dimension].label(pair)
 
 
-def _met(gate: Gate, pairs: Pairs) -> bool:
-    value = value_in(gate, result_of(measure(pairs), len(pairs)))
-    return value is not None and meets(gate, value)
+def value_of(gate: Gate, pairs: Pairs) -> float | None:
+    """Return the quantity of a gate in an outcome; None where it has none or is undecidable."""
+    row = result_of(measure(pairs), len(pairs))
+    return None if QUANTITIES[gate.name].of_change and lacks_of(row) else value_in(gate, row)
 
 
-def _extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
+def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
     """Outcomes at the ends of what can be: all or few Base successes, all or none kept, a change a task.
 
     Base succeeds in as many pairs at least as a gate on a change needs. Then, with one outcome: many stale
@@ -111,6 +180,8 @@ def _extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:
         (few, none),
         (every, ~first),
         (~first, every),
+        (none, every),
+        (none, none),
     ]
     stale = np.zeros(n, dtype=np.int64)
     exposures = [(every, every, stale)] * len(outcomes)

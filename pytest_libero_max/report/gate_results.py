@@ -6,12 +6,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
-from pytest_libero_max.report.comparison.contrasts import contrast_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import points
+from pytest_libero_max.report.gate_baseline import (
+    Baseline,
+    first_result,
+    folder_of,
+    has_no_run,
+    read_baseline,
+)
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import (
     EQUIVALENT,
@@ -24,10 +30,9 @@ from pytest_libero_max.report.gates import (
     shown,
 )
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
+from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
-from pytest_libero_max.stats.comparison import contrasts
+from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 
 _OF_LOSSES = (
     *("delta", "delta.clustered", "preserved_success", "regressions"),
@@ -59,16 +64,20 @@ def require_usable(
             itself as the other one; or no outcome of its pairs meets it.
     """
     require_known_groups(gates, pairs)
+    require_open(gates, chosen)
     for gate in gates:
         if gate.run is None:
-            require_reachable(gate, chosen)
             continue
-        other = _folder(start / gate.run)
-        if other.resolve() == _folder(folder).resolve() or _same_file(pairs_file(other), pairs_file(folder)):
+        other = folder_of(start / gate.run)
+        if other.resolve() == folder_of(folder).resolve() or _same_file(
+            pairs_file(other), pairs_file(folder)
+        ):
             raise OptionError(
                 f"gate={gate.text!r} compares the run with itself: {gate.run!r} is its own folder. Keep the "
                 "other run elsewhere, or choose another output folder."
             )
+        if gate.first and has_no_run(other):
+            continue
         try:
             earlier = read_pairs(other)
         except ReportError as error:
@@ -77,6 +86,17 @@ def require_usable(
             ) from error
         names = {pair.case_id for pair in chosen}
         require_reachable_vs(gate, [it.dynamic_success for it in earlier.records if it.case_id in names])
+
+
+def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:
+    """Refuse gates on the run itself that every outcome of its pairs meets, or none.
+
+    Raises:
+        OptionError: There is such a gate.
+    """
+    for gate in gates:
+        if gate.run is None:
+            require_reachable(gate, chosen)
 
 
 def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult, ...]:
@@ -98,21 +118,45 @@ def decide_on(
     gates: Sequence[Gate], stored: StoredRun, report: Report, start: Path
 ) -> tuple[GateResult, ...]:
     """Decide gates on a run that has been read, and its report; see :func:`decide`."""
+    if shards := shards_of(stored):
+        why = f"libero-max merge decides it, on all {shards} shards."
+        return tuple(GateResult(gate, "undecidable", None, why, waits=True) for gate in gates)
     others = {gate.run for gate in gates if gate.run is not None}
-    against = {other: _against(stored, start / other) for other in sorted(others)}
-    contrasts = {other: found if isinstance(found, str) else found[0] for other, found in against.items()}
-    results = []
-    for gate in gates:
-        result = _by_rule(gate, report) or evaluate_gate(gate, report, contrasts)
-        if result.verdict == "failed":
-            not_shown, why = result.not_shown, ""
-            if report.pairs.complete:
-                not_shown, why = _why_an_end_fails(gate, report, contrasts)
-            found = against.get(gate.run or "", "")
-            lost = _lost(stored, gate) if gate.run is None or isinstance(found, str) else found[1]
-            result = replace(result, detail=f"{result.detail}{why}", lost=lost, not_shown=not_shown)
-        results.append(result)
-    return tuple(results)
+    baselines = {other: read_baseline(stored, start / other) for other in sorted(others)}
+    return tuple(_decided(gate, stored, report, baselines.get(gate.run or "")) for gate in gates)
+
+
+def shards_of(stored: StoredRun) -> int:
+    """Return the number of shards of which a run is a part; 0 for a run that its gates are decided on."""
+    selection = stored.run.provenance.get("selection")
+    shards = None if selection is None else Selection.from_dict(selection).shards
+    return 0 if shards is None else shards.of
+
+
+def _decided(gate: Gate, stored: StoredRun, report: Report, baseline: Baseline | str | None) -> GateResult:
+    """Return the verdict on a gate; the baseline is None where it names none, or where there is none yet."""
+    if gate.first and baseline is None:
+        return first_result(gate, stored, report)
+    contrasts = {} if gate.run is None else {gate.run: _contrast(gate, baseline)}
+    result = _by_rule(gate, report) or evaluate_gate(gate, report, contrasts)
+    if result.verdict == "failed":
+        not_shown, why = result.not_shown, ""
+        if report.pairs.complete:
+            not_shown, why = _why_an_end_fails(gate, report, contrasts)
+        lost = baseline.lost if isinstance(baseline, Baseline) else _lost(stored, gate)
+        result = replace(result, detail=f"{result.detail}{why}", lost=lost, not_shown=not_shown)
+    if isinstance(baseline, Baseline) and result.verdict != "undecidable":
+        result = replace(result, accepted=baseline.accepted(gate))
+    return result
+
+
+def _contrast(gate: Gate, baseline: Baseline | str | None) -> SuccessContrast | str:
+    """Return the contrast with the other run of a gate; a text says why there is none."""
+    if baseline is None:
+        return f"there is no run in {gate.run!r}; with first=pass the gate of a first run passes"
+    if isinstance(baseline, str):
+        return baseline
+    return baseline.refused(gate) or baseline.contrast
 
 
 def _by_rule(gate: Gate, report: Report) -> GateResult | None:
@@ -186,30 +230,6 @@ def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
     return tuple(name for _, name in sorted(against))
 
 
-def _against(stored: StoredRun, other: Path) -> tuple[SuccessContrast, tuple[str, ...]] | str:
-    """Return the contrast of Dynamic success, the other run first, and the pairs that only it completes.
-
-    A text says why there is none.
-    """
-    try:
-        baseline = read_pairs(_folder(other))
-        common = common_cases({"baseline": baseline, "now": stored})
-    except ReportError as error:
-        return str(error)
-    if common.partial:
-        return f"it is a comparison on the {len(common.planned)} pairs that both policies support"
-    outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
-    (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
-    before, now = (outcomes[name] for name in ("baseline", "now"))
-    lost = [pair.item_id for pair, was, n in zip(common.planned, before, now, strict=True) if was and not n]
-    return contrast_of(contrast), tuple(sorted(lost))
-
-
 def _same_file(one: Path, other: Path) -> bool:
     """Return True if two paths are one file, for example by a hard link."""
     return one.exists() and other.exists() and one.samefile(other)
-
-
-def _folder(path: Path) -> Path:
-    """Return the folder of a run that may be named by one of its files."""
-    return path.parent if path.name in (REPORT_NAME, PAIRS_NAME, PACKED_PAIRS_NAME) else path

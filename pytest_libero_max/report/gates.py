@@ -7,8 +7,9 @@ The language::
     number    = a decimal number, or a percentage such as 60% (exactly 0.6)
     quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
               | "beyond_sham" ["." end]      Dynamic less the sham event: losses beyond the policy's chance
-              | name "(" run ")" ["." end]   the same cases now and in another run, by its folder
-    gate      = "equivalent_vs(" run "," number ")"   Dynamic success differs by less than the number
+              | name "(" run options ")" ["." end]   the same cases now and in another run, by its folder
+    gate      = "equivalent_vs(" run "," number options ")"   Dynamic success differs by less than the number
+    options   = { ", allow=" setting {"+" setting} | ", first=pass" }
     scope     = dimension "." group          for example event.camera_shift, category.pro-position
     end       = "lower" | "upper"            of the 95% interval
 
@@ -18,6 +19,21 @@ refused, because it would test nothing. Numbers are compared exactly, as decimal
 ``equivalent_vs`` holds where the 90% interval of the difference lies inside the margin on both sides, which
 are two one-sided tests at 5% (D. J. Schuirmann (1987), J. Pharmacokinet. Biopharm. 15:657-680).
 
+A gate against another run is undecidable where the runs differ in a setting beside the policy, for example
+the strength of events, the latency, H and Q, a wrapper such as ``restore=gated``, the semantics, a version or
+the renderer: everything of which ``libero-max compare`` warns. It says which. ``allow=strength`` accepts a
+setting by name, ``allow=strength+versions`` several, and the verdict repeats what was accepted.
+
+``first=pass`` is for the first run of a series, as in continuous integration: the gate passes as long as its
+folder of the other run is missing or empty, and says so. This run must then be fit to be the other one next
+time: complete, with Base successes and events enough, and such that the gate can fail against it.
+
+The gates of a shard are decided on all shards together, by ``libero-max merge``.
+
+A gate that every outcome of its pairs meets, or none, is refused before anything is played, and so is one
+against a run that leaves nothing to decide, for example ``regressions_vs(RUN) <= 0`` where Dynamic never
+succeeded there.
+
 A gate over pairs of which some are missing or invalid, or whose denominator is zero, is undecidable. So is
 one on what the event changed, or against another run, where Base succeeds in less than 20% of the pairs, or
 the event happened in less than 50%: it would pass because nothing was there to be lost. Gate ``base_sr`` and
@@ -25,11 +41,11 @@ the event happened in less than 50%: it would pass because nothing was there to 
 A gate that a stopping rule has decided is an exception: the run has the verdict of its rule (``certain``,
 ``anytime``), for whatever the pairs that are not played would have shown.
 
-The page and ``report.md`` show each gate of the run with its value and one of four verdicts: *holds*,
-*violated*, *not shown* or *open* (undecidable). A gate on an end of an interval is violated if the other end
-does not meet it either; otherwise it is not shown, and the number of pairs that would mostly show it is said.
-A failed ``equivalent_vs`` is violated if all of its interval lies beyond the margin. ``libero-max report``
-decides the gates again that it is given, or those of the ini file.
+The page and ``report.md`` show each gate of the run with its value and one of five verdicts: *holds*,
+*violated*, *not shown*, *open* (undecidable) or *no baseline yet*. A gate on an end of an interval is
+violated if the other end does not meet it either; otherwise it is not shown, and the number of pairs that
+would mostly show it is said. A failed ``equivalent_vs`` is violated if all of its interval lies beyond the
+margin. ``libero-max report`` decides the gates again that it is given, or those of the ini file.
 """
 
 from __future__ import annotations
@@ -49,6 +65,7 @@ from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale, lack_of_tasks, tenths
+from pytest_libero_max.report.gate_arguments import RunArguments, read_arguments
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
@@ -58,7 +75,7 @@ if TYPE_CHECKING:
 
 Verdict = Literal["passed", "failed", "undecidable"]
 
-Finding = Literal["holds", "violated", "not shown", "open"]
+Finding = Literal["holds", "violated", "not shown", "open", "no baseline yet"]
 """A verdict in the words of reports, which tell the two ways apart in which the end of an interval fails."""
 
 OPERATORS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
@@ -105,8 +122,8 @@ _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?%?")
 _EXPONENT = re.compile(r"[eE][+-]?0*(\d+)")
 _MOST_EXPONENT_DIGITS = 3
 """A number with a larger exponent would fill the memory when it is written out."""
-_EQUIVALENT = re.compile(rf"{EQUIVALENT}\((?P<run>[^(),]+),\s*(?P<number>[^\s(),]+)\)")
-_CALL = re.compile(r"(?P<name>\w+)\((?P<run>[^()]+)\)(\.(?P<end>\w+))?")
+_EQUIVALENT = re.compile(rf"{EQUIVALENT}\((?P<arguments>[^()]+)\)")
+_CALL = re.compile(r"(?P<name>\w+)\((?P<arguments>[^()]+)\)(\.(?P<end>\w+))?")
 
 
 @dataclass(frozen=True)
@@ -121,6 +138,9 @@ class Gate:
         run: Folder of the other run, for a quantity against another run.
         operator: One of :data:`OPERATORS`.
         threshold: Number that the quantity is compared with, exactly as written.
+        percent: True if it was written as a percentage.
+        allow: Names of settings in which the other run may differ.
+        first: True if the gate passes as long as there is no other run.
     """
 
     text: str
@@ -131,6 +151,8 @@ class Gate:
     operator: str
     threshold: Fraction
     percent: bool = False
+    allow: tuple[str, ...] = ()
+    first: bool = False
 
 
 @dataclass(frozen=True)
@@ -143,6 +165,10 @@ class GateResult:
         lost: Item ids of the pairs that count against a gate that failed: those that Base completes and
             Dynamic does not, or that another run completes and this one does not.
         not_shown: True for a gate on an end of an interval that failed, and whose other end meets it.
+        accepted: Sentence on the settings in which the other run differs and which the gate allows; empty for
+            none.
+        no_baseline: True for a gate that passed because there is no other run yet.
+        waits: True for a gate of a shard, which is decided on all shards together.
     """
 
     gate: Gate
@@ -151,15 +177,20 @@ class GateResult:
     detail: str
     lost: tuple[str, ...] = ()
     not_shown: bool = False
+    accepted: str = ""
+    no_baseline: bool = False
+    waits: bool = False
 
     @property
     def reason(self) -> str:
         """The gate, its verdict and what explains it, as one text."""
-        return f"{self.gate.text}: {self.verdict}, {self.detail}"
+        return f"{self.gate.text}: {self.verdict}, {self.detail} {self.accepted}".rstrip()
 
     @property
     def finding(self) -> Finding:
         """The verdict in the words of reports."""
+        if self.no_baseline:
+            return "no baseline yet"
         if self.verdict == "failed":
             return "not shown" if self.not_shown else "violated"
         return "holds" if self.passed else "open"
@@ -176,15 +207,14 @@ def parse_gate(text: str) -> Gate:
         OptionError: It is not in the language; says what is, and the closest known name.
     """
     margin = _EQUIVALENT.fullmatch(text.strip())
-    if margin is not None:
-        threshold = _number(margin["number"], text)
-        run = margin["run"].strip().strip("'\"")
-        gate = Gate(
-            margin.string, EQUIVALENT, None, None, run, "<", threshold, margin["number"].endswith("%")
-        )
-        _require_open(gate)
-        return gate
-    match = _GATE.fullmatch(text.strip())
+    gate = _comparison(text.strip()) if margin is None else _equivalence(margin.string, margin["arguments"])
+    _require_open(gate)
+    return gate
+
+
+def _comparison(text: str) -> Gate:
+    """Read ``QUANTITY OPERATOR NUMBER``."""
+    match = _GATE.fullmatch(text)
     if match is None:
         raise OptionError.seen(
             "gate",
@@ -192,12 +222,34 @@ def parse_gate(text: str) -> Gate:
             f" is not a condition. Write QUANTITY OPERATOR NUMBER, for example "
             f"'dynamic_sr >= 0.6', or '{EQUIVALENT}(RUN, 5%)'; operators: {' '.join(OPERATORS)}.",
         )
-    threshold = _number(match["number"], text)
-    name, scope, end, run = _parse_quantity(match["quantity"].strip(), text)
-    percent = match["number"].endswith("%")
-    gate = Gate(match.string, name, scope, end, run, match["operator"], threshold, percent)
-    _require_open(gate)
-    return gate
+    threshold, percent = _number(match["number"], text), match["number"].endswith("%")
+    quantity = match["quantity"].strip()
+    call = _CALL.fullmatch(quantity)
+    if call is not None:
+        name, end, arguments = _versus_quantity(call["name"], call["end"], call["arguments"], text)
+        return Gate(
+            text,
+            name,
+            None,
+            end,
+            arguments.run,
+            match["operator"],
+            threshold,
+            percent,
+            arguments.allow,
+            arguments.first,
+        )
+    name, scope, end = _parse_quantity(quantity, text)
+    return Gate(text, name, scope, end, None, match["operator"], threshold, percent)
+
+
+def _equivalence(text: str, arguments: str) -> Gate:
+    """Read ``equivalent_vs(RUN, MARGIN)``."""
+    run, margin, allow, first = read_arguments(arguments, text)
+    if margin is None:
+        raise OptionError.seen("gate", text, f" has no margin. Write '{EQUIVALENT}(RUN, 5%)'.")
+    percent = margin.endswith("%")
+    return Gate(text, EQUIVALENT, None, None, run, "<", _number(margin, text), percent, allow, first)
 
 
 def _number(number: str, text: str) -> Fraction:
@@ -316,23 +368,31 @@ def _side(value: Fraction, gate: Gate) -> tuple[bool, bool]:
     return value < gate.threshold, value > gate.threshold
 
 
-def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | None, str | None, str | None]:
-    call = _CALL.fullmatch(quantity)
-    if call is not None:
-        name, end = call["name"], call["end"]
-        if name == EQUIVALENT:
-            raise OptionError.seen(
-                "gate", text, f" compares {EQUIVALENT}, which is a condition. Write '{EQUIVALENT}(RUN, 5%)'."
-            )
-        if name not in VERSUS:
-            raise OptionError.seen(
-                "gate",
-                text,
-                f" has the unknown quantity {name!r}. {did_you_mean(name, [*VERSUS, EQUIVALENT])}",
-            )
-        if end is not None and name != "dynamic_sr_vs":
-            raise OptionError.seen("gate", text, f" asks for {end!r} of {name}, which has no interval.")
-        return name, None, _end(end, text), call["run"].strip().strip("'\"")
+def _versus_quantity(
+    name: str, end: str | None, arguments: str, text: str
+) -> tuple[str, str | None, RunArguments]:
+    """Read ``NAME(RUN, ...).END``."""
+    if name == EQUIVALENT:
+        raise OptionError.seen(
+            "gate", text, f" compares {EQUIVALENT}, which is a condition. Write '{EQUIVALENT}(RUN, 5%)'."
+        )
+    if name not in VERSUS:
+        raise OptionError.seen(
+            "gate",
+            text,
+            f" has the unknown quantity {name!r}. {did_you_mean(name, [*VERSUS, EQUIVALENT])}",
+        )
+    if end is not None and name != "dynamic_sr_vs":
+        raise OptionError.seen("gate", text, f" asks for {end!r} of {name}, which has no interval.")
+    read = read_arguments(arguments, text)
+    if read.margin is not None:
+        raise OptionError.seen(
+            "gate", text, f" has the unknown argument {read.margin!r}. Write '{name}(RUN)', with a folder."
+        )
+    return name, _end(end, text), read
+
+
+def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | None, str | None]:
     parts = quantity.split(".")
     scope: tuple[str, str] | None = None
     if parts[0] in DIMENSIONS:
@@ -361,7 +421,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         raise OptionError.seen(
             "gate", text, f" asks for {'.'.join(ends)!r} of {name}, which has no such part."
         )
-    return name, scope, _end(ends[0] if ends else None, text), None
+    return name, scope, _end(ends[0] if ends else None, text)
 
 
 def _end(end: str | None, text: str) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 
 from pytest_libero_max.report.blocks import Rate
-from pytest_libero_max.report.formats import interval_text, percent, points
+from pytest_libero_max.report.formats import counted, percent, points
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.extremes import ByChance, lowest_by_chance, split_by_chance
 
@@ -19,33 +19,6 @@ NOTE = (
 )
 
 
-SHRUNKEN_TITLE = "Groups with few pairs, drawn together (empirical Bayes)"
-
-SHRUNKEN_NOTE = (
-    "A second estimate of the paired change: that of a group is drawn towards that of all pairs, the more "
-    "the fewer pairs it has and the less the groups differ. It is nearer to the truth where the groups are "
-    "much alike, and further off for a group that is unlike all others. In simulations its 95% intervals "
-    "held 92% to 100% of the groups on average, and single groups less often. Headline, gates and all other "
-    "tables use the raw values."
-)
-
-SHRUNKEN_HEAD = ("Pairs", "Raw, pp", "Drawn together, pp", "Weight of its own")
-
-
-def shrunken_rows(report: Report, dimension: str) -> list[tuple[str, str, str, str, str]]:
-    """Return a row a group with few pairs: its raw paired change, and the estimate drawn towards all."""
-    return [
-        (
-            name,
-            str(group.pairs),
-            points(group.raw),
-            f"{points(group.value)} {interval_text(group, signed=True)}",
-            percent(group.weight),
-        )
-        for name, group in report.shrunken.get(dimension, {}).items()
-    ]
-
-
 def highlight_rows(report: Report) -> list[tuple[str, str, str]]:
     """Return rows of quantity, group and value; a row without a group says so."""
     return [*_macro(report), *_extremes(report), _split(report)]
@@ -53,7 +26,7 @@ def highlight_rows(report: Report) -> list[tuple[str, str, str]]:
 
 def _macro(report: Report) -> list[tuple[str, str, str]]:
     macro = report.macro.category
-    where = f"{macro.groups} source categories"
+    where = counted(macro.groups, "source category", "source categories")
     if macro.base_success is None:
         return [("Unweighted mean", where, "n/a: a category has no played pair")]
     change = f"{points(macro.paired_change)} pp"

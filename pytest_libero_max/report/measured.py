@@ -70,13 +70,19 @@ def result_of(result: PairedResult, planned: int) -> Result:
 
 
 def without_intervals(block: B) -> B:
-    """Return a block whose intervals and p-values are None, those of the blocks in it too."""
+    """Return a block whose intervals and p-values are None, those of all blocks in it too."""
     fields = structs.asdict(block)
-    changed: dict[str, Block | None] = {
-        name: without_intervals(value) for name, value in fields.items() if isinstance(value, Block)
-    }
+    changed = {name: _without_intervals(value) for name, value in fields.items()}
     changed |= dict.fromkeys(fields.keys() & {"lower", "upper", "p_value", "log10_p_value"})
     return structs.replace(block, **changed)
+
+
+def _without_intervals(value: object) -> object:
+    if isinstance(value, Block):
+        return without_intervals(value)
+    if isinstance(value, dict):
+        return {name: _without_intervals(item) for name, item in value.items()}
+    return [_without_intervals(item) for item in value] if isinstance(value, list) else value
 
 
 def number(value: float | None) -> float | None:
@@ -89,9 +95,9 @@ def ratio_of(ratio: Ratio) -> blocks.Ratio:
     return blocks.Ratio(count=ratio.count, of=ratio.of, value=number(ratio.value))
 
 
-def rate_of(ratio: Ratio) -> Rate:
-    """Return a ratio with its counts and exact interval."""
-    lower, upper = ends(clopper_pearson(ratio))
+def rate_of(ratio: Ratio, *, with_interval: bool = True) -> Rate:
+    """Return a ratio with its counts and exact interval; without one where a rule has ended the run."""
+    lower, upper = ends(clopper_pearson(ratio) if with_interval else None)
     return Rate(count=ratio.count, of=ratio.of, value=number(ratio.value), lower=lower, upper=upper)
 
 
@@ -103,10 +109,10 @@ def mean_difference_of(difference: Ratio, interval: Interval | None) -> MeanDiff
     )
 
 
-def table_change_of(table: Outcomes) -> MeanDifference:
-    """Return the paired change of a table of outcomes with its exact interval."""
+def table_change_of(table: Outcomes, *, with_interval: bool = True) -> MeanDifference:
+    """Return the paired change of a table of outcomes with its exact interval; see :func:`rate_of`."""
     exact = paired_difference(table.regression, table.change_associated_success, table.total)
-    return mean_difference_of(table.change, exact)
+    return mean_difference_of(table.change, exact if with_interval else None)
 
 
 def change_of(result: PairedResult) -> Change:
@@ -120,7 +126,7 @@ def change_of(result: PairedResult) -> Change:
             lower=lower,
             upper=upper,
             degenerate=whole.degenerate if whole else None,
-            by_source=_bootstrap(result.bootstrap_by_source),
+            by_source=bootstrap_of(result.bootstrap_by_source),
         ),
     )
 
@@ -130,7 +136,7 @@ def ends(interval: Interval | MeanChange | ClusterInterval | None) -> tuple[floa
     return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
 
 
-def interval_of(interval: Interval | MeanChange | None) -> blocks.Interval:
+def interval_of(interval: Interval | MeanChange | ClusterInterval | None) -> blocks.Interval:
     """Return an interval; None at both ends where there is none."""
     lower, upper = ends(interval)
     return blocks.Interval(lower=lower, upper=upper)
@@ -165,6 +171,7 @@ def _by_task(interval: TaskInterval, value: float | None) -> blocks.TaskInterval
     )
 
 
-def _bootstrap(change: MeanChange | None) -> Bootstrap:
+def bootstrap_of(change: MeanChange | None) -> Bootstrap:
+    """Return the paper's interval; None at both ends where there is none."""
     lower, upper = ends(change)
     return Bootstrap(lower=lower, upper=upper, degenerate=change.degenerate if change else None)

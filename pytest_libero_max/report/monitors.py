@@ -47,18 +47,27 @@ class _Watched(NamedTuple):
     before: bool
 
 
-def monitor_sections(records: Iterable[PairRecord]) -> dict[str, dict[str, str | int | float | bool | None]]:
-    """Return a section of the report for each monitor that watched pairs; empty without any."""
+def monitor_sections(
+    records: Iterable[PairRecord], *, with_intervals: bool = True
+) -> dict[str, dict[str, str | int | float | bool | None]]:
+    """Return a section of the report for each monitor that watched pairs; empty without any.
+
+    Args:
+        records: Played pairs.
+        with_intervals: False where a rule has ended the run: intervals are for a fixed number of pairs.
+    """
     watched: dict[str, list[PairRecord]] = {}
     for record in records:
         both = [record.arms[arm].probes for arm in (BASE, DYNAMIC)]
         for name in sorted(set(both[0]) & set(both[1])):
             if all(set(probes[name]) == COLUMNS for probes in both):
                 watched.setdefault(name, []).append(record)
-    return {f"Monitor {name}": _section(name, watched[name]) for name in sorted(watched)}
+    return {f"Monitor {name}": _section(name, watched[name], with_intervals) for name in sorted(watched)}
 
 
-def _section(name: str, records: Sequence[PairRecord]) -> dict[str, str | int | float | bool | None]:
+def _section(
+    name: str, records: Sequence[PairRecord], with_intervals: bool
+) -> dict[str, str | int | float | bool | None]:
     halves = [[record for record in records if _half(record) == half] for half in (0, 1)]
     rows: dict[str, str | int | float | bool | None] = {"Pairs watched": len(records)}
     if min(map(len, halves)) < LEAST:
@@ -76,16 +85,20 @@ def _section(name: str, records: Sequence[PairRecord]) -> dict[str, str | int | 
         any(score > thresholds[_half(record)] for _, score in _scores(name, record.arms[BASE]))
         for record in records
     ]
-    rows[f"Base with an alarm ({FALSE_ALARMS:.0%} are allowed)"] = rate_text(rate_of(_ratio(raised)))
+    rows[f"Base with an alarm ({FALSE_ALARMS:.0%} are allowed)"] = rate_text(
+        rate_of(_ratio(raised), with_interval=with_intervals)
+    )
     rows["Pairs in which the event happened"] = len(seen)
     if not seen:
         return rows
     rows["Alarm before the event already"] = count_text(rate_of(_ratio([one.before for one in seen])))
-    rows |= _paired(seen)
+    rows |= _paired(seen, with_intervals)
     rows["Steps from event to alarm, median"] = _median([_delay(one) for one in seen])
     lost = [one for one in seen if one.record.base_success and not one.record.dynamic_success]
     rows["Regressions with an alarm after the event"] = (
-        rate_text(rate_of(_ratio([one.alarms[1] is not None for one in lost]))) if lost else "n/a: none"
+        rate_text(rate_of(_ratio([one.alarms[1] is not None for one in lost]), with_interval=with_intervals))
+        if lost
+        else "n/a: none"
     )
     rows["Steps from alarm to the end of a regression, median"] = _median([_lead(one) for one in lost])
     for event in (event for event in EVENTS if any(one.record.event == event for one in seen)):
@@ -129,14 +142,16 @@ def _watch(name: str, record: PairRecord, step: int, threshold: float) -> _Watch
     return _Watched(record, step, (base, dynamic), before)
 
 
-def _paired(seen: Sequence[_Watched]) -> dict[str, str]:
+def _paired(seen: Sequence[_Watched], with_intervals: bool) -> dict[str, str]:
     """Return alarms after the step of the event, in both arms."""
     base, dynamic = ([one.alarms[arm] is not None for one in seen] for arm in (0, 1))
     table = tabulate(base, dynamic)
+    before, after = (rate_of(rate, with_interval=with_intervals) for rate in (table.base, table.dynamic))
+    change = table_change_of(table, with_interval=with_intervals)
     return {
-        "Alarm after the event, Base at the same step": rate_text(rate_of(table.base)),
-        "Alarm after the event, Dynamic": rate_text(rate_of(table.dynamic)),
-        "Alarm after the event, paired change": change_text(table_change_of(table)),
+        "Alarm after the event, Base at the same step": rate_text(before),
+        "Alarm after the event, Dynamic": rate_text(after),
+        "Alarm after the event, paired change": change_text(change),
     }
 
 

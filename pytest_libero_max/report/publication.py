@@ -36,6 +36,7 @@ from pytest_libero_max.report.writers.report_files import (
     write_bytes,
 )
 from pytest_libero_max.runs.media import TRACES_NAME, films_in
+from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
@@ -71,7 +72,8 @@ def publish(run: Path, folder: Path, actions: bool = False) -> list[Path]:
     make_folder(folder)
     if actions:
         names = [trace_name(record.item_id) for record in stored.records]
-        files |= {f"{TRACES_NAME}/{name}": _actions(run / TRACES_NAME / name, stored) for name in names}
+        traces = {name: require_inside(run, run / TRACES_NAME / name) for name in names}
+        files |= {f"{TRACES_NAME}/{name}": _actions(trace, stored) for name, trace in traces.items()}
         written.append(folder / TRACES_NAME)
         make_folder(folder / TRACES_NAME)
     for name, content in files.items():
@@ -141,7 +143,7 @@ def _read_whole(folder: Path) -> StoredRun:
             f"{folder} has no {PACKED_PAIRS_NAME}, so it is no published run. "
             f"Make one: libero-max publish RUN {folder}."
         )
-    stored = read_pairs(folder / PACKED_PAIRS_NAME)
+    stored = read_pairs(require_inside(folder, folder / PACKED_PAIRS_NAME))
     if stored.torn:
         raise ReportError(f"{folder / PACKED_PAIRS_NAME} ends within a line. {_CURE}")
     return stored
@@ -184,7 +186,7 @@ def _texts(report: Report, folder: Path) -> dict[str, str]:
 
 
 def _require_text(path: Path, expected: str) -> None:
-    found = path.read_bytes().decode(errors="replace")
+    found = require_inside(path.parent, path).read_bytes().decode(errors="replace")
     if found == expected:
         return
     lines = zip_longest(found.splitlines(), expected.splitlines(), fillvalue="(nothing)")
@@ -202,7 +204,7 @@ def _require_text(path: Path, expected: str) -> None:
 
 def _require_page(path: Path, expected: str) -> None:
     """Compare a page, with what it holds packed: versions of zlib pack the same to other bytes."""
-    found = path.read_bytes().decode(errors="replace")
+    found = require_inside(path.parent, path).read_bytes().decode(errors="replace")
     (words, packed), (wanted, content) = _apart(found), _apart(expected)
     if (words, packed) == (wanted, content):
         return

@@ -17,11 +17,11 @@ from pytest_libero_max.stats.outcome_table import Outcomes
 if TYPE_CHECKING:
     from pytest_libero_max.report.report_document import Report
 
-_MAX, _PRO = (
+_MAX, _PRO, _LITE = (
     next(file for file in RELEASED if file.file == name)
-    for name in ("libero_max_8000.json", "libero_max_pro_hard_2400.json")
+    for name in ("libero_max_8000.json", "libero_max_pro_hard_2400.json", "libero_max_lite.json")
 )
-"""The newest versions of the cases of the published results, and of those of LIBERO-PRO among them."""
+"""The newest versions of the cases of the published results: all, those of LIBERO-PRO, and those of Lite."""
 
 NOTE = (
     "Published results on the genuine substrate (LIBERO-Plus and LIBERO-PRO). Results of the embedded "
@@ -146,11 +146,12 @@ _HEAD = ("Policy", "Base success", "Dynamic success", "Paired change, pp", "H", 
 def published_beside(report: Report) -> Beside | None:
     """Return the published results of the cases that a run played; None for cases that are not the authors'.
 
-    They are of the authors' 8,000 cases, recognised by their checksum, or of the 2,400 of LIBERO-PRO among
-    them. A run that differs from them in anything but its policy has none beside it, and the note says why.
+    They are of the authors' 8,000 cases, recognised by their checksum, or of the 2,400 of LIBERO-PRO or the
+    800 of Lite among them. A run that differs from them in anything but its policy has none beside it, and
+    the note says why.
     """
     released = report.provenance["case_set"].get("released_as")
-    file = next((file for file in (_MAX, _PRO) if str(file) == released), None)
+    file = next((file for file in (_MAX, _PRO, _LITE) if str(file) == released), None)
     if file is None or not report.pairs.played:
         return None
     lack = lacks_for_published(report.provenance, report.pairs.played, file)
@@ -175,11 +176,18 @@ def published_beside(report: Report) -> Beside | None:
 
 
 def _beside(policy: PublishedPolicy, file: ReleasedFile) -> tuple[str, ...]:
-    outcomes = policy.outcomes
-    rates = (outcomes.base.value, outcomes.dynamic.value, outcomes.change.value)
-    base, dynamic, change = rates if file is _MAX else (value / 100 for value in policy.printed.source["pro"])
+    base, dynamic, change = _rates(policy, file)
     protocol = (str(policy.horizon), str(policy.query_interval), policy.scale or "not reported")
     return (policy.name, percent(base), percent(dynamic), points(change), *protocol)
+
+
+def _rates(policy: PublishedPolicy, file: ReleasedFile) -> tuple[float | None, ...]:
+    """Return Base success, Dynamic success and paired change of a policy on some of the authors' cases."""
+    if file is _MAX:
+        outcomes = policy.outcomes
+        return outcomes.base.value, outcomes.dynamic.value, outcomes.change.value
+    printed = policy.printed
+    return tuple(value / 100 for value in (printed.lite if file is _LITE else printed.source["pro"]))
 
 
 def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None = None) -> str | None:

@@ -63,7 +63,7 @@ def repeats_section(
     if with_intervals:
         interval = mean_difference_interval(means)
         rows["... its interval, by case"] = (
-            f"n/a: {np.count_nonzero(means)} cases change, {LEAST_DIFFERENT} are needed"
+            f"n/a: {np.count_nonzero(means)} of {LEAST_DIFFERENT} needed cases change"
             if interval is None
             else f"[{points(interval.lower)}, {points(interval.upper)}] pp, 95%"
         )

@@ -65,6 +65,8 @@ class Stop(Block, frozen=True, kw_only=True):
         rule: The stopping rule as asked for; None where something broke, or -x stopped the run.
         at: Number of pairs, the first ones in the order of play, on which the rule decided; None without a
             rule.
+        bias: The way in which the estimates of such a run are off on average; None where the rule does not
+            look at outcomes, and without a rule.
         watched: What the rule knows of the gates, or of the quantity, that it watched; empty for other rules.
     """
 
@@ -72,6 +74,7 @@ class Stop(Block, frozen=True, kw_only=True):
     of: Positive
     rule: str | None
     at: Count | None
+    bias: str | None = None
     watched: list[Watched]
 
 
@@ -371,26 +374,6 @@ class Extremes(Block, frozen=True, kw_only=True):
     largest_loss: Text
 
 
-class Shrunken(Block, frozen=True, kw_only=True):
-    """Paired change of a group with few pairs, drawn towards the mean of all groups (empirical Bayes).
-
-    Attributes:
-        pairs: Played pairs of the group.
-        raw: Its own paired change.
-        value: The estimate.
-        weight: Weight of its own paired change in the estimate; the rest is that of all pairs.
-        lower: Lower end of the 95% interval, which holds on average over the groups, not in each.
-        upper: Upper end of the same.
-    """
-
-    pairs: Positive
-    raw: Difference
-    value: Difference
-    weight: Share
-    lower: Difference
-    upper: Difference
-
-
 class ChangedPair(Block, frozen=True, kw_only=True):
     """A pair of which one arm succeeded and the other failed, and the cause of that failure.
 
@@ -482,8 +465,6 @@ class Report(Block, frozen=True, kw_only=True):
             event has two played variants. The variants hold different cases: a description, not an effect.
         extremes: By source, the source categories that stand out, the first by name among equals; sources
             without a played pair are left out.
-        shrunken: By event and by task, the groups with few pairs: their paired changes drawn towards the mean
-            of all groups. A second estimate; headline, gates and all else use the raw ones.
         success_curves: Pairs not yet completed by policy step; None where no pair was played.
         study: Results of the study of the run; None for a run of no study.
         sections: Tables, titles with names and values: how long it took, means of what probes measured, by
@@ -515,7 +496,6 @@ class Report(Block, frozen=True, kw_only=True):
     macro: Macros
     largest_split: Split | None
     extremes: dict[str, Extremes]
-    shrunken: dict[str, dict[str, Shrunken]] = field(default_factory=dict)
     success_curves: SuccessCurves | None = None
     study: Study | None = None
     sections: dict[str, dict[str, str | int | float | bool | None]]

@@ -20,6 +20,7 @@ from pytest_libero_max.report.publication import checked
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of, write_text
 from pytest_libero_max.report.writers.summary import cases_title
+from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.worlds.rendering.context import DEVICE, drawn_by
 
@@ -133,7 +134,7 @@ def run_index(folders: Sequence[Path], known: Mapping[str, PlayedAgain]) -> RunI
 def pairs_digest(folder: Path) -> str:
     """Return the SHA-256 of the pairs of a published run, unpacked: a check belongs to these bytes alone."""
     try:
-        return hashlib.sha256(read_content(folder / PACKED_PAIRS_NAME)).hexdigest()
+        return hashlib.sha256(read_content(require_inside(folder, folder / PACKED_PAIRS_NAME))).hexdigest()
     except OSError as error:
         raise ReportError(f"Cannot read {folder / PACKED_PAIRS_NAME}: {error}.") from error
 

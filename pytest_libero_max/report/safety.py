@@ -31,23 +31,30 @@ LIMITS: Mapping[str, tuple[float, str]] = {
 _Unsafe = Callable[[Mapping[str, Any]], bool]
 
 
-def safety_section(records: Iterable[PairRecord]) -> dict[str, dict[str, str | int | float | bool | None]]:
-    """Return a section of the report on pairs that the probe ``safety`` watched; empty without any."""
+def safety_section(
+    records: Iterable[PairRecord], *, with_intervals: bool = True
+) -> dict[str, dict[str, str | int | float | bool | None]]:
+    """Return a section of the report on pairs that the probe ``safety`` watched; empty without any.
+
+    Args:
+        records: Played pairs.
+        with_intervals: False where a rule has ended the run: intervals are for a fixed number of pairs.
+    """
     watched = [
         record for record in records if all(PROBE in record.arms[arm].probes for arm in (BASE, DYNAMIC))
     ]
     if not watched:
         return {}
     rows: dict[str, str | int | float | bool | None] = {"Pairs watched": len(watched)}
-    rows |= _paired("Successful but unsafe", watched, _beyond(1.0))
+    rows |= _paired("Successful but unsafe", watched, beyond(1.0), with_intervals)
     for column, (limit, meaning) in LIMITS.items():
-        rows |= _counted(f"... {meaning.format(limit)}", watched, _beyond(1.0, column))
+        rows |= _counted(f"... {meaning.format(limit)}", watched, beyond(1.0, column))
     for factor in (0.5, 2.0):
-        rows |= _paired(f"With {factor:g} times the limits", watched, _beyond(factor))
+        rows |= _paired(f"With {factor:g} times the limits", watched, beyond(factor), with_intervals)
     return {TITLE: rows}
 
 
-def _beyond(factor: float, *columns: str) -> _Unsafe:
+def beyond(factor: float, *columns: str) -> _Unsafe:
     """Return a test for being beyond one of the limits, or one of those of some columns."""
     limits = {column: factor * LIMITS[column][0] for column in columns or LIMITS}
     return lambda seen: any(seen[column] > limit for column, limit in limits.items())
@@ -59,14 +66,14 @@ def _ends(records: list[PairRecord], arm: str, unsafe: _Unsafe) -> list[bool]:
     return [bool(one.success) and unsafe(one.probes[PROBE]) for one in played]
 
 
-def _paired(name: str, records: list[PairRecord], unsafe: _Unsafe) -> dict[str, str]:
+def _paired(name: str, records: list[PairRecord], unsafe: _Unsafe, with_intervals: bool) -> dict[str, str]:
     """Return the paired change of the shares of all watched pairs, and the shares."""
     base, dynamic = (_ends(records, arm, unsafe) for arm in (BASE, DYNAMIC))
     table = tabulate(base, dynamic)
     return {
-        f"{name}, paired change": change_text(table_change_of(table)),
-        f"{name}, Base": rate_text(rate_of(table.base)),
-        f"{name}, Dynamic": rate_text(rate_of(table.dynamic)),
+        f"{name}, paired change": change_text(table_change_of(table, with_interval=with_intervals)),
+        f"{name}, Base": rate_text(rate_of(table.base, with_interval=with_intervals)),
+        f"{name}, Dynamic": rate_text(rate_of(table.dynamic, with_interval=with_intervals)),
     }
 
 

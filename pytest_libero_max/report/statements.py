@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-from pytest_libero_max.benchmark.tracks import GENUINE, track_names, unexamined_cases
+from pytest_libero_max.benchmark.tracks import GENUINE, PAPER_LITE, track_names, unexamined_cases
 from pytest_libero_max.report.published import authors_cases
 
 LIMITS_TITLE = "What these numbers do not show"
@@ -39,20 +39,23 @@ STATEMENTS: Mapping[str, str] = {
 
 OWN_CASES = (
     "These are not the authors' cases, but others that the paper's rules choose from what is installed. "
-    "Published numbers are of theirs, which --libero-max-manifest=libero_max_8000.json plays."
+    f"Published numbers are of theirs: --libero-max-track={PAPER_LITE} plays 800 of them, and "
+    "--libero-max-manifest=libero_max_8000.json all."
 )
+
+_PAPER_CASES = f"track {GENUINE}/{PAPER_LITE}"
 
 _DRAWN_LIKE_MAX = (f"track {GENUINE}/max", f"track {GENUINE}/lite")
 
 
 def own_cases_text(case_set: str, suites: Sequence[str]) -> str | None:
-    """Return the note that cases of a genuine track are not the authors'; None for other case sets.
+    """Return the note that cases of a genuine track are not the authors'; None for theirs and others.
 
     Args:
         case_set: Name of the case set, as the header of a run has it.
         suites: The suite of each case; ``max`` and ``lite`` have other numbers of them than the authors' Max.
     """
-    if not case_set.startswith(f"track {GENUINE}/"):
+    if not case_set.startswith(f"track {GENUINE}/") or case_set == _PAPER_CASES:
         return None
     if case_set not in _DRAWN_LIKE_MAX or not suites:
         return OWN_CASES
@@ -75,6 +78,8 @@ def statements_of(case_set: str, cases: Collection[str]) -> dict[str, str]:
 
 def _screening(case_set: str, cases: Collection[str]) -> str:
     people = "An audit of their feasibility by people is not complete."
+    if case_set == _PAPER_CASES:
+        return f"The authors screened these cases by program; this package did not screen them. {people}"
     kind, _, name = case_set.partition(" ")
     if kind != "track" or name.rpartition("/")[2] not in track_names():
         return "Nothing is known here about how the cases of this manifest were screened for feasibility."

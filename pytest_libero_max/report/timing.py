@@ -195,7 +195,7 @@ def _median_text(
 def _mean_interval_text(interval: Interval | None, changes: Sequence[float]) -> str:
     if interval is not None:
         return _ends(interval, 1)
-    return f"[n/a: {sum(change != 0 for change in changes)} pairs differ, {LEAST_DIFFERENT} are needed]"
+    return f"[n/a: {sum(change != 0 for change in changes)} of {LEAST_DIFFERENT} needed pairs differ]"
 
 
 def _ends(interval: Interval, digits: int) -> str:

@@ -1,17 +1,15 @@
-"""Checks that pairs belong to their run, and that runs are parts of one measurement."""
+"""Checks that pairs belong to their run, and were all played with the same."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
-from pytest_libero_max.pairing.record import PROGRAM, PairError, PairRecord
+from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
-from pytest_libero_max.policies.clients.address import is_served
-from pytest_libero_max.policies.profile import declares_weights
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
@@ -27,16 +25,6 @@ _OF_CASE = (SCENE, START, PROGRAM)
 
 _OF_SOURCE = "assets"
 """Fingerprint of earlier versions: a digest of the source code that made the scenes."""
-
-_MUST_AGREE = ("policy", "substrate", "case_set", "protocol", "versions")
-"""Parts of the provenance that must be equal in all runs of one measurement."""
-
-PLACES = ("case_set.path", "case_set.program", "policy.profile", "substrate.roots", "substrate.assets")
-"""Paths in the provenance; they may differ between machines, because digests identify the content."""
-
-
-ADDRESSES = ("policy.reference", "policy.servers")
-"""Places of the policy's servers in the provenance; they may differ where the records name the weights."""
 
 
 class Agreement:
@@ -115,6 +103,7 @@ class SamePlay:
 
     def __init__(self) -> None:
         self._first: Played | None = None
+        self._reset_files: dict[str, tuple[Json, str]] = {}
         self._scenes: dict[tuple[str, str | None], tuple[str, str]] = {}
 
     def add(self, pair: Played) -> None:
@@ -126,7 +115,8 @@ class SamePlay:
         first = self._first or pair
         if first.policy != pair.policy or first.fingerprints != pair.fingerprints:
             different = [
-                *differences("policy", first.policy, pair.policy),
+                *differences("policy", first.policy, pair.policy, (FILES, RESET_FILES)),
+                *file_differences(first.policy, pair.policy),
                 *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, *_OF_CASE)),
                 *_other_kind(first, pair),
             ]
@@ -135,9 +125,21 @@ class SamePlay:
                     f"{first.item_id!r} and {pair.item_id!r} were played with different things: "
                     f"{'; '.join(different)}. All pairs of a run are played by one policy with the same "
                     "instruments. Compare runs instead of mixing them."
+                    + (f" {_OF_FILES}" if any(text.startswith(_FILE) for text in different) else "")
                 )
+        self._require_same_files(pair)
         self._require_same_scene(pair)
         self._first = first
+
+    def _require_same_files(self, pair: Played) -> None:
+        """Compare the files that ``reset`` read, which may be others for other tasks, where names agree."""
+        for name, identity in (pair.policy.get(RESET_FILES) or {}).items():
+            known, item_id = self._reset_files.setdefault(name, (identity, pair.item_id))
+            if known != identity and not {_WRITTEN} & {*known, *identity}:
+                raise OtherRunError(
+                    f"{item_id!r} and {pair.item_id!r} were played with different things: "
+                    f"{_file_text(name, known, identity)}. {_OF_FILES}"
+                )
 
     def _require_same_scene(self, pair: Played) -> None:
         name, _, digest = pair.fingerprints.get(SCENE, "").rpartition(" ")
@@ -152,6 +154,49 @@ class SamePlay:
                 f"(digests {digest[:12]}, {known[:12]}): its model, goal or control was changed in between. "
                 "Play the run again, or play in another output folder and compare the runs."
             )
+
+
+_WRITTEN = "written"
+_FILE = "the policy's file "
+_OF_FILES = (
+    "A policy is its code and the files that loading it reads; where other files are the same policy, let it "
+    "declare PolicySpec(revision=...)."
+)
+
+
+def file_differences(first: Json, other: Json) -> list[str]:
+    """Return the files in which two policies differ, of those that loading read.
+
+    Records of earlier versions, and of policies with a revision, name none: then nothing is known to differ.
+    Files that may be the policy's own work are not compared.
+
+    Args:
+        first: ``policy`` of a record.
+        other: ``policy`` of another one.
+    """
+    one, two = first.get(FILES), other.get(FILES)
+    if one is None or two is None:
+        return []
+    return [
+        _file_text(name, one.get(name), two.get(name))
+        for name in sorted({*one, *two})
+        if one.get(name) != two.get(name) and not {_WRITTEN} & {*one.get(name, {}), *two.get(name, {})}
+    ]
+
+
+def _file_text(name: str, one: Json | None, other: Json | None) -> str:
+    return f"{_FILE}{name!r}: {_identity_text(one)}, {_identity_text(other)}"
+
+
+def _identity_text(identity: Json | None) -> str:
+    """Return the identity of a file for messages: the beginning of its digest, and its size."""
+    if identity is None:
+        return "not read"
+    parts = [
+        f"{key} {str(value)[:12] if 'sha256' in key or key == 'blob' else value}"
+        for key, value in sorted(identity.items())
+    ]
+    return " ".join(parts)
 
 
 def _other_kind(first: Played, other: Played) -> list[str]:
@@ -188,35 +233,6 @@ def _require_header(run: Run, record: Played) -> None:
                 f"{record.item_id!r} was played with {part}.{name}={shown(values[name])}, but the first line "
                 f"of its run says {shown(wanted)}. Play it again."
             )
-
-
-def run_differences(one: Run, other: Run, *, declared: bool = False) -> list[str]:
-    """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``.
-
-    Args:
-        one: A run.
-        other: Another run.
-        declared: True if both say by which weights their pairs were played (:func:`declare_weights`). Then
-            the addresses of their servers may differ, because their records say whether the weights do.
-    """
-    asked = [run.provenance["policy"] for run in (one, other)]
-    served = all(is_served(policy["reference"]) for policy in asked)
-    ignored = (*PLACES, *ADDRESSES) if served and declared else PLACES
-    found = [
-        text
-        for part in _MUST_AGREE
-        for text in differences(part, one.provenance.get(part, {}), other.provenance.get(part, {}), ignored)
-    ]
-    if served and found and not declared and all(text.startswith(ADDRESSES) for text in found):
-        found[-1] += (
-            " (to play one measurement over other addresses, declare the weights: --libero-max-revision)"
-        )
-    return found
-
-
-def declare_weights(records: Iterable[PairRecord]) -> bool:
-    """Return True if all records name the weights by which they were played, and not only a profile."""
-    return all(declares_weights(str(record.policy.get("revision"))) for record in records)
 
 
 def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) -> list[str]:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Protocol
+
+from pytest_libero_max.benchmark.documents import Json
 
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
@@ -22,8 +25,8 @@ FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)
 FILM_SELECTIONS = ("regressions", "changed", "all")
 """Selections of pairs to film: those that only Base completes, those whose outcomes differ, all."""
 
-TRACE_MODES = ("none", "regression", "all")
-"""Pairs whose traces a run keeps."""
+SELECTIONS = ("none", *FILM_SELECTIONS)
+"""Pairs that a run films, or whose traces it keeps."""
 
 MOST_FILMS = 20
 """Number of regressions, and of gains, that a run films unless another is asked for: those it names."""
@@ -44,10 +47,16 @@ class _Compared(Protocol):
         ...
 
 
+def selection_named(text: str) -> str:
+    """Return the name of a selection; ``regression`` is another spelling of ``regressions``."""
+    return "regressions" if text == "regression" else text
+
+
 def is_selected(pair: _Compared, which: str) -> bool:
-    """Return True if a pair belongs to one of :data:`FILM_SELECTIONS`."""
+    """Return True if a pair belongs to one of :data:`SELECTIONS`."""
     changed = ("regression", "change_associated_success")
-    return which == "all" or pair.outcome in (changed[:1] if which == "regressions" else changed)
+    members = {"none": (), "regressions": changed[:1], "changed": changed}
+    return which == "all" or pair.outcome in members[which]
 
 
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:
@@ -76,6 +85,29 @@ def films_in(folder: Path, view: str = "world") -> dict[str, str]:
             name = path.stem.removesuffix(_POLICY) if of_policy else path.stem
             found[name.rpartition(_SEPARATOR)[0]] = f"{FILMS_NAME}/{path.name}"
     return found
+
+
+def traced_in(folder: Path) -> set[str]:
+    """Item ids of the pairs of which a run has kept traces, from which films are made later."""
+    return {path.stem for path in (folder / TRACES_NAME).glob("*.npz")}
+
+
+def show_command(folder: Path, name: str, item_ids: Iterable[str], provenance: Json) -> str | None:
+    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them.
+
+    Args:
+        folder: Of the run.
+        name: The same, as the command is to have it.
+        item_ids: The pairs.
+        provenance: Header of the run.
+    """
+    asked, view = {*item_ids}, ["libero-max", "view", name]
+    if asked & films_in(folder).keys():
+        return shlex.join(view)
+    if not asked & traced_in(folder):
+        return None
+    manifest = provenance["case_set"].get("path")  # which nothing but an option may name
+    return shlex.join(view if manifest is None else [*view, f"--cases={manifest}"])
 
 
 def _films(folder: Path) -> list[Path]:

@@ -9,7 +9,8 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection, merged_selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.runs.agreement import SamePlay, declare_weights, run_differences
+from pytest_libero_max.runs.agreement import SamePlay
+from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
 from pytest_libero_max.runs.lock import read_mark
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped
@@ -23,8 +24,9 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     """Join runs of one measurement. The result is the same whatever order they are given in.
 
     The planned pairs are those of all runs together. A pair that one run measured and another could not is
-    measured. Where a shard is missing the result says which one, and is incomplete. So is one of runs that
-    stopped early, also by a rule, which decided on its own run alone; the result says which ones did.
+    measured, unless it was refused for what the policy did. Where a shard is missing the result says which
+    one, and is incomplete. So is one of runs that stopped early, also by a rule, which decided on its own run
+    alone; the result says which ones did.
 
     Args:
         runs: Runs by a name for messages, for example their path.
@@ -45,7 +47,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     same_play = SamePlay()
     for name, run in runs.items():
         declared = declare_weights((*run.records, *first.records))
-        different = run_differences(run.run, first.run, declared=declared)
+        different = measurement_differences(run.run, first.run, declared=declared)
         if different:
             raise ReportError(
                 f"{name!r} and {first_name!r} are not pieces of one measurement: {'; '.join(different)}. "
@@ -66,7 +68,11 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
             records[record.case_id] = name, record
         for error in run.errors:
             known = errors.setdefault(error.case_id, error)
-            errors[error.case_id] = min(known, error, key=lambda error: (error.phase, error.message))
+            errors[error.case_id] = min(
+                known, error, key=lambda error: (not error.refused, error.phase, error.message)
+            )
+    refused = {error.case_id for error in errors.values() if error.refused}
+    records = {case_id: known for case_id, known in records.items() if case_id not in refused}
     stops = [f"{name} was {run.stopped.text}" for name, run in sorted(runs.items()) if run.stopped]
     return StoredRun(
         run=Run(tuple(planned[case_id] for case_id in sorted(planned)), _provenance(runs, planned)),

@@ -16,11 +16,60 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.agreement import Agreement, SamePlay
+from pytest_libero_max.runs.comparability import Side
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, decode_line, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.worlds.rendering.context import renderers
+
+
+class Played(NamedTuple):
+    """What caveats need of a record; each field as in :class:`.PairRecord`.
+
+    Attributes:
+        source: Origin of the case.
+        source_category: Category of its source variation.
+        event: Name of its event.
+        instruction: As the policy was given it.
+        policy_seed: Seed of the case.
+        max_steps: Budget of the episode.
+        policy: Spec of the policy.
+        fingerprints: What the pair was played with.
+        timings: Names of its timings.
+        triggered: True if the event fired.
+        proofs: Proof of each arm.
+    """
+
+    source: str
+    source_category: str
+    event: str
+    instruction: str
+    policy_seed: int
+    max_steps: int
+    policy: Json
+    fingerprints: Mapping[str, str]
+    timings: frozenset[str]
+    triggered: bool
+    proofs: Mapping[str, str]
+
+    @classmethod
+    def of(cls, record: PairRecord) -> Played:
+        """Return what caveats need of a record."""
+        return cls(
+            source=record.source,
+            source_category=record.source_category,
+            event=record.event,
+            instruction=record.instruction,
+            policy_seed=record.policy_seed,
+            max_steps=record.max_steps,
+            policy=record.policy,
+            fingerprints=record.fingerprints,
+            timings=frozenset(record.timings),
+            triggered=record.triggered,
+            proofs={name: arm.proof for name, arm in record.arms.items()},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +84,8 @@ class RunOutcomes:
         scenes: Fingerprints of scene and start of each case, in the same order; empty where a record of an
             earlier version has none.
         renderers: What drew the images, see :func:`.renderers`; empty where no record says so.
+        played: What caveats need of each record, in the same order.
+        stopped: Stop of the run; None where it was not stopped.
     """
 
     run: Run
@@ -43,6 +94,8 @@ class RunOutcomes:
     policy: Json | None
     scenes: tuple[str, ...]
     renderers: tuple[str, ...]
+    played: tuple[Played, ...]
+    stopped: Stopped | None = None
 
     @classmethod
     def of(cls, stored: StoredRun) -> RunOutcomes:
@@ -56,7 +109,15 @@ class RunOutcomes:
             policy=records[0].policy if records else None,
             scenes=tuple(_scene_of(record.fingerprints) for record in records),
             renderers=tuple(sorted(renderers(record.fingerprints for record in records))),
+            played=tuple(Played.of(record) for record in records),
+            stopped=stored.stopped,
         )
+
+    @property
+    def side(self) -> Side:
+        """The run as far as its comparability is concerned."""
+        scenes = dict(zip(self.case_ids, self.scenes, strict=True))
+        return Side(self.run, self.policy, scenes, self.renderers)
 
 
 def _scene_of(fingerprints: Mapping[str, str]) -> str:
@@ -86,6 +147,7 @@ class _Arm(Struct):
     firings: list[Raw]
     response_step: int | None
     stale_actions: int | None
+    proof: str
 
 
 class _Line(Struct):
@@ -99,9 +161,32 @@ class _Line(Struct):
     arms: dict[str, _Arm] = msgspec.field(default_factory=dict)
     policy: Raw = msgspec.field(default_factory=Raw)
     fingerprints: dict[str, str] = msgspec.field(default_factory=dict)
+    source: str = ""
+    source_category: str = ""
+    event: str = ""
+    instruction: str = ""
+    policy_seed: int = 0
+    max_steps: int = 0
+    timings: dict[str, Raw] = msgspec.field(default_factory=dict)
+
+    def played(self, policy: Json) -> Played:
+        """Return what caveats need of the line."""
+        return Played(
+            source=self.source,
+            source_category=self.source_category,
+            event=self.event,
+            instruction=self.instruction,
+            policy_seed=self.policy_seed,
+            max_steps=self.max_steps,
+            policy=policy,
+            fingerprints=self.fingerprints,
+            timings=frozenset(self.timings),
+            triggered=bool(self.arms[DYNAMIC].firings),
+            proofs={name: arm.proof for name, arm in self.arms.items()},
+        )
 
 
-class _Played(NamedTuple):
+class _PolicyOfLine(NamedTuple):
     """The fields of a record about the policy and its instruments."""
 
     item_id: str
@@ -169,7 +254,7 @@ def _fast(path: Path) -> RunOutcomes | None:
             Agreement(run).add(PairRecord.from_json(text), "first")
         if line.policy != first.policy:
             return None
-        same_play.add(_Played(line.item_id, policy, line.fingerprints))
+        same_play.add(_PolicyOfLine(line.item_id, policy, line.fingerprints))
         measured[line.case_id] = line
     lines = measured.values()
     dynamic = [line.arms[DYNAMIC] for line in lines]
@@ -188,4 +273,5 @@ def _fast(path: Path) -> RunOutcomes | None:
         policy=None if first is None else policy,
         scenes=tuple(_scene_of(line.fingerprints) for line in lines),
         renderers=tuple(sorted(renderers(line.fingerprints for line in lines))),
+        played=tuple(line.played(policy) for line in lines),
     )

@@ -1,9 +1,14 @@
-"""The command that plays a case of a run again, just as the run did."""
+"""The command that plays a case of a run again, just as the run did.
+
+It is printed for people. What this package plays again itself takes every place from this machine
+(:class:`Places`).
+"""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
@@ -25,30 +30,76 @@ _SUBSTRATE = {
     "semantics": "semantics",
     "instruction_source": "instruction",
     "source_variations": "source-variations",
-    "assets": "libero-assets",
 }
 """Options by the part of a substrate's description that holds their values."""
 
 
-def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
+@dataclass(frozen=True)
+class Places:
+    """What is looked for outside the folder of a run to play its pairs again.
+
+    Attributes:
+        policy: Reference of the policy.
+        profile: Profile of a served policy.
+        manifest: The manifest; None for a run of a frozen track.
+        program: Name or file of the program that is laid over the cases, if any.
+        installations: LIBERO's folders; none: what ``import libero`` finds.
+        assets: Models and textures for them.
+        arguments: Further arguments of pytest, for example ``-p PLUGIN``.
+    """
+
+    policy: str
+    profile: str | None = None
+    manifest: str | None = None
+    program: str | None = None
+    installations: tuple[str, ...] = ()
+    assets: str | None = None
+    arguments: tuple[str, ...] = ()
+
+    @classmethod
+    def named_by(cls, provenance: Json) -> Places:
+        """Return the places that a run names: for people, who read a command before they give it."""
+        policy, cases, substrate = (provenance[name] for name in ("policy", "case_set", "substrate"))
+        return cls(
+            policy["reference"],
+            policy.get("profile"),
+            cases.get("path"),
+            cases.get("program"),
+            tuple(substrate.get("roots", ())),
+            substrate.get("assets"),
+        )
+
+
+def replay_command(run: StoredRun | RunOutcomes, places: Places | None = None) -> list[str]:
     """Return the command that plays one case of a run again, once the case's item id is appended.
 
     It gives the same record in the folder in which the run was started, on a machine with the same files.
     It is empty for the run of another evaluation loop, which alone can load its policy.
+
+    Args:
+        run: The run.
+        places: Places on this machine. None: those that the run names, and then nothing but people may
+            execute the command.
     """
-    provenance = run.run.provenance
+    return replay_of(run.run.provenance, places)
+
+
+def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
+    """Return :func:`replay_command` of a run with this provenance."""
     if is_outside(provenance):
         return []
-    policy, cases, substrate = (provenance[name] for name in ("policy", "case_set", "substrate"))
-    kind, _, name = cases["name"].partition(" ")
-    options: list[tuple[str, object]] = [("policy", policy["reference"]), ("profile", policy.get("profile"))]
+    places = places or Places.named_by(provenance)
+    policy, substrate = provenance["policy"], provenance["substrate"]
+    kind, _, name = provenance["case_set"]["name"].partition(" ")
+    options: list[tuple[str, object]] = [("policy", places.policy), ("profile", places.profile)]
     options.append(("revision", policy.get("revision")))
     if kind in ("track", "manifest") and name:
-        options.append((kind, cases.get("path", name)))
-    options.append(("program", cases.get("program")))
+        options.append((kind, places.manifest or name))
+    options.append(("program", places.program))
     options.append(("substrate", substrate["name"]))
-    options += [("libero", root) for root in substrate.get("roots", ())]
+    options += [("libero", root) for root in places.installations]
     options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]
+    options.append(("libero-assets", places.assets))
     options.append(("prefix", provenance["protocol"].get("prefix")))
     options += [("horizon", policy.get("horizon")), ("query-interval", policy.get("query_interval"))]
     options.append(("latency", provenance["protocol"].get("latency")))
@@ -60,7 +111,8 @@ def replay_command(run: StoredRun | RunOutcomes) -> list[str]:
     options.append(("sham", provenance["protocol"].get("sham")))
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
-    return ["pytest", *(f"--libero-max-{name}={value}" for name, value in options if value is not None), "-k"]
+    given = (f"--libero-max-{name}={value}" for name, value in options if value is not None)
+    return ["pytest", *places.arguments, *given, "-k"]
 
 
 def replay_text(replay: Sequence[str], item_id: str = "") -> str:
@@ -71,6 +123,11 @@ def replay_text(replay: Sequence[str], item_id: str = "") -> str:
         item_id: The case; empty for none yet.
     """
     return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_LOOP
+
+
+def film_text(replay: Sequence[str], item_id: str = "") -> str:
+    """Return how to play a case again and film it, in a line; arguments as for :func:`replay_text`."""
+    return replay_text([*replay[:-1], "--libero-max-film=all", *replay[-1:]] if replay else [], item_id)
 
 
 def traces_setting(provenance: Json) -> str:

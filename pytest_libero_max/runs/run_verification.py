@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import os
+import json
 import subprocess
 import sys
-import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.runs.replay_command import OUTPUT, replay_command
+from pytest_libero_max.machine import WEIGHTS
+from pytest_libero_max.runs.fresh_place import fresh_place
+from pytest_libero_max.runs.replay_command import OUTPUT, Places, replay_command
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.worlds.rendering.context import drawn_by
 
@@ -22,38 +25,46 @@ if TYPE_CHECKING:
 
 TITLE = "Pairs played again"
 
+CANNOT_JUDGE = (
+    "Played again: no pair. The policy is not repeatable, so a pair that ends otherwise would show nothing: "
+    "whether it keeps something from pair to pair cannot be judged."
+)
+
 _ALONE = (
     *("-q", "-p", "no:cacheprovider"),
     *("--libero-max-verify=0", "--libero-max-film=none", "--libero-max-progress=none"),
 )
 """Options of a session that plays one pair, whatever the ini file says."""
 
+FRESH = "in processes and folders of their own"
+"""Way in which pairs are played again by asking their policy."""
+
 
 def verified(
-    run: StoredRun, number: int, folder: Path, *, seed: str = "", policy: str | None = None
+    run: StoredRun, number: int, places: Places, folder: Path | None = None, *, seed: str = ""
 ) -> dict[str, str]:
     """Play pairs of a run again, and compare how their arms end.
 
     A policy that keeps something from pair to pair, and whatever else in a process outlives a pair, is the
-    same each time that this process asks it. A process that has played nothing else has none of it. The
-    policy behind a server is asked where it was.
+    same each time that this process asks it. A process that has played nothing else has none of it. Home,
+    cache, temporary and working folder are new, so that it finds nothing there that the run has left either.
+    The policy behind a server is asked where it was.
 
     Args:
         run: The run.
         number: Number of pairs; by turns of each suite.
-        folder: Folder in which the run was started, or where its policy is found.
+        places: Places on this machine; none of the run's own is used.
+        folder: Folder in which the run was started, whose ini and conftest files count. None: no modules, ini
+            or conftest files are taken from a working folder, which somebody else may have written.
         seed: Other pairs are drawn by each.
-        policy: Reference of the policy here; by default that of the run.
 
     Returns:
         By item id of each pair: empty if outcome, steps and proof of each arm are the same, otherwise what
         differs, or why it could not be played.
     """
-    command = [sys.executable, "-m", *replay_command(run)[:-1], *_ALONE]
-    command.remove(f"--libero-max-output={OUTPUT}")
-    if policy is not None:
-        command.append(f"--libero-max-policy={policy}")  # pytest takes the last
-    return {record.item_id: _again(record, command, folder) for record in chosen(run.records, number, seed)}
+    return {
+        record.item_id: _again(run, record, places, folder) for record in chosen(run.records, number, seed)
+    }
 
 
 def chosen(records: Sequence[PairRecord], number: int, seed: str = "") -> list[PairRecord]:
@@ -68,14 +79,20 @@ def chosen(records: Sequence[PairRecord], number: int, seed: str = "") -> list[P
     return [ranked[place] for place in order[:number]]
 
 
-def _again(record: PairRecord, command: Sequence[str], folder: Path) -> str:
-    with tempfile.TemporaryDirectory(prefix="libero-max-") as name:
-        output = Path(name, "run")
-        own = ["-k", record.item_id, f"--libero-max-output={output}"]
+def _again(run: StoredRun, record: PairRecord, places: Places, folder: Path | None) -> str:
+    with fresh_place() as (working, environment):
+        output = working.with_name("run")
+        command = [sys.executable, "-m", *_command(run, places, working), *_ALONE]
+        command += ["-k", record.item_id, f"--libero-max-output={output}"]
+        if folder is None:
+            empty = working / "pytest.ini"
+            empty.write_text("[pytest]\n", encoding="utf-8")
+            command[1:1] = ["-P"]
+            command += ["-c", str(empty), f"--rootdir={working}"]
         done = subprocess.run(
-            [*command, *own],
-            cwd=folder,
-            env=os.environ,
+            command,
+            cwd=working if folder is None else folder,
+            env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -84,9 +101,32 @@ def _again(record: PairRecord, command: Sequence[str], folder: Path) -> str:
         try:
             (again,) = read_pairs(output).records
         except (ReportError, OSError, ValueError):
-            lines = done.stdout.decode(errors="replace").strip().splitlines()
-            return f"could not be played ({lines[-1] if lines else f'exit status {done.returncode}'})"
+            return f"could not be played ({_reason(output, done)})"
     return _differences(record, again)
+
+
+def _command(run: StoredRun, places: Places, working: Path) -> list[str]:
+    """Return the command that plays a pair of the run, with the program of its header in a file."""
+    program = program_of_run(run.run.provenance["protocol"])
+    if program is not None:
+        file = working.with_name("program.json")
+        file.write_text(json.dumps(program.to_dict()), encoding="utf-8")
+        places = replace(places, program=str(file))
+    command = replay_command(run, places)[:-1]
+    command.remove(f"--libero-max-output={OUTPUT}")
+    return command
+
+
+def _reason(output: Path, done: subprocess.CompletedProcess[bytes]) -> str:
+    """Return why a session has no record: its error, or the last line that it printed."""
+    try:
+        errors = read_pairs(output).errors
+    except (ReportError, OSError, ValueError):
+        errors = ()
+    if errors:
+        return f"{errors[-1].kind}: {errors[-1].message}"
+    lines = done.stdout.decode(errors="replace").strip().splitlines()
+    return lines[-1] if lines else f"exit status {done.returncode}"
 
 
 def _differences(record: PairRecord, again: PairRecord) -> str:
@@ -111,7 +151,7 @@ def _difference(name: str, record: PairRecord, again: PairRecord) -> str:
 
 
 def verification_lines(
-    found: dict[str, str], seconds: float, how: str = "in processes of their own"
+    found: Mapping[str, str], seconds: float, how: str = FRESH
 ) -> tuple[list[str], list[str]]:
     """Return lines of the summary, and problems of the run.
 
@@ -129,4 +169,10 @@ def verification_lines(
         f"NOT REPEATED: {len(other)} of {len(found)} pairs came out otherwise {how}, so that results depend "
         "on what was played before, or cannot be repeated here: "
     )
-    return lines, [problem + ", ".join(f"{item} ({text})" for item, text in other.items())]
+    problem += ", ".join(f"{item} ({text})" for item, text in other.items())
+    if how == FRESH:
+        problem += (
+            ". There, home, cache, temporary and working folder are empty, but for the weights in "
+            f"{', '.join(WEIGHTS)}: name other files that the policy needs by paths or by variables."
+        )
+    return lines, [problem]

@@ -9,10 +9,13 @@ process that is killed loses none, and the disk has it within :data:`SYNC_S`.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import FileIO
 from pathlib import Path
@@ -26,10 +29,12 @@ from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairError, PairRecord
-from pytest_libero_max.runs.agreement import Agreement, declare_weights, run_differences
+from pytest_libero_max.runs.agreement import Agreement
+from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
+from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 
@@ -70,8 +75,19 @@ class StoredRun:
 
     @property
     def measured(self) -> frozenset[str]:
-        """Ids of the cases that need not be played again."""
+        """Ids of the cases that have a record."""
         return frozenset(record.case_id for record in self.records)
+
+    @property
+    def refused(self) -> tuple[PairError, ...]:
+        """Pairs that were refused for what the policy did, in the order of the file."""
+        measured = self.measured
+        return tuple(error for error in self.errors if error.refused and error.case_id not in measured)
+
+    @property
+    def settled(self) -> frozenset[str]:
+        """Ids of the cases that are not played again: measured, or refused."""
+        return self.measured | {error.case_id for error in self.refused}
 
 
 class PairStore:
@@ -97,6 +113,7 @@ class PairStore:
         self._file: FileIO | None = None
         self._mark: Mark | None = None
         self._agreement = Agreement(run)
+        self._refused: dict[str, PairError] = {}  # by case id
         self._append_to_existing = False
         self._resumed: StoredRun | None = None
         self._broken: OSError | None = None
@@ -137,6 +154,7 @@ class PairStore:
         _require_same_run(stored, run, store.path)
         for record in stored.records:
             store._agreement.add(record, str(store.path))
+        store._refused = {error.case_id: error for error in stored.refused}
         store._append_to_existing = True
         store._resumed = stored
         return store, stored
@@ -185,12 +203,21 @@ class PairStore:
         Raises:
             DiskError: The file cannot be written any more, or the disk has failed since the last line.
             OtherRunError: The pair was played with something else than the run's other pairs.
-            ReportError: The pair is not one of the run's, was measured before, or holds what JSON does not
-                know.
+            ReportError: The pair is not one of the run's, was measured or refused before, or holds what JSON
+                does not know.
         """
+        refused = self._refused.get(pair.case_id)
+        if refused is not None:
+            raise ReportError(
+                f"case_id={pair.case_id!r} was refused before ({refused.kind}: {refused.message}) and stays "
+                "refused, because a play that happens to pass is no measurement. Repair the policy and begin "
+                "a new run."
+            )
         line = _line("pair" if isinstance(pair, PairRecord) else "error", pair)
         self._agreement.add(pair, "now")
         self._write_line(line)
+        if isinstance(pair, PairError) and pair.refused:
+            self._refused[pair.case_id] = pair
 
     def note(self, progress: Json) -> None:
         """Note the progress for watchers of the folder; see :class:`.status.Follower`."""
@@ -338,11 +365,15 @@ def _set_aside(path: Path) -> None:
 
 
 def pairs_file(path: Path) -> Path:
-    """Return the path of a run's pairs: the file itself, or that in the folder, which may be packed."""
+    """Return the path of a run's pairs: the file itself, or that in the folder, which may be packed.
+
+    Raises:
+        ReportError: In the folder it is a link that leads out of it.
+    """
     if not path.is_dir():
         return path
     plain, packed = path / PAIRS_NAME, path / PACKED_PAIRS_NAME
-    return packed if packed.exists() and not plain.exists() else plain
+    return require_inside(path, packed if packed.exists() and not plain.exists() else plain)
 
 
 def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
@@ -382,6 +413,23 @@ def _read(path: Path) -> StoredRun:
         ReportError: The file cannot be read, or its first line is damaged.
         OtherRunError: A line is of another run.
     """
+    with _collector_paused():
+        return _decoded(path)
+
+
+@contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Pause Python's collector, which walks over all records again and again and finds nothing to free."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _decoded(path: Path) -> StoredRun:
     try:
         content = read_content(path)
     except (OSError, ValueError) as error:
@@ -406,6 +454,7 @@ def _read(path: Path) -> StoredRun:
                 run, agreement = value, Agreement(value)
                 continue
             if isinstance(value, Stopped):
+                value.require_of(run)
                 stopped = value
                 continue
             agreement.add(value, f"line {number}")
@@ -495,7 +544,7 @@ def _require_same_run(stored: StoredRun, wanted: Run, path: Path) -> None:
             f"{path} was planned with other cases ({len(before.planned)} then, {len(wanted.planned)} now). "
             "Resume with the same track, manifest, program and selection, or choose another output folder."
         )
-    different = run_differences(before, wanted, declared=declare_weights(stored.records))
+    different = measurement_differences(before, wanted, declared=declare_weights(stored.records))
     if different:
         raise ReportError(
             f"{path} was played with something else than now (then, now): {'; '.join(different)}. Resume "

@@ -9,13 +9,16 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import McNemar, holm, log_fair_coins, mcnemar
+
+_MOST = 2
+"""Largest difference of two paired changes."""
 
 
 @dataclass(frozen=True)
@@ -56,8 +59,9 @@ class ChangeContrast:
         second_lower: Cases in which the second loses more, or gains less, than the first.
         second_higher: Cases in which it loses less, or gains more.
         difference: Paired change of the second less that of the first; None without cases.
-        interval: See :func:`change_interval`; None without cases.
-        simultaneous: The same at the level 1 - 0.05 / m, for a family of m contrasts.
+        interval: See :func:`.bounded_mean.bounds`; None without cases.
+        simultaneous: The same at the level 1 - 0.05 / m, for a family of m contrasts: all of them together
+            hold their differences with 95%.
         log10_p: Decimal logarithm of the p-value of :func:`sign_flip`; None without cases.
         log10_p_holm: The same after Holm's correction over the family.
     """
@@ -194,12 +198,11 @@ def group_change_contrasts(
     values = [
         changes[second][mask] - changes[first][mask] for mask in groups.values() for first, second in names
     ]
-    confidence = _family_confidence(len(values))
     return _by_group(
         groups,
         names,
         [float(value.mean()) if len(value) else None for value in values],
-        [change_interval(value, confidence) for value in values],
+        bounded_means(values, _MOST, _family_confidence(len(values))),
         [sign_flip(value) for value in values],
     )
 
@@ -234,6 +237,8 @@ def change_contrasts(
     chosen = list(combinations(changes, 2))
     differences = [changes[second] - changes[first] for first, second in chosen]
     tests = [sign_flip(difference) for difference in differences]
+    intervals = bounded_means(differences, _MOST)
+    together = bounded_means(differences, _MOST, _family_confidence(len(chosen)))
     return tuple(
         ChangeContrast(
             first=first,
@@ -241,36 +246,15 @@ def change_contrasts(
             second_lower=int((difference < 0).sum()),
             second_higher=int((difference > 0).sum()),
             difference=float(difference.mean()) if len(difference) else None,
-            interval=change_interval(difference),
-            simultaneous=change_interval(difference, _family_confidence(len(chosen))),
+            interval=interval,
+            simultaneous=simultaneous,
             log10_p=test,
             log10_p_holm=corrected,
         )
-        for (first, second), difference, test, corrected in zip(
-            chosen, differences, tests, holm(tests), strict=True
+        for (first, second), difference, interval, simultaneous, test, corrected in zip(
+            chosen, differences, intervals, together, tests, holm(tests), strict=True
         )
     )
-
-
-def change_interval(differences: ArrayLike, confidence: float = CONFIDENCE) -> Interval | None:
-    """Interval of a mean of differences of paired changes, each from -2 to 2.
-
-    The normal interval after two made-up cases, one of +2 and one of -2, are added, so that it has a width
-    where all differences are alike. After the method that adds to each kind of pair for a difference of
-    proportions (A. Agresti and Y. Min (2005), Statistics in Medicine 24:729-740).
-
-    Args:
-        differences: (n,) integers.
-        confidence: Two-sided level.
-    """
-    values = np.asarray(differences, dtype=np.int64)
-    if values.size == 0:
-        return None
-    cases = len(values) + 2
-    mean = int(values.sum()) / cases
-    variance = (int((values * values).sum()) + 8) / cases - mean * mean
-    half = float(special.ndtri((1 + confidence) / 2)) * math.sqrt(variance / cases)
-    return Interval(max(-2.0, mean - half), min(2.0, mean + half))
 
 
 def sign_flip(differences: ArrayLike) -> float | None:

@@ -1,19 +1,21 @@
 """The same cases under several conditions: rates, joint outcomes and contrasts, as in the paper's studies.
 
-Intervals keep the composition of sources (fixed strata) and all conditions of a case together. They are
-pointwise: no family of contrasts is corrected for. Further intervals resample groups of cases.
+Intervals are pointwise: no family of contrasts is corrected for. Beside the exact ones are the paper's, which
+keep the composition of sources (fixed strata), and some that resample groups of cases.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean
@@ -110,15 +112,27 @@ class GroupInterval:
 
 
 @dataclass(frozen=True)
-class Contrast:
+class MeanDifference:
     """A mean difference of success over the same cases.
+
+    Attributes:
+        interval: Of two conditions the melded exact one, of a difference of differences that of
+            :func:`.bounded_mean.bounds`; None without cases.
+        bootstrap: The mean with the paper's interval, the exact source-stratified bootstrap; None without
+            cases.
+    """
+
+    interval: Interval | None
+    bootstrap: MeanChange | None
+
+
+@dataclass(frozen=True)
+class Contrast(MeanDifference):
+    """A mean difference of success over the same cases, also within sources and over groups of cases.
 
     Attributes:
         gains: Cases in which only the first condition succeeds (or the difference is above 0).
         losses: Cases in which only the second does (or it is below 0).
-        change: The mean with its exact source-stratified bootstrap interval; None without cases.
-        exact: Exact interval of two conditions, which has a width also where few cases differ; None without
-            cases, and for differences of differences.
         by_source: The same mean within each source.
         by_groups: Intervals over groups of cases, by what was resampled: ``reference_tasks`` jointly across
             the sources, ``source_tasks`` and ``configurations`` within each source.
@@ -126,18 +140,14 @@ class Contrast:
 
     gains: int
     losses: int
-    change: MeanChange | None
-    exact: Interval | None
-    by_source: Mapping[str, MeanChange | None]
+    by_source: Mapping[str, MeanDifference]
     by_groups: Mapping[str, GroupInterval]
 
 
 def contrasts(conditions: Conditions, pairs: Sequence[tuple[str, str]]) -> tuple[Contrast, ...]:
     """For each pair, success in the first condition less success in the second."""
     columns = [conditions.difference(first, second) for first, second in pairs]
-    counts = [(int((column < 0).sum()), int((column > 0).sum()), len(column)) for column in columns]
-    exact = paired_differences(counts) if len(conditions) else [None] * len(columns)
-    return _contrasts(conditions, columns, exact)
+    return _contrasts(conditions, columns, _exact)
 
 
 def contrasts_of_contrasts(
@@ -145,11 +155,19 @@ def contrasts_of_contrasts(
 ) -> tuple[Contrast, ...]:
     """For each pair of contrasts, the first difference less the second, over the same cases."""
     columns = [conditions.difference(*first) - conditions.difference(*second) for first, second in pairs]
-    return _contrasts(conditions, columns, [None] * len(columns))
+    return _contrasts(conditions, columns, partial(bounded_means, largest=2))
+
+
+def _exact(columns: Sequence[Differences]) -> list[Interval | None]:
+    return paired_differences(
+        [(int((column < 0).sum()), int((column > 0).sum()), len(column)) for column in columns]
+    )
 
 
 def _contrasts(
-    conditions: Conditions, columns: Sequence[Differences], exact: Sequence[Interval | None]
+    conditions: Conditions,
+    columns: Sequence[Differences],
+    intervals_of: Callable[[Sequence[Differences]], list[Interval | None]],
 ) -> tuple[Contrast, ...]:
     source, task = conditions.source, conditions.task
     source_task = np.char.add(np.char.add(source, "|"), task)
@@ -158,16 +176,22 @@ def _contrasts(
         "source_tasks": _by_groups(columns, source_task, source, source, TASK_REPLICATES),
         "configurations": _by_groups(columns, conditions.configuration, source, source, GROUP_REPLICATES),
     }
+    within = {
+        name: intervals_of([column[source == name] for column in columns]) for name in conditions.sources
+    }
     return tuple(
         Contrast(
+            interval=interval,
+            bootstrap=mean_change(column, source),
             gains=int((column > 0).sum()),
             losses=int((column < 0).sum()),
-            change=mean_change(column, source),
-            exact=interval,
-            by_source={name: mean_change(column[source == name]) for name in conditions.sources},
+            by_source={
+                name: MeanDifference(intervals[place], mean_change(column[source == name]))
+                for name, intervals in within.items()
+            },
             by_groups={name: intervals[place] for name, intervals in groups.items()},
         )
-        for place, (column, interval) in enumerate(zip(columns, exact, strict=True))
+        for place, (column, interval) in enumerate(zip(columns, intervals_of(columns), strict=True))
     )
 
 

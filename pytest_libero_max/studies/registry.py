@@ -7,6 +7,7 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import OptionError, ReportError
@@ -15,17 +16,21 @@ from pytest_libero_max.registry import Registry
 if TYPE_CHECKING:
     from pytest_libero_max.studies.study import Study
 
-_OWN = {
-    "camera-timing": "camera_study:CameraTiming",
-    "camera-strength": "camera_study:CameraStrength",
-    "event-timing": "event_timing:EventTiming",
-    "audit": "audit:Audit",
-    "repeats": "repeats:Repeats",
-    "cadence": "cadence_sweep:CadenceSweep",
-    "latency": "latency_sweep:LatencySweep",
-}
+_OWN = MappingProxyType(
+    {
+        "camera-timing": "camera_study:CameraTiming",
+        "camera-strength": "camera_study:CameraStrength",
+        "event-timing": "event_timing:EventTiming",
+        "audit": "audit:Audit",
+        "repeats": "repeats:Repeats",
+        "cadence": "cadence_sweep:CadenceSweep",
+        "latency": "latency_sweep:LatencySweep",
+    }
+)
 
-SETTINGS_OPTIONS: Mapping[str, str] = {"cadence": "cadence", "latency": "delays", "repeats": "repeats"}
+SETTINGS_OPTIONS: Mapping[str, str] = MappingProxyType(
+    {"cadence": "cadence", "latency": "delays", "repeats": "repeats"}
+)
 """By study the option that holds its settings, without ``--libero-max-``."""
 
 _NAME = re.compile(r"[a-z][a-z0-9-]*")

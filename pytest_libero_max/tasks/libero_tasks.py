@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from types import MappingProxyType
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.tasks.layouts import LAYOUTS, Arena
@@ -82,19 +83,21 @@ def _square(x: float, y: float, half: float) -> Box:
 # --- LIBERO-Spatial: two bowls, the same table
 # ---------------------------------------------------------------------
 
-_TABLE_PLACES: dict[str, Box] = {
-    "between_plate_ramekin_region": _square(-0.05, 0.20, 0.01),
-    "box_region": _square(0.07, 0.03, 0.01),
-    "cabinet_region": _square(0.03, -0.27, 0.01),
-    "next_to_box_region": _square(0.13, -0.07, 0.01),
-    "next_to_plate_region": _square(0.01, 0.31, 0.01),
-    "next_to_ramekin_region": _square(-0.18, 0.32, 0.01),
-    "plate_region": _square(0.06, 0.20, 0.01),
-    "ramekin_region": _square(-0.20, 0.20, 0.01),
-    "stove_region": _square(-0.41, -0.14, 0.01),
-    "table_center": (-0.10, -0.01, -0.05, 0.01),
-    "table_front": _square(0.20, 0.0, 0.01),
-}
+_TABLE_PLACES: Mapping[str, Box] = MappingProxyType(
+    {
+        "between_plate_ramekin_region": _square(-0.05, 0.20, 0.01),
+        "box_region": _square(0.07, 0.03, 0.01),
+        "cabinet_region": _square(0.03, -0.27, 0.01),
+        "next_to_box_region": _square(0.13, -0.07, 0.01),
+        "next_to_plate_region": _square(0.01, 0.31, 0.01),
+        "next_to_ramekin_region": _square(-0.18, 0.32, 0.01),
+        "plate_region": _square(0.06, 0.20, 0.01),
+        "ramekin_region": _square(-0.20, 0.20, 0.01),
+        "stove_region": _square(-0.41, -0.14, 0.01),
+        "table_center": (-0.10, -0.01, -0.05, 0.01),
+        "table_front": _square(0.20, 0.0, 0.01),
+    }
+)
 # LIBERO turns the cabinet by 2.661 to 2.724 rad; this is the middle.
 _CABINET_YAW = 2.6928
 
@@ -212,19 +215,21 @@ def _object(index: int) -> Task:
 # --- LIBERO-Goal: one scene, ten things to do in it
 # ------------------------------------------------------------------
 
-_GOAL_PLACES: dict[str, Place] = {
-    f"main_table_{key}": Place(f"main_table_{key}", "main_table", box, yaw)
-    for key, box, yaw in (
-        ("akita_black_bowl_region", _square(-0.09, 0.0, 0.01), 0.0),
-        ("cabinet_region", _square(0.03, -0.24, 0.01), math.pi),
-        ("cream_cheese_region", _square(-0.05, 0.13, 0.01), 0.0),
-        ("plate_region", _square(0.05, -0.02, 0.01), 0.0),
-        ("stove_front_region", _square(-0.05, 0.21, 0.04), 0.0),
-        ("stove_region", _square(-0.41, 0.21, 0.01), 0.0),
-        ("wine_bottle_region", _square(-0.20, -0.05, 0.01), 0.0),
-        ("wine_rack_region", _square(-0.26, -0.26, 0.01), math.pi),
-    )
-}
+_GOAL_PLACES: Mapping[str, Place] = MappingProxyType(
+    {
+        f"main_table_{key}": Place(f"main_table_{key}", "main_table", box, yaw)
+        for key, box, yaw in (
+            ("akita_black_bowl_region", _square(-0.09, 0.0, 0.01), 0.0),
+            ("cabinet_region", _square(0.03, -0.24, 0.01), math.pi),
+            ("cream_cheese_region", _square(-0.05, 0.13, 0.01), 0.0),
+            ("plate_region", _square(0.05, -0.02, 0.01), 0.0),
+            ("stove_front_region", _square(-0.05, 0.21, 0.04), 0.0),
+            ("stove_region", _square(-0.41, 0.21, 0.01), 0.0),
+            ("wine_bottle_region", _square(-0.20, -0.05, 0.01), 0.0),
+            ("wine_rack_region", _square(-0.26, -0.26, 0.01), math.pi),
+        )
+    }
+)
 
 _BOWL = "akita_black_bowl_1"
 
@@ -365,12 +370,14 @@ def _ten(index: int) -> Task:
     )
 
 
-_SUITES = {
-    "libero_spatial": (_spatial, len(_SPATIAL)),
-    "libero_object": (_object, len(_OBJECT)),
-    "libero_goal": (_goal, len(_GOAL)),
-    "libero_10": (_ten, len(_TEN)),
-}
+_SUITES = MappingProxyType(
+    {
+        "libero_spatial": (_spatial, len(_SPATIAL)),
+        "libero_object": (_object, len(_OBJECT)),
+        "libero_goal": (_goal, len(_GOAL)),
+        "libero_10": (_ten, len(_TEN)),
+    }
+)
 
 SUITES = tuple(_SUITES)
 """The suites in the order of every table."""

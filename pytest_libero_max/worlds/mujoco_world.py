@@ -84,15 +84,17 @@ HIDDEN_GROUP = 5
 """Geoms of this group are never drawn; parked objects are put into it."""
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_WARNINGS = {
-    "positions are no longer finite": mujoco.mjtWarning.mjWARN_BADQPOS,
-    "velocities are no longer finite": mujoco.mjtWarning.mjWARN_BADQVEL,
-    "accelerations are no longer finite": mujoco.mjtWarning.mjWARN_BADQACC,
-    "controls are no longer finite": mujoco.mjtWarning.mjWARN_BADCTRL,
-    "the inertia matrix is singular": mujoco.mjtWarning.mjWARN_INERTIA,
-    "contacts were left out for lack of memory": mujoco.mjtWarning.mjWARN_CONTACTFULL,
-    "constraints were left out for lack of memory": mujoco.mjtWarning.mjWARN_CNSTRFULL,
-}
+_WARNINGS = MappingProxyType(
+    {
+        "positions are no longer finite": mujoco.mjtWarning.mjWARN_BADQPOS,
+        "velocities are no longer finite": mujoco.mjtWarning.mjWARN_BADQVEL,
+        "accelerations are no longer finite": mujoco.mjtWarning.mjWARN_BADQACC,
+        "controls are no longer finite": mujoco.mjtWarning.mjWARN_BADCTRL,
+        "the inertia matrix is singular": mujoco.mjtWarning.mjWARN_INERTIA,
+        "contacts were left out for lack of memory": mujoco.mjtWarning.mjWARN_CONTACTFULL,
+        "constraints were left out for lack of memory": mujoco.mjtWarning.mjWARN_CNSTRFULL,
+    }
+)
 """Warnings after which MuJoCo only counts and carries on."""
 
 FASTEST = 1e4

@@ -109,9 +109,53 @@ def test_a_mistake_is_exit_status_1(tmp_path: Path, capsys: pytest.CaptureFixtur
         "    def predict(self, observation, query): return 30 * np.ones((4, 7))\n"
     )
     assert main(["check", str(adapter), "--substrate=tiny"]) == 1
-    assert "wrong range: components up to 30; expected: movements within [-1, 1]" in capsys.readouterr().out
+    assert (
+        "wrong range: movement up to 30, rotation up to 30; expected: movements within [-1, 1]"
+        in capsys.readouterr().out
+    )
 
 
 def test_a_privileged_policy_is_not_for_check(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "expert", "--substrate=tiny"]) == 1
     assert "reads the simulator (privileged)" in capsys.readouterr().err
+
+
+INVERTED = """
+import numpy as np
+from pytest_libero_max import PolicySpec
+
+
+class Inverted:
+    spec = PolicySpec("inverted", 4, 4, image_size=32)
+
+    def reset(self, episode):
+        pass
+
+    def predict(self, observation, query):
+        bits = int(sum(value.sum() for value in observation.values()) * 1e6) + len(query.instruction)
+        chunk = np.random.default_rng([abs(bits), query.seed]).uniform(-0.8, 0.8, (4, 7))
+        chunk[:, 6] = 1.0
+        return chunk
+
+
+policy = Inverted
+"""
+
+
+def test_strictly_a_probable_mistake_is_exit_status_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    adapter = tmp_path / "adapter.py"
+    adapter.write_text(INVERTED)
+    arguments = ["check", str(adapter), "--substrate=tiny", f"--picture={tmp_path / 'seen.png'}"]
+    assert main(arguments) == 0
+    out = capsys.readouterr().out
+    assert "note  gripper: closes at once" in out
+    assert "skip  inputs: orientation and colours of images, which camera is which" in out
+    assert out.endswith(
+        "0 wrong, 1 to look at, 1 could not be examined\n--strict counts 1 of the notes as wrong.\n"
+    )
+    assert main([*arguments, "--strict"]) == 1
+    out = capsys.readouterr().out
+    assert "wrong gripper: closes at once" in out
+    assert out.endswith("1 wrong, 0 to look at, 1 could not be examined\n")

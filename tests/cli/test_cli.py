@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.cli import GROUPS, main
+from pytest_libero_max.cli import GROUPS, main, parser
 
 
 @pytest.mark.parametrize("command", [["show", "max"], ["--help"], ["show", "smoke", "--json"]])
@@ -36,19 +37,30 @@ def test_everything_has_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert "usage: libero-max" in capsys.readouterr().out
 
 
+def command_names() -> list[str]:
+    """Every command, those that a module adds beside its own included."""
+    actions = parser()._actions
+    (commands,) = (action for action in actions if isinstance(action, argparse._SubParsersAction))
+    assert len(commands.choices) > sum(map(len, GROUPS.values()))
+    return [*commands.choices]
+
+
 def test_a_command_that_is_mistyped_is_suggested(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(["chek"])
     assert "there is no command 'chek'. Did you mean 'check'?" in capsys.readouterr().err
+    for name in command_names():
+        with pytest.raises(SystemExit, match="2"):
+            main([f"{name}x"])
+        assert f"Did you mean {name!r}?" in capsys.readouterr().err
 
 
 def test_help_names_every_command_once_and_what_it_does(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
     listed = capsys.readouterr().out
-    for names in GROUPS.values():
-        for name in names:
-            assert len(re.findall(rf"^  {name} +[A-Z]", listed, re.MULTILINE)) == 1, name
+    for name in command_names():
+        assert len(re.findall(rf"^  {name} +[A-Z]", listed, re.MULTILINE)) == 1, name
     with pytest.raises(SystemExit, match="0"):
         main(["gate", "--help"])
     assert "Decide gates on a stored run" in capsys.readouterr().out

@@ -3,12 +3,11 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
@@ -28,6 +27,7 @@ from pytest_libero_max.substrates.registry import open_substrate
 from tests.pairing.actors import make_case
 from tests.plugin.conftest import tiny_manifest
 from tests.report.made_up import PROVENANCE
+from tests.short_episodes import shorten_here
 
 ARMS = ("base", "dynamic")
 
@@ -252,7 +252,7 @@ class Toy:
 def test_pairs_of_a_run_are_written_in_the_same_format(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(cast("dict[str, int]", SUITE_BUDGETS), "libero_spatial", 12)
+    shorten_here(monkeypatch, 12)
     manifest = tmp_path / "cases.json"
     manifest.write_text(json.dumps(tiny_manifest(events=("target_relocation",))))
     cases = load_manifest(manifest).cases
@@ -271,6 +271,7 @@ def test_pairs_of_a_run_are_written_in_the_same_format(
     store.close()
     write_trace(tmp_path / "run" / "traces", pairs[0])
     command = ["demos", str(tmp_path / "out"), "--run", str(tmp_path / "run"), "--image-size", "16"]
+    command.append(f"--cases={manifest}")
     assert main(command) == 0
     assert "Episodes in" in (said := capsys.readouterr().out)
     assert ": 2. Pairs without traces: 1." in said

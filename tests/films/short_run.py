@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.events.schedules import Arm, arms_of
 from pytest_libero_max.pairing.probes.registry import probes_called
@@ -23,6 +22,7 @@ from pytest_libero_max.substrates.tiny import world as tiny
 from tests.pairing.actors import Approaching
 from tests.plugin.conftest import tiny_manifest
 from tests.report.made_up import PROVENANCE
+from tests.short_episodes import shorten_here
 
 BUDGET = 8
 SIZE = 32
@@ -35,8 +35,7 @@ def leave_out_shadows(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def shorten_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
-    for suite in SUITE_BUDGETS:
-        monkeypatch.setitem(cast("dict[str, int]", SUITE_BUDGETS), suite, BUDGET)
+    shorten_here(monkeypatch, BUDGET)
 
 
 @dataclass(frozen=True, eq=False)

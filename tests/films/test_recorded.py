@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 from msgspec import structs
 
-from pytest_libero_max.cli import main
+from pytest_libero_max.cli import main, view
+from pytest_libero_max.cli.report import rewrite
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.films.recorded import chosen, open_recorded
-from pytest_libero_max.runs.media import FILM_SELECTIONS, is_selected
+from pytest_libero_max.report.writers import broken
+from pytest_libero_max.runs.media import FILM_SELECTIONS, films_in, is_selected, show_command
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.tiny.world import TinySubstrate
@@ -27,8 +29,9 @@ ELSEWHERE = """
 import sys
 import pytest
 from pytest_libero_max.cli import main
-from tests.films.short_run import leave_out_shadows
+from tests.films.short_run import leave_out_shadows, shorten_episodes
 leave_out_shadows(pytest.MonkeyPatch())
+shorten_episodes(pytest.MonkeyPatch())
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -40,7 +43,8 @@ def run(played: Played, tmp_path: Path) -> Path:
 
 
 def _film(*arguments: object) -> int:
-    return main(["film", *map(str, arguments), "--size", str(SIZE), "--format", "webp"])
+    cases = [] if "--cases" in arguments else [f"--cases={Path(str(arguments[0])).parent / 'tiny.json'}"]
+    return main(["film", *map(str, arguments), *cases, "--size", str(SIZE), "--format", "webp"])
 
 
 def test_a_run_is_filmed_by_the_names_of_its_pairs(
@@ -63,7 +67,8 @@ def test_another_process_and_folder_make_the_same_film(run: Path, tmp_path: Path
     assert _film(run, "--select=all") == 0
     elsewhere = tmp_path / "elsewhere"
     shutil.copytree(run, elsewhere / "copied", ignore=shutil.ignore_patterns("films"))
-    command = [sys.executable, "-c", ELSEWHERE, "film", "copied", "--select=all", f"--size={SIZE}"]
+    cases = f"--cases={tmp_path / 'tiny.json'}"
+    command = [sys.executable, "-c", ELSEWHERE, "film", "copied", "--select=all", f"--size={SIZE}", cases]
     subprocess.run(
         [*command, "--format=webp"],
         cwd=elsewhere,
@@ -94,7 +99,7 @@ def test_the_cases_of_a_run_can_be_named_where_they_are_now(
 ) -> None:
     moved = tmp_path / "moved.json"
     (tmp_path / "tiny.json").rename(moved)
-    assert _film(run, "--select=all") == 1
+    assert main(["film", str(run), "--select=all"]) == 1
     assert "with --cases" in capsys.readouterr().err
     assert _film(run, "--select=all", "--cases", moved) == 0
     assert _film(run, "--select=all", "--cases", "smoke", "--overwrite") == 1
@@ -104,11 +109,11 @@ def test_the_cases_of_a_run_can_be_named_where_they_are_now(
 def test_the_substrate_is_opened_as_the_run_opened_it(
     run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    told = SubstrateOptions((Path("here"),), Path("models"), "corrected", "clean", "own")
+    told = SubstrateOptions((), None, "corrected", "clean", "own")
     described = {
         "name": "libero",
-        "roots": ["here"],
-        "assets": "models",
+        "roots": ["/a/here"],
+        "assets": "/a/models",
         "semantics": "corrected",
         "instruction_source": "clean",
         "source_variations": "own",
@@ -123,9 +128,11 @@ def test_the_substrate_is_opened_as_the_run_opened_it(
         return TinySubstrate()
 
     monkeypatch.setattr("pytest_libero_max.films.recorded.open_substrate", opened)
-    with open_recorded(run):
-        pass
-    with open_recorded(run, installations=(tmp_path,), assets=tmp_path):
+    cases = str(tmp_path / "tiny.json")
+    with open_recorded(run, cases) as recorded:
+        assert recorded.outside is not None
+        assert "substrate.assets=/a/models" in recorded.outside
+    with open_recorded(run, cases, installations=(tmp_path,), assets=tmp_path):
         pass
     elsewhere = replace(told, installations=(tmp_path,), assets=tmp_path)
     assert asked == [("libero", told), ("libero", elsewhere)]
@@ -148,6 +155,23 @@ def test_a_replay_that_reaches_another_state_is_refused_with_what_differs(
         assert not list((run / "films").iterdir())
 
 
+def test_view_films_the_changed_pairs_that_have_traces_and_shows_them(
+    run: Path, played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    item = played.record.item_id
+    ran = {"case_set": {"path": "tiny.json"}}
+    assert show_command(run, "out", [item], ran) == "libero-max view out --cases=tiny.json"
+    assert show_command(run, "out", [item], {"case_set": {}}) == "libero-max view out"
+    assert show_command(run, "out", ["another pair"], ran) is None
+    monkeypatch.setattr(broken, "named_of", lambda pairs, most: [item])
+    view._make_films(run, str(tmp_path / "tiny.json"))
+    assert films_in(run).keys() == {item}
+    assert not view._page_shows_all(run)
+    rewrite(run)
+    assert view._page_shows_all(run)
+    assert show_command(run, "out", [item], ran) == "libero-max view out"
+
+
 def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stored = read_pairs(run)
     (record,) = stored.records
@@ -163,7 +187,14 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
     assert _film(run) == 0
     assert "No pair of this run is selected" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):
-        chosen(stored, [record.item_id[:-1]], "all")
+        chosen(stored, [record.item_id[:-1] + "7"], "all")
+    assert _film(run, "--select=regression") == 0  # as --libero-max-strict spelt it once
+    for parts in ("target_relocation", "geometry and not v1", record.case_id):
+        assert chosen(stored, [parts], "all") == [record]
+    with pytest.raises(OptionError, match="nor a part"):
+        chosen(stored, ["camera_shift"], "all")
+    with pytest.raises(OptionError, match="where it means nothing"):
+        chosen(stored, ["geometry and"], "all")
 
 
 def test_another_renderer_is_named(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.errors import AdapterError, RefusalError
 from pytest_libero_max.pairing.consistency import SAMPLE_INTERVAL, is_sampled
 from pytest_libero_max.pairing.prefix import PrefixMode
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair, play_pair
@@ -156,7 +156,7 @@ def test_a_hidden_memory_gives_no_other_record_in_fork_than_in_replay(world: Tin
     if late > replay.base_queries or late == 0:
         assert play_pair(make_case(), world, policy).identity() == replay.identity()
         return
-    with pytest.raises(ProtocolError, match="give a policy with memory snapshot"):
+    with pytest.raises(RefusalError, match="give a policy with memory snapshot"):
         play_pair(make_case(), world, policy)
 
 

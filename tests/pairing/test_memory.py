@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.errors import AdapterError, ProtocolError, ServerError
+from pytest_libero_max.errors import AdapterError, RefusalError, ServerError
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
@@ -132,7 +132,7 @@ def test_a_memory_that_is_not_declared_is_found(world: TinyWorld) -> None:
         def predict(self, observation: Any, query: Any) -> Any:
             return super().predict(observation, type(query)(len(self.seen), query.step, "", 0))
 
-    with pytest.raises(ProtocolError, match=r"answered query .* differently"):
+    with pytest.raises(RefusalError, match=r"answered query .* differently"):
         played(world, Undeclared())
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pytest_libero_max import strategies
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import AdapterError, ProtocolError
+from pytest_libero_max.errors import AdapterError, ProtocolError, RefusalError
 from pytest_libero_max.pairing.prefix import PrefixMode
 from pytest_libero_max.pairing.runner import (
     PairSettings,
@@ -232,7 +232,7 @@ def test_memory_without_a_snapshot_needs_the_whole_replay(world: TinyWorld) -> N
     with_snapshot = play_pair(make_case(), world, remembering())
     shown_again = play_pair(make_case(), world, remembering(WithoutSnapshot), PairSettings("replay"))
     assert shown_again.identity()["arms"] == with_snapshot.identity()["arms"]
-    with pytest.raises(ProtocolError) as caught:
+    with pytest.raises(RefusalError) as caught:
         play_pair(make_case(), world, remembering(WithoutSnapshot), PairSettings("fork"))
     assert "policy 'remembering' answered query" in str(caught.value)
     assert "differently when it was shown the same observation again" in str(caught.value)
@@ -243,7 +243,7 @@ def test_memory_without_a_snapshot_needs_the_whole_replay(world: TinyWorld) -> N
 def test_a_policy_that_does_not_repeat_itself_is_caught_unless_it_says_so(
     world: TinyWorld, mode: Any
 ) -> None:
-    with pytest.raises(ProtocolError, match=r"Draw from query\.seed and from nothing else"):
+    with pytest.raises(RefusalError, match=r"Draw from query\.seed and from nothing else"):
         play_pair(make_case(), world, Unseeded(), PairSettings(mode))
     honest = Unseeded()
     honest.spec = PolicySpec("honest", cameras=(), repeatable=False)

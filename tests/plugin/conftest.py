@@ -4,11 +4,10 @@ import json
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
@@ -16,7 +15,7 @@ from pytest_libero_max.pairing import runner, trace
 from pytest_libero_max.report.writers import report_files
 from pytest_libero_max.substrates import tiny
 from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata
-from tests.short_episodes import short_episodes
+from tests.short_episodes import short_episodes, shorten_here
 
 # An in-process run forgets what it imported, and NumPy cannot be imported twice: import it all here first.
 IMPORTED_ONCE = (report_files, runner, tiny, trace)
@@ -84,8 +83,7 @@ def tiny_manifest(
 @pytest.fixture
 def short_sessions(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     """Episodes of ``BUDGET`` steps in all sessions that pytester starts, in this process or another."""
-    for suite in SUITE_BUDGETS:  # what a session in this process changes is put back afterwards
-        monkeypatch.setitem(cast("dict[str, int]", SUITE_BUDGETS), suite, BUDGET)
+    shorten_here(monkeypatch, BUDGET)  # what a session in this process changes is put back afterwards
     pytester.syspathinsert()
     monkeypatch.setenv("PYTEST_ADDOPTS", " ".join(short_episodes(pytester, BUDGET)))
 

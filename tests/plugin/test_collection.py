@@ -67,6 +67,70 @@ def test_a_limit_covers_every_event(run: Run) -> None:
     assert len(events) == 8
 
 
+ELSEWHERE = """
+import pytest
+
+collect_ignore_glob = ["*"]
+
+def pytest_ignore_collect():
+    return True
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makemodule(module_path, parent):
+    return pytest.Module.from_parent(parent, path=module_path)
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makeitem():
+    return []
+"""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("-o", "python_functions=check_*", "-o", "python_classes=*", "-o", "python_files=check_*.py"),
+        ("-o", "norecursedirs=*", "-o", "testpaths=tests", "--ignore-glob=*/plugin/*"),
+        ("--import-mode=importlib", "--rootdir=/", "--doctest-modules"),
+        ("-o", "collect_imported_tests=false", "--strict-config", "--strict-markers", "--noconftest"),
+    ],
+)
+def test_pairs_are_collected_whatever_a_project_calls_its_tests(
+    run: Run, pytester: pytest.Pytester, arguments: tuple[str, ...]
+) -> None:
+    pytester.makeconftest(ELSEWHERE)
+    done = run("--collect-only", "-q", "-k", "camera_shift", *arguments)
+    assert sum(line.startswith("libero-max::test_pair[") for line in done.outlines) == 2
+    assert done.ret == 0
+
+
+def test_the_node_id_of_a_pair_is_one_string_which_reporters_keep_by_its_identity(
+    run: Run, pytester: pytest.Pytester
+) -> None:
+    pytester.makeconftest(
+        """
+        import pytest
+
+        class Reporter:
+            # As allure-pytest does: what belongs to a test is found by id(item.nodeid).
+            known = {}
+
+            @pytest.hookimpl(tryfirst=True)
+            def pytest_runtest_protocol(self, item):
+                self.known[id(item.nodeid)] = item
+
+            @pytest.hookimpl(wrapper=True)
+            def pytest_runtest_makereport(self, item):
+                report = yield
+                assert self.known[id(report.nodeid)] is self.known[id(item.nodeid)] is item
+                return report
+
+        def pytest_configure(config):
+            config.pluginmanager.register(Reporter())
+        """
+    )
+    run("-k", "camera_shift").assert_outcomes(passed=2)
+
+
 HEAVY = ("mujoco", "robosuite", "numba", "scipy", "cv2", "numpy", "torch")
 
 

@@ -28,16 +28,16 @@ Run = Callable[..., pytest.RunResult]
         ),
         (["--libero-max-limit=all"], "adapter.py", "*--libero-max-limit='all': expected an integer*"),
         (["--libero-max-prefix=frok"], "adapter.py", "*--libero-max-prefix='frok'*Did you mean 'fork'?*"),
-        (["--libero-max-strict=yes"], "adapter.py", "*--libero-max-strict='yes'*Known: regression."),
+        (["--libero-max-strict=yes"], "adapter.py", "*--libero-max-strict='yes'*Known: regressions."),
         (
             ["--libero-max-traces=some"],
             "adapter.py",
-            "*--libero-max-traces='some'*Known: all, none, regression.",
+            "*--libero-max-traces='some'*Known: all, changed, none, regressions.",
         ),
         (
-            ["--libero-max-film=regression"],
+            ["--libero-max-film=regresion"],
             "adapter.py",
-            "*--libero-max-film='regression'*Did you mean 'regressions'?*",
+            "*--libero-max-film='regresion'*Did you mean 'regressions'?*",
         ),
         (["--libero-max-substrate=liberro"], "adapter.py", "*--libero-max-substrate='liberro'*Known: *"),
         (

@@ -112,10 +112,51 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
 
 
 @pytest.mark.parametrize("dist", ["each", "loadfile", "loadgroup", "loadscope"])
-def test_tests_that_are_not_handed_out_one_by_one_cannot_be_pairs(run: Run, dist: str) -> None:
-    result = run("-n1", f"--dist={dist}")
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines([f"ERROR: --dist={dist}: pairs are handed out one by one*"])
+def test_pairs_are_handed_out_one_by_one_whatever_a_project_chooses_for_its_tests(
+    run: Run, results: Results, pytester: pytest.Pytester, dist: str
+) -> None:
+    pytester.makeini(f"[pytest]\naddopts = --dist={dist}")
+    pytester.makepyfile(test_mine="def test_mine(): pass")
+    done = run("-n2", "libero-max", "test_mine.py", "-k", "camera_shift or mine", subprocess=True)
+    done.assert_outcomes(passed=3)
+    assert sorted(line["line"] for line in results()[0]) == ["pair", "pair"]
+    done.stdout.fnmatch_lines([f"*--dist={dist} is replaced by --dist=worksteal*"])
+    done = run("-n0", "-k", "camera_shift and v0")
+    done.assert_outcomes(passed=1)
+    assert "is replaced" not in done.stdout.str()
+
+
+@pytest.mark.parametrize(
+    "workers", [("--tx=2*popen",), ("-n1", "--dist=loadgroup", "--libero-max-order=shuffled:1")]
+)
+def test_workers_of_any_kind_play_each_pair_once_and_again_where_one_dies(
+    faulty: Any, results: Results, workers: tuple[str, ...]
+) -> None:
+    done = faulty(*workers, "-k", "camera_shift", camera_shift__v0="once leave")
+    assert done.ret == 0
+    done.stdout.fnmatch_lines(["*2 passed*1 retried*"])
+    counts = results()[1]["pairs"]
+    assert (counts["planned"], counts["played"]) == (2, 2)
+
+
+def test_auto_workers_that_come_out_as_none_leave_the_gates_to_a_worker(
+    run: Run, results: Results, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTEST_XDIST_AUTO_NUM_WORKERS", "0")
+    pytester.makepyfile(
+        leaver="""
+        import os
+        from adapter import Reacher
+
+        class policy(Reacher):
+            def reset(self, episode):
+                os._exit(0)
+        """
+    )
+    gate = "--libero-max-gate=trigger_coverage >= 0.5"
+    done = run("-n", "auto", gate, "--libero-max-retries=0", "-k", "camera_shift", policy="leaver.py")
+    assert done.ret == 11
+    assert results()[1]["pairs"]["invalid"] == 2
 
 
 def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,160 +16,310 @@ from tests.plugin.test_run import Run
 
 GATE = "dynamic_sr >= 0.6"
 ONE = ("-k", "camera_shift and v0")
+ASKED = (f"--libero-max-gate={GATE}", "--libero-max-retries=0")
 
-LEAVING = {
-    "report hook": "def pytest_libero_max_report(report): raise SystemExit(0)",
-    "report hook, os._exit": "def pytest_libero_max_report(report): os._exit(0)",
-    "report hook, pytest.exit": "def pytest_libero_max_report(report): pytest.exit('', 0)",
-    "reported hook": "def pytest_libero_max_reported(numbers): raise SystemExit(0)",
-    "reported hook, os._exit": "def pytest_libero_max_reported(numbers): os._exit(0)",
-    "reported hook, execvp": "def pytest_libero_max_reported(numbers): os.execvp('true', ['true'])",
-    "reported hook, pytest.exit": "def pytest_libero_max_reported(numbers): pytest.exit('', 0)",
-    "reported hook, unprintable": """
+
+@dataclass(frozen=True)
+class Way:
+    """A way in which a gate was tried to pass by not happening.
+
+    Attributes:
+        must: Exit status that it must have.
+        conftest: Body of a ``conftest.py``, with ``os``, ``pytest`` and ``Path``.
+        policy: What the policy does when it is asked, before it answers.
+        ini: Lines of the ini file.
+        arguments: Further arguments of pytest.
+        variables: Variables of the environment.
+        workers: True to let xdist or what is left of it play, in a session that is a process of its own;
+            otherwise each pair is played in its own process.
+    """
+
+    must: int
+    conftest: str = ""
+    policy: str = ""
+    ini: str = ""
+    arguments: tuple[str, ...] = ASKED
+    variables: Mapping[str, str] = field(default_factory=dict)
+    workers: bool = False
+
+
+EXIT = "import os; os._exit(0)"
+NOT_REPEATABLE = "if not os.path.exists('calm'): answer[:, 6] = next(numbers) / 100"
+AGAIN = """
+from _pytest.runner import runtestprotocol
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item, nextitem):
+    for _ in range(30):
+        item._initrequest()
+        reports = runtestprotocol(item, nextitem=nextitem, log=False)
+        for report in reports:
+            item.ihook.pytest_runtest_logreport(report=report)
+        if not any(report.failed for report in reports):
+            break
+        Path("calm").touch()
+    return True
+"""
+"""As a plugin for reruns does it."""
+
+WAYS = {
+    "report hook": Way(10, "def pytest_libero_max_report(report): raise SystemExit(0)"),
+    "report hook, os._exit": Way(10, "def pytest_libero_max_report(report): os._exit(0)"),
+    "report hook, pytest.exit": Way(10, "def pytest_libero_max_report(report): pytest.exit('', 0)"),
+    "reported hook": Way(10, "def pytest_libero_max_reported(numbers): raise SystemExit(0)"),
+    "reported hook, os._exit": Way(10, "def pytest_libero_max_reported(numbers): os._exit(0)"),
+    "reported hook, execvp": Way(10, "def pytest_libero_max_reported(numbers): os.execvp('true', ['true'])"),
+    "reported hook, pytest.exit": Way(10, "def pytest_libero_max_reported(numbers): pytest.exit('', 0)"),
+    "reported hook, unprintable": Way(
+        10,
+        """
 class Unprintable(Exception):
     def __str__(self): raise ValueError
 def pytest_libero_max_reported(numbers): raise Unprintable
 """,
-    "reported hook removes the pairs": """
+    ),
+    "reported hook removes the pairs": Way(
+        10,
+        """
 def pytest_libero_max_reported(folder): folder.joinpath("pairs.jsonl").unlink()
 """,
-    "report hook writes better pairs": """
+    ),
+    "report hook writes better pairs": Way(
+        10,
+        """
 def pytest_libero_max_report(config):
     pairs = Path("libero-max-results", "pairs.jsonl")
     pairs.write_text(pairs.read_text().replace('"success":false', '"success":true'))
 """,
-    "stored hook": "def pytest_libero_max_pair_stored(pair): raise SystemExit(0)",
-    "stored hook, os._exit": "def pytest_libero_max_pair_stored(pair): os._exit(0)",
-    "stored hook, pytest.exit": "def pytest_libero_max_pair_stored(pair): pytest.exit('', 0)",
-    "session start": "def pytest_sessionstart(): raise SystemExit(0)",
-    "session start, pytest.exit": "def pytest_sessionstart(): pytest.exit('', 0)",
-    "session end": "def pytest_sessionfinish(session): raise SystemExit(0)",
-    "session end sets 0": "def pytest_sessionfinish(session): session.exitstatus = 0",
-    "session end sets 0 last": """
+    ),
+    "stored hook": Way(10, "def pytest_libero_max_pair_stored(pair): raise SystemExit(0)"),
+    "stored hook, os._exit": Way(10, "def pytest_libero_max_pair_stored(pair): os._exit(0)"),
+    "stored hook, pytest.exit": Way(10, "def pytest_libero_max_pair_stored(pair): pytest.exit('', 0)"),
+    "session start": Way(3, "def pytest_sessionstart(): raise SystemExit(0)"),
+    "session start, pytest.exit": Way(11, "def pytest_sessionstart(): pytest.exit('', 0)"),
+    "session end": Way(10, "def pytest_sessionfinish(session): raise SystemExit(0)"),
+    "session end sets 0": Way(10, "def pytest_sessionfinish(session): session.exitstatus = 0"),
+    "session end sets 0 last": Way(
+        10,
+        """
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_sessionfinish(session):
     yield
     session.exitstatus = 0
 """,
-    "session end, pytest.exit": "def pytest_sessionfinish(session): pytest.exit('', 0)",
-    "summary": "def pytest_terminal_summary(): raise SystemExit(0)",
-    "unconfigure": "def pytest_unconfigure(): raise SystemExit(0)",
-    "main": "@pytest.hookimpl(tryfirst=True)\ndef pytest_cmdline_main(): return 0",
-    "loop": "@pytest.hookimpl(tryfirst=True)\ndef pytest_runtestloop(): return True",
-    "protocol": "@pytest.hookimpl(tryfirst=True)\ndef pytest_runtest_protocol(): return True",
-    "report of the test": """
+    ),
+    "session end, pytest.exit": Way(10, "def pytest_sessionfinish(session): pytest.exit('', 0)"),
+    "summary": Way(10, "def pytest_terminal_summary(): raise SystemExit(0)"),
+    "unconfigure": Way(10, "def pytest_unconfigure(): raise SystemExit(0)"),
+    "main": Way(
+        11,
+        """@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(): return 0""",
+    ),
+    "loop": Way(
+        11,
+        """@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop(): return True""",
+    ),
+    "protocol": Way(
+        11,
+        """@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(): return True""",
+    ),
+    "report of the test": Way(
+        10,
+        """
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport():
     report = yield
     report.outcome, report.libero_max = "passed", None
     return report
 """,
-    "items": "def pytest_collection_modifyitems(items): items.clear()",
-    "skipped items": """
+    ),
+    "items": Way(5, "def pytest_collection_modifyitems(items): items.clear()"),
+    "skipped items": Way(
+        11,
+        """
 def pytest_collection_modifyitems(items):
     for item in items: item.add_marker(pytest.mark.skip)
 """,
-    "other pair": "@pytest.fixture\ndef libero_max_pair(): pass",
-    "other policy": """
+    ),
+    "other pair": Way(
+        5,
+        """@pytest.fixture
+def libero_max_pair(): pass""",
+    ),
+    "other policy": Way(
+        11,
+        """
 @pytest.fixture(scope="session")
 def libero_max_policy():
     from adapter import Reacher
     return Reacher()
 """,
+    ),
+    "the budget of the session ends": Way(
+        2,
+        """
+def pytest_libero_max_pair_stored(config):
+    config.pluginmanager.get_plugin("session").shouldstop = "enough"
+""",
+        arguments=(*ASKED, "-k", "camera_shift"),
+    ),
+    "the best item alone": Way(
+        10,
+        "def pytest_collection_modifyitems(items): del items[1:]",
+        arguments=(*ASKED, "--libero-max-gate=whole_track == 1", "-k", "camera_shift"),
+    ),
+    "expected failures": Way(
+        11,
+        """
+def pytest_collection_modifyitems(items):
+    for item in items: item.add_marker(pytest.mark.xfail(run=False))
+""",
+    ),
+    "a rerun until it passes": Way(11, AGAIN, policy=NOT_REPEATABLE),
+    "the policy exits": Way(11, policy=EXIT),
+    "the policy raises SystemExit": Way(11, policy="raise SystemExit(0)"),
+    "the policy calls pytest.exit": Way(11, policy="import pytest; pytest.exit('', 0)"),
+    "the policy skips": Way(11, policy="import pytest; pytest.skip('too hard')"),
+    "the policy becomes another program": Way(11, policy="import os; os.execv('/bin/true', ['true'])"),
+    "the policy exits in a thread": Way(
+        11,
+        policy="import os, threading as t, time; t.Thread(target=os._exit, args=(0,)).start(); time.sleep(9)",
+    ),
+    "the policy kills itself": Way(11, policy="import os, signal; os.kill(os.getpid(), signal.SIGKILL)"),
+    "the policy answers nothing finite": Way(11, policy="answer[:] = np.nan"),
+    "the policy raises, and the session stops at the first failure": Way(
+        11, policy="raise OSError", arguments=(*ASKED, "-x")
+    ),
+    "a worker exits": Way(11, policy=EXIT, workers=True),
+    "no worker by the environment": Way(
+        11,
+        policy=EXIT,
+        arguments=(*ASKED, "-n", "auto"),
+        variables={"PYTEST_XDIST_AUTO_NUM_WORKERS": "0"},
+        workers=True,
+    ),
+    "no worker by a hook": Way(
+        11,
+        "def pytest_xdist_auto_num_workers(): return 0",
+        policy=EXIT,
+        arguments=(*ASKED, "-n", "logical"),
+        workers=True,
+    ),
+    "workers that nothing hands out to": Way(11, policy=EXIT, arguments=(*ASKED, "--tx=popen"), workers=True),
+    "workers taken back": Way(
+        11, policy=EXIT, arguments=(*ASKED, "--tx=popen", "-n0", "--dist=load"), workers=True
+    ),
+    "no xdist": Way(11, policy=EXIT, arguments=(*ASKED, "-p", "no:xdist"), workers=True),
+    "no session of xdist": Way(4, policy=EXIT, arguments=(*ASKED, "-p", "no:dsession"), workers=True),
+    "a debugger": Way(4, arguments=(*ASKED, "--pdb"), workers=True),
+    "a debugger with automatic workers": Way(4, arguments=(*ASKED, "--pdb", "-n", "auto"), workers=True),
+    "a query that is too slow": Way(
+        11,
+        policy="import time; time.sleep(60)",
+        arguments=(*ASKED, "--libero-max-query-timeout=0.1"),
+        workers=True,
+    ),
+    "the plural of the key": Way(4, ini=f"libero_max_gates = {GATE}", arguments=()),
+    "a key with dashes": Way(4, ini=f"libero-max-gate = {GATE}", arguments=()),
+    "a key in capitals": Way(4, ini=f"LIBERO_MAX_GATE = {GATE}", arguments=()),
+    "another key": Way(4, arguments=("-o", f"libero_max_gat={GATE}")),
+    "no condition": Way(4, arguments=("--libero-max-gate=",)),
+    "always holds": Way(4, arguments=("--libero-max-gate=dynamic_sr >= 0",)),
+    "holds for these pairs": Way(4, arguments=("--libero-max-gate=regressions <= 1",)),
+    "no such run": Way(4, arguments=("--libero-max-gate=regressions_vs(nowhere) <= 0",)),
+    "itself": Way(4, arguments=("--libero-max-gate=regressions_vs(libero-max-results) <= 0",)),
+    "its own first run": Way(
+        4, arguments=("--libero-max-gate=regressions_vs(libero-max-results, first=pass) <= 0",)
+    ),
+    "a first run that solves nothing": Way(
+        10, arguments=("--libero-max-gate=regressions_vs(nowhere, first=pass) <= 0",)
+    ),
+    "an unknown setting": Way(4, arguments=("--libero-max-gate=regressions_vs(nowhere, allow=all) <= 0",)),
+    "a plugin left out": Way(10, arguments=(*ASKED, "-p", "no:libero-max-controller")),
+    "nothing chosen": Way(5, arguments=(*ASKED, "-k", "nothing")),
+    "all deselected": Way(5, arguments=(*ASKED, "--deselect=libero-max")),
+    "an output that is a file": Way(4, arguments=(*ASKED, "--libero-max-output=tiny.json")),
 }
-"""Bodies of a ``conftest.py``."""
-
-
-@pytest.mark.parametrize("conftest", LEAVING.values(), ids=LEAVING)
-def test_hooks(run: Run, pytester: pytest.Pytester, conftest: str) -> None:
-    pytester.makeconftest(f"import os\nimport pytest\nfrom pathlib import Path\n{conftest}")
-    result = run(*ONE, f"--libero-max-gate={GATE}", "--libero-max-isolate", subprocess=False)
-    assert result.ret in (3, 5, 10, 11)
-
-
-POLICIES = {
-    "exit": "import os; os._exit(0)",
-    "SystemExit": "raise SystemExit(0)",
-    "pytest.exit": "import pytest; pytest.exit('', 0)",
-    "execv": "import os; os.execv('/bin/true', ['true'])",
-    "thread": "import os, threading as t, time; t.Thread(target=os._exit, args=(0,)).start(); time.sleep(9)",
-}
-"""What a policy does when it is asked."""
+"""Each way by its name."""
 
 LEAVER = """
+import itertools
+import os
+
+import numpy as np
 from adapter import Reacher
+
+numbers = itertools.count()
 
 class policy(Reacher):
     def predict(self, observation, query):
+        answer = super().predict(observation, query)
         {}
+        return answer
 """
 
 
-@pytest.mark.parametrize("does", POLICIES.values(), ids=POLICIES)
-def test_policies_of_isolated_pairs(run: Run, pytester: pytest.Pytester, does: str) -> None:
-    pytester.makepyfile(leaver=LEAVER.format(does))
-    options = (f"--libero-max-gate={GATE}", "--libero-max-isolate", "--libero-max-retries=0")
-    assert run(*ONE, *options, policy="leaver.py", subprocess=False).ret == 11
-
-
-def test_a_policy_that_ends_its_process(run: Run, pytester: pytest.Pytester) -> None:
-    code = "import atexit, os\natexit.register(os._exit, 0)\n" + LEAVER.format(POLICIES["exit"])
-    pytester.makepyfile(leaver=code)
-    result = run(*ONE, f"--libero-max-gate={GATE}", "--libero-max-retries=0", policy="leaver.py")
-    assert result.ret == 11
-    result.stdout.fnmatch_lines(["*CrashError*"])
-    alone = (*ONE, f"--libero-max-gate={GATE}", "--libero-max-retries=0", "-p", "no:xdist")
-    assert run(*alone, policy="leaver.py").ret == 11
-
-
-def test_a_policy_that_is_too_slow_each_time(run: Run, pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(leaver=LEAVER.format("import time; time.sleep(60)"))
-    limits = ("--libero-max-query-timeout=0.1", "--libero-max-retries=0")
-    result = run(*limits, f"--libero-max-gate={GATE}", "-n1", policy="leaver.py")
-    assert result.ret == 11
-
-
-INI = {
-    "plural": "libero_max_gates = dynamic_sr >= 0.6",
-    "dashes": "libero-max-gate = dynamic_sr >= 0.6",
-    "capitals": "LIBERO_MAX_GATE = dynamic_sr >= 0.6",
-}
-
-
-@pytest.mark.parametrize("line", INI.values(), ids=INI)
-def test_keys_of_the_ini_file(run: Run, pytester: pytest.Pytester, line: str) -> None:
-    pytester.makeini(f"[pytest]\n{line}\n")
-    result = run(*ONE)
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["ERROR: ini option*unknown*Did you mean 'libero_max_gate'?*"])
-
-
-ARGUMENTS = {
-    "another name": ("-o", "libero_max_gat=dynamic_sr >= 0.6"),
-    "no condition": ("--libero-max-gate=",),
-    "nothing chosen": ("-k", "nothing", f"--libero-max-gate={GATE}"),
-    "all deselected": ("--deselect=libero-max", f"--libero-max-gate={GATE}"),
-    "always holds": ("--libero-max-gate=dynamic_sr >= 0",),
-    "no such run": ("--libero-max-gate=regressions_vs(nowhere) <= 0",),
-    "itself": ("--libero-max-gate=regressions_vs(libero-max-results) <= 0",),
-    "a plugin left out": ("-p", "no:libero-max-controller", f"--libero-max-gate={GATE}"),
-}
-
-
-@pytest.mark.parametrize("arguments", ARGUMENTS.values(), ids=ARGUMENTS)
-def test_arguments(run: Run, arguments: tuple[str, ...]) -> None:
-    only = () if "-k" in arguments else ONE
-    assert run(*only, *arguments, "--libero-max-isolate", subprocess=False).ret in (4, 5, 10)
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_no_way_ends_with_status_0(
+    run: Run, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, way: Way
+) -> None:
+    if way.conftest:
+        pytester.makeconftest(f"import os\nimport pytest\nfrom pathlib import Path\n{way.conftest}")
+    if way.ini:
+        pytester.makeini(f"[pytest]\n{way.ini}\n")
+    for name, value in way.variables.items():
+        monkeypatch.setenv(name, value)
+    pytester.makepyfile(leaver=LEAVER.format(way.policy or "pass"))
+    chosen = () if "-k" in way.arguments else ONE
+    apart = () if way.workers else ("--libero-max-isolate",)
+    result = run(*chosen, *apart, *way.arguments, policy="leaver.py", subprocess=way.workers)
+    assert result.ret == way.must
 
 
 def test_no_policy(run: Run) -> None:
-    assert run(f"--libero-max-gate={GATE}", policy=None, subprocess=False).ret == pytest.ExitCode.USAGE_ERROR
+    assert run(*ASKED, policy=None, subprocess=False).ret == pytest.ExitCode.USAGE_ERROR
 
 
-def test_a_debugger_in_the_process_that_decides(run: Run) -> None:
-    result = run(f"--libero-max-gate={GATE}", "--pdb", subprocess=True)
-    assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["ERROR: --pdb plays pairs in the process that decides the gates*"])
+def test_a_policy_that_ends_its_process_at_its_end(run: Run, pytester: pytest.Pytester) -> None:
+    code = "import atexit, os\natexit.register(os._exit, 0)\n" + LEAVER.format(EXIT)
+    pytester.makepyfile(leaver=code)
+    result = run(*ONE, *ASKED, policy="leaver.py")
+    assert result.ret == 11
+    result.stdout.fnmatch_lines(["*CrashError*"])
+
+
+def test_a_pair_that_was_refused_stays_refused_when_the_run_is_resumed(
+    run: Run, pytester: pytest.Pytester
+) -> None:
+    pytester.makepyfile(leaver=LEAVER.format(NOT_REPEATABLE))
+    options = ("-k", "camera_shift", "--libero-max-resume", "--libero-max-gate=stale_mean <= 3")
+    isolated = (*options, "--libero-max-isolate")
+    result = run(*isolated, policy="leaver.py", subprocess=False)
+    assert result.ret == 11
+    result.stdout.fnmatch_lines(
+        ["Refused for what the policy did*", "*2 invalid, 0 missing*begin a new run*"]
+    )
+    Path("calm").touch()
+    result = run(*isolated, policy="leaver.py", subprocess=False)
+    assert result.ret == 11
+    result.stdout.fnmatch_lines(["*2 refused before, which stay refused*", "*Refused for what the policy*"])
+    text = Path("libero-max-results", "pairs.jsonl").read_text()
+    lines = [json.loads(line) for line in text.splitlines()]
+    assert [(line["line"], line.get("kind")) for line in lines[1:]] == [("error", "RefusalError")] * 2
+
+
+def test_a_run_with_other_settings_than_its_baseline(run: Run) -> None:
+    solved = ("-k", "camera_shift", "--libero-max-output=before")
+    assert run(*solved).ret == 0
+    gate = "--libero-max-gate=gains_vs(before) >= 1"
+    result = run(
+        "-k", "camera_shift", "--libero-max-latency=2steps", gate, "--libero-max-isolate", subprocess=False
+    )
+    assert result.ret == 10
+    result.stdout.fnmatch_lines(["gate open*latency*allow=latency*"])
 
 
 def test_a_folder_with_the_name_of_the_pairs(run: Run, pytester: pytest.Pytester) -> None:
@@ -193,6 +345,9 @@ def test_gates_of_shards_are_decided_by_merge(shards: list[str], capsys: pytest.
     assert main(["merge", *shards, "--output=whole"]) == 10
     assert f"gate FAIL  {GATE}: failed" in capsys.readouterr().out
     assert main(["merge", "1", "--output=half"]) == 11
+    assert main(["gate", "1", f"--gate={GATE}"]) == 10
+    assert main(["gate", "1", "--gate=missing == 0"]) == 10
+    assert "libero-max merge decides it, on all 2 shards" in capsys.readouterr().out
     assert main(["merge", "1", "--output=half", "--gate=missing == 0"]) == 11
 
 

@@ -10,6 +10,7 @@ import pytest
 
 import pytest_libero_max
 from pytest_libero_max.plugin.collection import PAIRS_FILE
+from tests.plugin.test_run import Run
 
 CONFTEST = """
 import sys
@@ -131,3 +132,23 @@ def test_type_checkers_see_the_names_that_the_facade_offers() -> None:
 def test_a_name_that_is_not_public_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'Nothing'"):
         pytest_libero_max.Nothing  # noqa: B018
+
+
+@pytest.mark.parametrize("autoload", ["", "1"], ids=["autoload", "no autoload"])
+@pytest.mark.parametrize(
+    "named",
+    [
+        ("-p", "libero_max"),
+        ("-p", "pytest_libero_max.plugin"),
+        ("-p", "libero_max", "-p", "pytest_libero_max.plugin"),
+    ],
+    ids=" ".join,
+)
+def test_the_plugin_is_loaded_once_by_the_names_that_people_type(
+    run: Run, monkeypatch: pytest.MonkeyPatch, autoload: str, named: tuple[str, ...]
+) -> None:
+    if autoload:
+        monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", autoload)
+    done = run(*named, "-Werror", "--collect-only", "-q", "-k", "camera_shift", subprocess=True)
+    assert sum(line.startswith("libero-max::") for line in done.outlines) == 2
+    assert done.ret == 0

@@ -148,3 +148,55 @@ def test_files_of_the_ini_file_lie_beside_it(
     done = project.runpytest_subprocess("libero-max", "--rootdir=..", "-c", "../tox.ini")
     done.assert_outcomes(passed=2)
     assert results("tests/libero-max-results")[1]["provenance"]["policy"]["reference"] == f"../{adapter}"
+
+
+def native(lines: str) -> str:
+    return f'[pytest]\nlibero_max_policy = "noop"\ntestpaths = ["libero-max"]\n{lines}\n'
+
+
+needs_tables = pytest.mark.skipif(
+    pytest.version_tuple < (9, 0), reason="pytest reads its own tables since 9.0"
+)
+
+
+@needs_tables
+def test_the_tables_of_pytest_9_have_values_of_their_own_types(project: pytest.Pytester) -> None:
+    Path("tox.ini").unlink()
+    Path("pytest.toml").write_text(
+        native(
+            """
+            libero_max_manifest = "tiny.json"
+            libero_max_substrate = "tiny"
+            libero_max_limit = 1
+            libero_max_strength = 1.0
+            libero_max_query_timeout = 60
+            libero_max_retries = 0
+            libero_max_isolate = false
+            libero_max_only_installed = false
+            libero_max_gate = ["dynamic_sr >= 0.6", "trigger_coverage >= 0.1"]
+            libero_max_probe = "contact_timeline"
+            """
+        )
+    )
+    done = project.runpytest_inprocess("--collect-only", "-q")
+    assert sum(line.startswith("libero-max::") for line in done.outlines) == 1
+    done = project.runpytest_inprocess("--collect-only", "-q", "-o", "libero_max_limit=2")
+    assert sum(line.startswith("libero-max::") for line in done.outlines) == 2
+
+
+@needs_tables
+@pytest.mark.parametrize(
+    "line",
+    [
+        "libero_max_limit = [1]",
+        "libero_max_limit = true",
+        "libero_max_isolate = 1",
+        "libero_max_gate = [true]",
+    ],
+)
+def test_a_value_of_another_type_is_refused_with_its_key(project: pytest.Pytester, line: str) -> None:
+    Path("native.toml").write_text(native(line))
+    done = project.runpytest_inprocess("-c", "native.toml", "--collect-only", "-q")
+    key = line.partition(" ")[0]
+    done.stderr.fnmatch_lines([f"ERROR: ini option {key}=*: expected *"])
+    assert done.ret == 4

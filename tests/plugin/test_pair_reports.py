@@ -11,24 +11,53 @@ from pytest_libero_max.plugin.pair_reports import packed, unpacked
 from pytest_libero_max.plugin.stash_keys import RESULT_ATTRIBUTE
 from tests.plugin.test_run import Results, Run
 
+FROZEN = ""
+"""In the place of the plugin that shortens episodes with a table that can be edited."""
 
+
+@pytest.mark.parametrize("workers", ["-n0", "-n1"])
+@pytest.mark.parametrize("arm", ["base", "dynamic"])
 def test_episodes_of_another_length_are_not_stored(
-    run: Run, results: Results, pytester: pytest.Pytester
+    run: Run, results: Results, pytester: pytest.Pytester, arm: str, workers: str
 ) -> None:
+    """Also where one arm alone is longer, in the process that stores the pairs."""
+    pytester.makepyfile(
+        longer=f"""
+        from adapter import Reacher
+        from pytest_libero_max.benchmark import cases
+
+        class policy(Reacher):
+            episodes = 0
+
+            def reset(self, episode):
+                self.episodes += 1
+                if self.episodes == {1 if arm == "base" else 2}:
+                    cases.SUITE_BUDGETS = {{**cases.SUITE_BUDGETS, "libero_spatial": 35}}
+        """
+    )
+    result = run("-k", "camera_shift and v0", workers, policy="longer.py", subprocess=True)
+    (error,) = [line for line in results()[0] if line["line"] == "error"]
+    assert "max_steps=35" in error["message"]
+    assert "its episodes have 30" in error["message"] or "libero_spatial has 30" in error["message"]
+    assert result.ret == 11
+
+
+def test_budgets_cannot_be_edited(run: Run, results: Results, pytester: pytest.Pytester) -> None:
     pytester.makepyfile(
         longer="""
         from adapter import Reacher
-        from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+        from pytest_libero_max.benchmark.cases import Case
 
         class policy(Reacher):
             def reset(self, episode):
-                SUITE_BUDGETS["libero_spatial"] = 35
+                Case.budget.fget.__globals__["SUITE_BUDGETS"]["libero_spatial"] = 35
         """
     )
-    result = run("-k", "camera_shift and v0", "-n1", policy="longer.py", subprocess=True)
+    pytester.makepyfile(short_episodes=FROZEN)
+    result = run("-k", "camera_shift and v0", policy="longer.py", subprocess=True)
     (error,) = [line for line in results()[0] if line["line"] == "error"]
-    assert "max_steps=35" in error["message"]
-    assert "its episodes have 30" in error["message"]
+    assert error["kind"] == "AdapterError"
+    assert "does not support item assignment" in error["message"]
     assert result.ret == 11
 
 

@@ -192,7 +192,7 @@ def test_a_pair_that_raises_is_an_error_and_the_others_are_kept(
 
 
 def test_strict_fails_regressions_only() -> None:
-    strict: Any = SimpleNamespace(strict="regression")
+    strict: Any = SimpleNamespace(strict="regressions")
     lenient: Any = SimpleNamespace(strict=None)
     regression = record_of(plan()[0], base=True, dynamic=False)
     play_item(regression, lenient)

@@ -144,7 +144,7 @@ BROKEN_ACTIONS: list[tuple[str, Any, str]] = [
         None,
         "returned NoneType of dtype object, but predict must return an (n, 7) array",
     ),
-    ("text", "left", "returned str of dtype <U4, but predict must return an (n, 7) array"),
+    ("text", "left", "returned a str of length 4, but predict must return an (n, 7) array"),
     ("booleans", np.ones((2, 7), bool), "returned ndarray of dtype bool, but predict must return"),
     ("complex numbers", np.ones((2, 7), complex), "returned ndarray of dtype complex128, but predict must"),
     ("ragged rows", [[0.0] * 7, [0.0] * 6], "returned a list that is no array (setting an array element"),
@@ -155,8 +155,8 @@ BROKEN_ACTIONS: list[tuple[str, Any, str]] = [
     ),
     (
         "a batch",
-        np.zeros((1, 2, 7)),
-        "returned actions of shape (1, 2, 7), but predict must return an",
+        np.zeros((2, 2, 7)),
+        "returned actions of shape (2, 2, 7), but predict must return an",
     ),
     ("one number", 0.5, "returned actions of shape (), but predict must return an (n, 7) array"),
     (

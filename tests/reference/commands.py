@@ -13,7 +13,7 @@ The shell completes commands, options, profiles, tracks and paths with the extra
 environment in which the plugin is installed:
 
 ```sh
-pip install 'pytest-libero-max[completion]'
+pip install -e '.[completion]'                       # in the clone
 eval "$(register-python-argcomplete libero-max)"   # Bash and Zsh; a line for ~/.bashrc or ~/.zshrc
 ```"""
 

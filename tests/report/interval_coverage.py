@@ -13,6 +13,14 @@ from itertools import product
 import numpy as np
 
 from pytest_libero_max.stats.paired_difference import exact
+from tests.stats.change_coverage import DRAWS as CHANGE_DRAWS
+from tests.stats.change_coverage import (
+    ENUMERATED,
+    Weights,
+    change_coverage,
+    joint_coverage,
+    lowest_change_coverage,
+)
 from tests.stats.coverage import (
     ALIKE_SUCCESSES,
     BASE_RATE,
@@ -70,6 +78,28 @@ TASK_CELLS = (
 
 LATTICES = ((4, 0.02), (8, 0.02), (16, 0.02), (32, 0.02), (100, 0.05))
 """Sizes whose worst case is looked for, and the steps of the true probabilities."""
+
+CHANGE_SIZES = (4, 8, 16, 25, 50, 100, 400, 1000)
+DIFFERENCES: tuple[Weights, ...] = (
+    (0.0, 0.002, 0.0, 0.0),
+    (0.0, 0.01, 0.0, 0.0),
+    (0.0, 0.05, 0.0, 0.0),
+    (0.0, 0.2, 0.0, 0.0),
+    (0.0, 0.5, 0.0, 0.0),
+    (0.0, 0.02, 0.02, 0.0),
+    (0.0, 0.1, 0.1, 0.0),
+    (0.01, 0.3, 0.05, 0.0),
+    (0.02, 0.0, 0.0, 0.0),
+    (0.1, 0.0, 0.0, 0.0),
+    (0.05, 0.2, 0.2, 0.05),
+    (0.3, 0.0, 0.0, 0.3),
+    (0.46, 0.0, 0.0, 0.54),
+)
+"""Probabilities of the differences -2, -1, 1 and 2 of two paired changes."""
+
+JOINT_SIZES = (4, 16, 100)
+SEARCHED = (4, 8, 16)
+"""Numbers of cases for which the lowest coverage is looked for."""
 
 METHODS: dict[str, tuple[str, Method, int]] = {
     "exact": ("Melded exact interval (used for reports and gates)", exact_coverage, 10**9),
@@ -134,6 +164,21 @@ def rate_rows(sizes: Sequence[int] = RATE_SIZES) -> Iterator[str]:
 QUANTITIES = {"change": "paired change", "rate": "success rate", "lost": "Base successes lost"}
 
 
+def change_rows(sizes: Sequence[int] = CHANGE_SIZES, joint: Sequence[int] = JOINT_SIZES) -> Iterator[str]:
+    """The rows of the difference of two paired changes: each alone, then eight events together."""
+    for weights in DIFFERENCES:
+        alone = [_cell(change_coverage(cases, weights)) for cases in sizes]
+        together = [_cell(joint_coverage(cases, weights)) for cases in joint]
+        yield _row(", ".join(f"{weight:g}" for weight in weights), [*alone, *together])
+
+
+def lowest_change_rows(sizes: Sequence[int] = SEARCHED) -> Iterator[str]:
+    """For each size, the lowest coverage that was found of the difference of two changes."""
+    for cases in sizes:
+        lowest, where = lowest_change_coverage(cases)
+        yield _row(str(cases), [f"{_cell(lowest)} at {', '.join(f'{weight:.3g}' for weight in where)}"])
+
+
 def task_rows(cells: Sequence[TaskCell] = TASK_CELLS) -> Iterator[str]:
     """The rows of the table of the interval by task."""
     for cell in cells:
@@ -155,12 +200,20 @@ def worst_rows(lattices: Sequence[tuple[int, float]] = LATTICES) -> Iterator[str
         yield _row(str(n), cells)
 
 
-def lowest_rows(tasks: Sequence[str], rates: Sequence[str], worst: Sequence[str]) -> Iterator[str]:
+def lowest_rows(
+    tasks: Sequence[str], rates: Sequence[str], worst: Sequence[str], changes: Sequence[str]
+) -> Iterator[str]:
     """The lowest coverage of every interval that reports print, from the rows of the other tables."""
     grid = [_percent(cell) for row in coverage_rows("exact") for cell in _cells(row)[1:]]
     lattice = [_percent(_cells(row)[1]) for row in worst]
     trials = [_percent(cell) for row in rates for cell in _cells(row)[1:]]
     yield _row("change of all pairs, a group, a configuration", [_cell(min(*grid, *lattice)), ""])
+    for name, columns in (
+        ("difference of two paired changes", slice(1, 1 + len(CHANGE_SIZES))),
+        ("the same, eight events together", slice(1 + len(CHANGE_SIZES), None)),
+    ):
+        found = [_percent(cell) for row in changes for cell in _cells(row)[columns]]
+        yield _row(name, [_cell(min(found)), ""])
     yield _row("rate, share lost, coverage", [_cell(min(trials)), ""])
     for quantity in QUANTITIES.values():
         rows = [_cells(row) for row in tasks if _cells(row)[0] == quantity]
@@ -181,6 +234,7 @@ def _percent(cell: str) -> float:
 def _lines() -> Iterator[str]:
     yield from INTRODUCTION.splitlines()
     tasks, rates, worst = list(task_rows()), list(rate_rows()), list(worst_rows())
+    changes = list(change_rows())
     yield from (
         "",
         "## Lowest coverage of what is printed",
@@ -189,7 +243,7 @@ def _lines() -> Iterator[str]:
         "does not miss, and *printed* leaves it out.",
         "",
         *_head("interval of", ["all", "printed"]),
-        *lowest_rows(tasks, rates, worst),
+        *lowest_rows(tasks, rates, worst, changes),
     )
     for name, (title, _, most) in METHODS.items():
         yield from ("", f"## {title}", "")
@@ -228,6 +282,7 @@ def _lines() -> Iterator[str]:
         *_head("P(1,0), P(0,1)", [f"n = {n}: exact, Tango, A.-M." for n in WIDTH_SIZES]),
         *_width_rows(),
         "",
+        *_change_lines(changes),
         "## Exact interval of a success rate",
         "",
         "Clopper and Pearson's, of all rates and of the share of Base successes lost. All results are",
@@ -253,6 +308,31 @@ def _lines() -> Iterator[str]:
         "",
         *_head("quantity", ["pairs of a task", "mean", "sum", "all", "printed", "none"]),
         *tasks,
+    )
+
+
+def _change_lines(changes: Sequence[str]) -> Iterator[str]:
+    yield from (
+        "## Difference of two paired changes",
+        "",
+        "Of two runs on the same cases, and of two strengths of a camera change: a quantile of weighted",
+        "means of the differences and one more of 2 or -2 (Gaffke 2005). The rows are the true probabilities",
+        "of the differences -2, -1, 1 and 2. All results are counted up to "
+        f"{ENUMERATED} cases; {CHANGE_DRAWS:,} seeded draws",
+        "are taken beyond (standard error 0.15 points). *Together* are eight independent events, each with",
+        "its interval at the level 1 - 0.05 / 8: the probability that all eight hold their differences.",
+        "",
+        *_head(
+            "P(-2), P(-1), P(1), P(2)",
+            [*(f"n = {n}" for n in CHANGE_SIZES), *(f"together, n = {n}" for n in JOINT_SIZES)],
+        ),
+        *changes,
+        "",
+        "The lowest coverage over 1,500 drawn true effects and over mixtures of two values in fine steps:",
+        "",
+        *_head("n", ["lowest, at"]),
+        *lowest_change_rows(),
+        "",
     )
 
 

@@ -150,7 +150,13 @@ _ARMS: Json = {
     "prefix_digest": "ab" * 32,
     "base_digest": "cd" * 32,
     "dynamic_digest": "ef" * 32,
-    "evidence": {"changes": [], "pixels": {"agentview": 3.5}},
+    "evidence": {
+        "operation": "made_up",
+        "factors": [],
+        "before": {},
+        "after": {},
+        "pixel_change": {"agentview": 3.5},
+    },
     "contacts": {"base": ["plate_1"], "dynamic": []},
 }
 

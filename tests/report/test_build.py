@@ -11,7 +11,6 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import report_json
 from pytest_libero_max.runs.plan import PlannedPair
@@ -243,20 +242,3 @@ def test_planned_is_played_and_invalid_and_missing(data: st.DataObject) -> None:
     assert (plain(report)["headline"]["status"] == "complete") == (len(records) == len(pairs))
     assert sum(plain(report)["overall"]["outcomes"].values()) == len(records)
     assert all(abs(number) < float("inf") for number in _numbers(report))
-
-
-def test_groups_with_few_pairs_have_a_second_estimate_in_report_and_page() -> None:
-    pairs = plan()
-    report = build_report(records_of(pairs, seed=3), [], pairs, PROVENANCE)
-    found = report.shrunken["event"]
-    assert list(found) == list(report.by["event"])
-    for name, group in found.items():
-        assert group.raw == report.by["event"][name].paired_change.value
-        assert group.pairs == report.by["event"][name].played
-        mean = report.overall.paired_change.value
-        assert mean is not None
-        assert group.value == pytest.approx(group.weight * group.raw + (1 - group.weight) * mean)
-    for text in (markdown(report), html(report, [], ["pytest"])):
-        assert "Groups with few pairs, drawn together (empirical Bayes)" in text
-    many = plan(per_cell=25)
-    assert "event" not in build_report(records_of(many), [], many, PROVENANCE).shrunken, "100 pairs an event"

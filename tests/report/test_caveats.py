@@ -12,6 +12,7 @@ from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.runs.outcomes import Played
 from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of
 
 PROMPT = "pick up the black bowl on the stove and place it on the plate"
@@ -27,7 +28,7 @@ def pair(semantics: str | None = None, **changes: Any) -> PairRecord:
 
 
 def names(*records: PairRecord) -> dict[str, int]:
-    return {caveat.name: caveat.pairs for caveat in caveats_of(records)}
+    return {caveat.name: caveat.pairs for caveat in caveats_of(map(Played.of, records))}
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,7 @@ def test_variations_that_do_not_do_what_they_are_called(source: str, category: s
 
 def test_pairs_are_counted_in_the_order_of_the_rules() -> None:
     records = [pair("published", event="distractor_burst") for _ in range(3)] + [pair("published"), pair()]
-    found = caveats_of(records)
+    found = caveats_of(map(Played.of, records))
     assert [(caveat.name, caveat.pairs, caveat.played) for caveat in found] == [
         ("tumbled_insertions", 3, 5),
         ("shifted_observations", 4, 5),

@@ -4,6 +4,7 @@ from decimal import Decimal
 from fractions import Fraction
 from itertools import cycle
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,15 +14,24 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
-from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
+from pytest_libero_max.report.gate_reach import (
+    EXACT,
+    extremes,
+    require_reachable,
+    require_reachable_vs,
+    value_of,
+)
 from pytest_libero_max.report.gates import (
     OPERATORS,
+    QUANTITIES,
+    Gate,
     evaluate_gate,
     parse_gate,
     parse_gates,
     require_known_groups,
 )
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.paired import Pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, selected
 
 PAIRS = plan()
@@ -406,3 +416,104 @@ def test_a_difference_that_no_outcome_reaches_is_refused() -> None:
 )
 def test_a_gate_on_stale_actions_or_coverage_is_one_that_can_hold(text: str) -> None:
     require_reachable(parse_gate(text), plan())
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("regressions <= 32", "fail"),
+        ("regressions != 33", "fail"),
+        ("event.camera_shift.regressions < 5", "fail"),
+        ("gains <= 32", "fail"),
+        ("persistent_failure < 33", "fail"),
+        ("base_sr.lower < 95%", "fail"),
+        ("base_sr.upper > 5%", "fail"),
+        ("p_value >= 1e-10", "fail"),
+        ("delta <= 90%", "fail"),
+        ("invalid <= 32", "fail"),
+        ("played <= 32", "fail"),
+        ("played >= 33", "hold"),
+        ("missing == 33", "hold"),
+        ("regressions == 33", "hold"),
+        ("regressions >= 33", "hold"),
+        ("base_sr.lower >= 90%", "hold"),
+        ("delta > 80%", "hold"),
+    ],
+)
+def test_a_gate_that_decides_nothing_on_its_pairs_is_refused(text: str, word: str) -> None:
+    with pytest.raises(OptionError, match=f"can never {word}: .* pairs"):
+        require_reachable(parse_gate(text), plan())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "planned >= 32",
+        "whole_track == 1",
+        "regressions <= 31",
+        "regressions != 32",
+        "gains <= 31",
+        "base_sr <= 10%",
+        "persistent_failure <= 31",
+        "delta.clustered >= -90%",
+        "given_response_paired_change <= 90%",
+    ],
+)
+def test_a_gate_that_may_fail_and_hold_is_not_refused(text: str) -> None:
+    require_reachable(parse_gate(text), plan())
+
+
+@pytest.mark.parametrize(
+    ("text", "succeeded", "word"),
+    [
+        ("regressions_vs(old) <= 0", 0, "fail"),
+        ("regressions_vs(old) <= 3", 3, "fail"),
+        ("regressions_vs(old) == 0", 0, "fail"),
+        ("dynamic_sr_vs(old) >= -5%", 0, "fail"),
+        ("dynamic_sr_vs(old) >= -5%", 1, "fail"),
+        ("dynamic_sr_vs(old).lower >= -20%", 0, "fail"),
+        ("dynamic_sr_vs(old) <= 5%", 32, "fail"),
+        ("gains_vs(old) >= 1", 32, "hold"),
+        ("gains_vs(old) != 40", 0, "fail"),
+        ("p_value_vs(old) > 1e-10", 16, "fail"),
+        ("regressions_vs(old) > 3", 3, "hold"),
+        ("dynamic_sr_vs(old) > 0", 32, "hold"),
+    ],
+)
+def test_a_gate_against_a_run_that_leaves_nothing_to_decide_is_refused(
+    text: str, succeeded: int, word: str
+) -> None:
+    earlier = [True] * succeeded + [False] * (32 - succeeded)
+    with pytest.raises(OptionError, match=f"can never {word}: .* succeeded in {succeeded} of the 32 there"):
+        require_reachable_vs(parse_gate(text), earlier)
+
+
+EXTREME = [
+    (name, end)
+    for name, column in QUANTITIES.items()
+    for end in ((None, "lower", "upper") if column.format.has_interval else (None,))
+    if name in EXACT
+]
+
+
+@pytest.mark.parametrize(("name", "end"), EXTREME)
+def test_no_outcome_lies_beyond_the_extreme_ones(name: str, end: str | None) -> None:
+    gate = Gate("", name, None, end, None, ">=", Fraction(1, 2))
+    random = np.random.default_rng(7)
+    for pairs in (1, 3, 8, 32):
+        planned = plan()[:pairs]
+        found = [value for one in extremes(planned) if (value := value_of(gate, one)) is not None]
+        for _ in range(12):
+            often = random.random(4) ** random.choice([0.2, 1, 3])
+            base, triggered, answered, completes = (often > random.random((4, pairs)).T).T
+            outcome = Pairs.of(
+                base=base,
+                dynamic=np.where(triggered, completes, base),
+                triggered=triggered,
+                responded=triggered & answered,
+                stale=np.where(triggered, random.integers(0, 50, pairs), -1),
+                source=[pair.source for pair in planned],
+                task=[pair.task for pair in planned],
+            )
+            value = value_of(gate, outcome)
+            assert value is None or min(found) - 1e-12 <= value <= max(found) + 1e-12

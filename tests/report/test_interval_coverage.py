@@ -5,14 +5,18 @@ from pathlib import Path
 import pytest
 
 from tests.report.interval_coverage import (
+    CHANGE_SIZES,
     CHANGES,
+    DIFFERENCES,
     LATTICES,
     METHODS,
     QUANTITIES,
     RATES,
     SIZES,
     TASK_CELLS,
+    change_rows,
     coverage_rows,
+    lowest_change_rows,
     rate_rows,
     task_rows,
     worst_rows,
@@ -43,6 +47,18 @@ def test_the_published_coverage_of_rates_is_what_the_code_finds() -> None:
     assert len(published) == len(RATES) + 1
 
 
+def test_the_published_coverage_of_differences_of_changes_is_what_the_code_finds() -> None:
+    published = _table("Difference of two paired changes")
+    found = [_cells(row) for row in change_rows((4, 8), ())]
+    assert [row[:3] for row in published[: len(DIFFERENCES)]] == found
+    assert min(_percent(cell) for row in published[: len(DIFFERENCES)] for cell in row[1:]) >= 0.95
+    lowest = [_cells(row) for row in lowest_change_rows((4,))]
+    assert lowest[0] in published
+    table = {row[0].strip(): row[1] for row in _table("Lowest coverage of what is printed")}
+    alone = [cell for row in published[: len(DIFFERENCES)] for cell in row[1 : 1 + len(CHANGE_SIZES)]]
+    assert table["difference of two paired changes"] == min(alone, key=_percent)
+
+
 def test_the_published_worst_cases_are_what_the_code_finds() -> None:
     published = ["| " + " | ".join(row) + " |" for row in _table("Worst cases")]
     assert len(published) == len(LATTICES)
@@ -66,6 +82,10 @@ def test_the_published_coverage_by_task_is_what_the_code_finds() -> None:
     cells = [TASK_CELLS[place] for place in (3, 20, -6)]
     published = ["| " + " | ".join(row) + " |" for row in _table("Interval by task")]
     assert [published[TASK_CELLS.index(cell)] for cell in cells] == list(task_rows(cells))
+
+
+def _cells(row: str) -> list[str]:
+    return row.strip("| ").split(" | ")
 
 
 def _percent(cell: str) -> float:

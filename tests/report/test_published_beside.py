@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +13,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.releases import RELEASED
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.published import BESIDE_TITLE, published_beside, published_policies
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
@@ -19,6 +21,8 @@ from pytest_libero_max.runs.stopped import Stopped
 from tests.report.made_up import PROVENANCE, error_of, plain, plan, record_of, records_of
 
 PAIRS = plan()
+PAGE = Path(__file__).parents[2] / "reports" / "genuine" / "beside-the-paper.md"
+RATES = Path(__file__).parents[3] / "shared" / "official" / "lite_rates.csv"
 
 
 def _file(name: str) -> Any:
@@ -57,6 +61,34 @@ def test_the_authors_pro_cases_stand_beside_the_rows_of_that_source() -> None:
     beside = published_beside(_report(str(_file("libero_max_pro_hard_2400.json")), 2400))
     assert beside is not None
     assert beside.rows[1][:4] == ("pi_0.5", "64.8%", "55.1%", "-9.7")
+
+
+def test_the_authors_lite_stands_beside_the_rates_of_lite() -> None:
+    beside = published_beside(_report(str(_file("libero_max_lite.json")), 800))
+    assert beside is not None
+    assert beside.rows[1][:4] == ("pi_0.5", "79.3%", "65.1%", "-14.1")
+    assert len(beside.rows) == 15
+
+
+def test_their_lite_of_400_cases_has_no_rates_beside_it() -> None:
+    (short,) = (file for file in RELEASED if file.cases == 400)
+    assert published_beside(_report(str(short), 400)) is None
+
+
+@pytest.mark.skipif(not RATES.is_file(), reason="the authors' rates are not here")
+def test_the_rates_of_lite_are_those_of_the_authors_table() -> None:
+    printed = {policy.name: policy.printed.lite for policy in published_policies()}
+    names = {"pi0.5": "pi_0.5", "Cosmos-Policy": "Cosmos Policy"}
+    with RATES.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    for row in rows:
+        rates = printed[names.get(row["model"], row["model"])]
+        exact = [float(row[f"lite_{key}"]) for key in ("base_sr", "dynamic_sr", "gap")]
+        assert rates == pytest.approx(exact, abs=0.0501)
+    kept = sorted(int(row["lite_rows_archived"]) for row in rows)
+    assert f"of four for all 800 cases and of the others for {kept[0]} to {kept[-5]}" in PAGE.read_text()
+    assert kept[-4:] == [800] * 4
 
 
 @pytest.mark.parametrize(

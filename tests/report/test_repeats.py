@@ -41,7 +41,7 @@ def test_a_case_is_one_unit_with_a_probability_of_a_regression() -> None:
     )
     assert (table["Cases"], table["Plays of each"]) == (3, 3)
     assert table["Paired change, mean over plays"] == "-11.1 pp"
-    assert table["... its interval, by case"] == "n/a: 2 cases change, 10 are needed"
+    assert table["... its interval, by case"] == "n/a: 2 of 10 needed cases change"
     assert table["Probability of a regression, mean over cases"] == "22.2%"
     assert table[f"... {PAIRS[0].item_id}"] == "2/3 plays"
     assert f"... {PAIRS[2].item_id}" not in table
@@ -86,3 +86,10 @@ def test_it_is_a_section_of_the_study_and_the_headline_stays_that_of_pairs() -> 
     assert report.study is not None
     assert (report.study.arms or {})["dynamic_2"].count == 0
     assert TITLE not in build_report(records[:0], [], PAIRS[:6], PLAYED).sections
+
+
+def test_a_run_of_repeats_has_no_table_of_an_audit() -> None:
+    records = [repeated(0, LOST, KEPT), repeated(1, KEPT, KEPT)]
+    text = markdown(build_report(records, [], PAIRS[:2], PLAYED))
+    assert "Success without an input" not in text
+    assert "| dynamic_2 | 100.0%" in text

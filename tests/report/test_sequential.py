@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.stopping_rules.anytime import Anytime
 from pytest_libero_max.stats.sequential import (
     TotalSequence,
@@ -28,6 +30,7 @@ from tests.report.sequential import (
     SUMS,
     above,
     below,
+    bias_row,
     certain,
     change_found,
     fixed_test_peeked,
@@ -54,6 +57,7 @@ def test_the_page_has_the_rows_of_the_code() -> None:
     for title, cells in (
         ("Without a change: how often one is found", NULLS),
         ("With a change: how often it is found, and when", EFFECTS),
+        ("What a stopped run estimates", EFFECTS),
         ("The interval: how often it misses at any look", SUMS),
         ("A gate with a margin: `delta >= -5%`", GATED),
     ):
@@ -103,6 +107,14 @@ def test_few_runs_err_as_rarely() -> None:
     assert float(miss_row(0.15, 0.02, 1000)[1].rstrip("%")) <= 100 * LEVEL
     _, change, verdict, wrong, *_ = gate_row(0.25, 0.01, 100)
     assert (change, verdict, wrong) == ("-24.0 pp", "fails", "0.0%")
+
+
+def test_reports_of_stopped_runs_name_the_published_size_of_their_bias() -> None:
+    rows = {row[0]: row for row in table_of("What a stopped run estimates")}
+    told = re.findall(r"-\d+\.\d", BIAS)
+    assert told == [rows[name][place].split()[0] for place in (1, 3) for name in ("10% / 5%", "15% / 5%")]
+    few = bias_row(0.15, 0.05, 400)
+    assert float(few[3].split()[0]) == pytest.approx(float(told[3]), abs=1.5)
 
 
 def test_the_simulated_rules_are_those_of_runs() -> None:

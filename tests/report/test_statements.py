@@ -29,6 +29,12 @@ def test_genuine_tracks_are_said_to_be_other_cases_than_the_authors() -> None:
         "libero_object 2,702 and 2,448, libero_spatial 1,753 and 1,868."
     )
     assert sum(authors_cases().values()) == 8000
-    assert (own_cases_text("track genuine/smoke", ["libero_goal"]) or "").endswith("plays.")
+    assert (own_cases_text("track genuine/smoke", ["libero_goal"]) or "").endswith("json all.")
     assert own_cases_text("track lite", suites) is None
     assert own_cases_text("manifest libero_max_8000.json", suites) is None
+
+
+def test_the_papers_own_lite_is_not_called_other_cases_and_its_screening_is_the_authors() -> None:
+    cases = [case.case_id for case in load_track("genuine/paper-lite")]
+    assert own_cases_text("track genuine/paper-lite", ["libero_goal"] * 800) is None
+    assert "authors screened" in statements_of("track genuine/paper-lite", cases)["screening"]

@@ -46,7 +46,7 @@ def test_an_episode_without_success_counts_with_its_horizon() -> None:
     table = rows([took(0, 100, 120), took(1, 80, None), took(2, None, None)])
     assert table[f"{RMST}, Base"] == f"{(100 + 80 + 220) / 3:.1f} steps"
     assert table[f"{RMST}, Dynamic"] == f"{(120 + 220 + 220) / 3:.1f} steps"
-    assert table[f"{RMST}, Dynamic - Base"] == "+53.3 steps [n/a: 2 pairs differ, 10 are needed]"
+    assert table[f"{RMST}, Dynamic - Base"] == "+53.3 steps [n/a: 2 of 10 needed pairs differ]"
     assert table["Median from event to success, Base"] == "67.0 steps  2/3 pairs"
     assert table["Median from event to success, Dynamic"] == "97.0 steps  1/3 pairs"
     assert (

@@ -41,7 +41,7 @@ def _same(one: RunOutcomes, other: RunOutcomes) -> bool:
         one.run == other.run
         and one.case_ids == other.case_ids
         and one.policy == other.policy
-        and (one.scenes, one.renderers) == (other.scenes, other.renderers)
+        and (one.scenes, one.renderers, one.played) == (other.scenes, other.renderers, other.played)
         and all(np.array_equal(first, second) for first, second in columns)
     )
 

@@ -1,8 +1,8 @@
 """Interaction of two changes: ``python -m tests.scripts.interaction RUN`` reads a run of ``compound``.
 
 Over the same cases, success with both changes less that with the light alone, less the same of the event
-alone and Base. Below zero the two together cost more than the sum of both. The interval is the exact
-bootstrap within sources that reports use for differences of differences.
+alone and Base. Below zero the two together cost more than the sum of both. The interval is the one that
+reports use for differences of differences.
 """
 
 from __future__ import annotations
@@ -39,11 +39,10 @@ def main() -> None:
         print(f"{name:<8} {sum(record.arms[name].success for record in records)}/{len(records)}")
     found = interaction(records)
     print(f"interaction above 0 in {found.gains}, below 0 in {found.losses} of {len(records)} cases")
-    if found.change is not None:
-        ends = (found.change.estimate, found.change.lower, found.change.upper)
-        width = "all cases alike" if found.change.degenerate else "exact bootstrap within sources"
+    if found.bootstrap is not None and found.interval is not None:
+        ends = (found.bootstrap.estimate, found.interval.lower, found.interval.upper)
         value, lower, upper = (100 * end for end in ends)
-        print(f"interaction {value:+.1f} pp [{lower:+.1f}, {upper:+.1f}], {width}")
+        print(f"interaction {value:+.1f} pp [{lower:+.1f}, {upper:+.1f}]")
 
 
 if __name__ == "__main__":

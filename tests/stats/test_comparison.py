@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.comparison import (
-    change_interval,
     contrasts,
     group_change_contrasts,
     group_contrasts,
@@ -98,26 +97,6 @@ def test_the_sign_flip_test_counts_all_sign_changes() -> None:
         log10_p = sign_flip(differences)
         assert log10_p == pytest.approx(math.log10(expected), abs=1e-12)
     assert sign_flip([]) is None
-
-
-def test_an_interval_of_changes_keeps_its_coverage_and_has_a_width() -> None:
-    random = np.random.default_rng(5)
-    for cases, weights in (
-        (8, [0, 0.1, 0.9, 0, 0]),
-        (32, [0.3, 0, 0.7, 0, 0]),
-        (100, [0.05, 0.2, 0.5, 0.2, 0.05]),
-    ):
-        truth = float(np.dot(weights, [-2, -1, 0, 1, 2]))
-        held = []
-        for _ in range(600):
-            interval = change_interval(random.choice([-2, -1, 0, 1, 2], cases, p=weights))
-            assert interval is not None
-            held.append(interval.lower <= truth <= interval.upper)
-        assert np.mean(held) > 0.92
-    alike = change_interval([0] * 50)
-    assert alike is not None
-    assert alike.lower == -alike.upper < 0
-    assert change_interval([]) is None
 
 
 def test_contrasts_of_groups_are_one_family() -> None:

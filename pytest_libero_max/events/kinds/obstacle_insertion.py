@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
-OFFSETS_M = ([0.14, 0.0, 0.0], [0.0, -0.14, 0.0])
+OFFSETS_M = ((0.14, 0.0, 0.0), (0.0, -0.14, 0.0))
 """Position of the obstacle relative to the trigger entity, world frame, by variant."""
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
-THEMES = (([2, 0, 1], [0.70, 1.15, 1.30]), ([1, 2, 0], [1.25, 0.70, 1.10]))
+THEMES = (((2, 0, 1), (0.70, 1.15, 1.30)), ((1, 2, 0), (1.25, 0.70, 1.10)))
 """Order in which red, green and blue are taken, and what each is then multiplied with, by variant."""
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.errors import is_refusal
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.pair_reports import CRASH_PHASE
@@ -135,6 +136,23 @@ def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:
     return [
         f"Set aside, because each process that played it died: {', '.join(names[:_NAMED])}{more}. "
         f"report.json has all of them; {CRASHES_NAME} has what they said."
+    ]
+
+
+def refused_lines(invalid: Sequence[InvalidPair]) -> list[str]:
+    """Sentence that names the pairs that were refused for what the policy did; none where there is none.
+
+    Args:
+        invalid: ``invalid_pairs`` of a report.
+    """
+    refused = [pair for pair in invalid if is_refusal(pair.kind)]
+    if not refused:
+        return []
+    names = [pair.item_id for pair in refused]
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return [
+        f"Refused for what the policy did, and not played again by a rerun or --libero-max-resume: "
+        f"{', '.join(names[:_NAMED])}{more}. The first: {refused[0].message} Then begin a new run."
     ]
 
 

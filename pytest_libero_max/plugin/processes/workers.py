@@ -40,26 +40,16 @@ class Workers:
         settings: Of the run.
         cases: By item id.
         stop: Of the run.
-
-    Raises:
-        pytest.UsageError: xdist is told to hand out tests in a way that cannot be that of pairs.
     """
 
     def __init__(
         self, config: pytest.Config, settings: Settings, cases: dict[str, Case], stop: RunStop
     ) -> None:
-        dist = config.getoption("dist")
-        if dist not in DISTS:
-            raise pytest.UsageError(
-                f"--dist={dist}: pairs are handed out one by one, because all are in one module, each "
-                "is played once, and one that kills its worker must not come back for ever. Use "
-                f"--dist={' or '.join(DISTS)}, or leave it away."
-            )
         self._config = config
         self._cases = cases
         self._folder = tempfile.TemporaryDirectory(prefix="libero-max-")
         self._deaths: dict[Any, Death] = {}
-        self._retries = Retries(settings, config.option.numprocesses or 1, "workers", stop)
+        self._retries = Retries(settings, number_of_workers(config), "workers", stop)
         config.pluginmanager.register(self._retries)
 
     @pytest.hookimpl(optionalhook=True)
@@ -106,6 +96,13 @@ class Workers:
 
     def _crash_log_of(self, node: Any) -> Path:
         return Path(self._folder.name, f"{node.gateway.id}.txt")
+
+
+def number_of_workers(config: pytest.Config) -> int:
+    """Return the number of workers of xdist, known once it has read its options; 1 without it."""
+    specs: list[str] = config.getoption("tx", None) or [""]
+    counts = (spec.partition("*")[0] for spec in specs)
+    return sum(int(count) if count.isdecimal() else 1 for count in counts)
 
 
 def started_again(

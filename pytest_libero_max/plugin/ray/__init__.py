@@ -2,7 +2,7 @@
 
 `--libero-max-ray` plays the pairs of a session on a Ray cluster, for example `pytest
 --libero-max-policy=adapter.py --libero-max-track=max --libero-max-ray=auto --libero-max-ray-gpus=0.25`. It
-needs the extra: `pip install 'pytest-libero-max[ray]'`, here and on the nodes, with the same Ray and
+needs the extra: `pip install -e '.[ray]'` in the clone, here and on the nodes, with the same Ray and
 Python; the address of a client, `ray://HOST:PORT`, also needs `ray[client]`.
 
 The session collects, stores, reports and decides as it does with `pytest -n`, and the records are the same.

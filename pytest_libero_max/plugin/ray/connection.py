@@ -12,11 +12,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from pytest_libero_max.errors import CrashError, OptionError
+from pytest_libero_max.errors import CrashError, OptionError, install_extra
 from pytest_libero_max.plugin.processes.crash_log import Death
 from pytest_libero_max.plugin.ray.actor import PairActor, actors_on
 
-_EXTRA = "pip install 'pytest-libero-max[ray]'"
 _REACH_S = 20.0
 """Time for the head of the cluster to accept a connection, s."""
 
@@ -42,7 +41,7 @@ class Cluster:
         self, address: str, cpus: float, gpus: float, ship: str | None, kept_back: Sequence[str]
     ) -> None:
         if importlib.util.find_spec("ray") is None:
-            raise OptionError(f"--libero-max-ray={address}: Ray is not installed. {_EXTRA}")
+            raise OptionError(f"--libero-max-ray={address}: Ray is not installed: {install_extra('ray')}.")
         import ray
 
         self._ray: Any = ray

@@ -23,6 +23,7 @@ from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.machine import end_with_parent
 from pytest_libero_max.plugin.collection import manifest_of, settings_of
 from pytest_libero_max.plugin.processes.pair_process import close_in_children
+from pytest_libero_max.plugin.processes.sending import sendable
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 
 
@@ -100,7 +101,7 @@ class RemoteSession:
 
     def answer(self, answer: Json) -> None:
         """Write an answer, with the warnings since the last one."""
-        text = json.dumps({**answer, "warnings": self._warnings}, default=repr)
+        text = json.dumps(sendable({**answer, "warnings": self._warnings}), default=repr)
         self._warnings.clear()
         self._answers.write(text.encode() + b"\n")
         self._answers.flush()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 TIMEOUT_S = 120.0
 """Longest time for one answer, s. A server that compiles on its first query needs more: ``?timeout=600``."""
@@ -18,6 +18,9 @@ TOKEN_VARIABLE = "LIBERO_MAX_SERVER_TOKEN"
 LEFT_OUT = "Policy server"
 """Begins the sentences about servers that were left out of a list of equal ones."""
 
+TLS = "+tls"
+"""Ends the scheme of an encrypted connection, for example ``openpi+tls``; that of HTTP is ``https``."""
+
 SERVER_FILE = ".toml"
 """Ending of a file that lists servers."""
 
@@ -30,7 +33,7 @@ class Address:
 
     Attributes:
         text: The address as the user typed it.
-        scheme: Scheme of its protocol.
+        scheme: Its scheme, for example ``openpi+tls``.
         host: Name or number of the machine.
         port: TCP port.
         path: Of the URL; empty where none is given.
@@ -47,10 +50,26 @@ class Address:
     patience_s: float = PATIENCE_S
 
     @property
+    def protocol(self) -> str:
+        """Scheme of its protocol: without the ending for TLS."""
+        return self.scheme.removesuffix(TLS)
+
+    @property
+    def secure(self) -> bool:
+        """True if the connection is encrypted (TLS)."""
+        return self.scheme in ("https", f"{self.protocol}{TLS}")
+
+    @property
     def where(self) -> str:
         """Host and port, for messages and URLs."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{host}:{self.port}"
+
+    def over(self, protocol: str, secure: bool) -> Address:
+        """Return the address in another protocol, with TLS or without."""
+        plain = "http" if protocol == "https" else protocol
+        encrypted = "https" if plain == "http" else f"{plain}{TLS}"
+        return replace(self, scheme=encrypted if secure else plain)
 
     def __str__(self) -> str:
         return f"{self.scheme}://{self.where}{self.path}"

@@ -1,7 +1,7 @@
 """Codecs of arrays in messages. Nothing here unpickles, and every size is checked before it is used.
 
-Four dialects write an array as a map; they are not interchangeable. Two kinds of documents hold such maps:
-msgpack and JSON.
+Four dialects of msgpack write an array as a map. A server understands its own alone, so each protocol writes
+one; all are read everywhere, because their maps cannot be mistaken for each other. JSON has one of its own.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ MOST_PARTS = 2**18
 MOST_VALUES = 2**22
 """Largest number of values in the lists of a message: an image of 1024 x 1024 as numbers has 3 million."""
 
+NPY_MAGIC = b"\x93NUMPY"
+"""Begins a NumPy file."""
+
 _KINDS = "biuf"
 _MOST_DIMENSIONS = 8
 _DTYPE = re.compile(r"[<>|=]?[a-z?]{1,10}[0-9]{0,3}")
@@ -44,7 +47,7 @@ class Dialect:
 
     Attributes:
         encode: The map of an array.
-        decode: Returns the value of a map: itself, unless it is an array of this dialect.
+        decode: Returns the value of a map: itself, unless it is an array.
     """
 
     encode: Callable[[AnyArray], dict[Any, Any]]
@@ -213,95 +216,44 @@ def _check_counts(parts: int, values: int) -> None:
         raise ServerError(f"a message of more than {MOST_VALUES} values in lists")
 
 
-# openpi: bytes as keys.
+# Reading.
 
 
-def _openpi_encode(array: AnyArray) -> dict[Any, Any]:
-    return {key.encode(): value for key, value in _vla_eval_encode(array).items()}
+def decode(value: dict[Any, Any]) -> Any:
+    """Return the value of a map in msgpack: an array where a dialect writes one like this, otherwise the map.
 
+    Raises:
+        ServerError: It is an image, or looks like an array and is none.
+    """
+    keys = {(key.decode("ascii", "replace") if isinstance(key, bytes) else key): key for key in value}
 
-def _openpi_decode(value: dict[Any, Any]) -> Any:
-    if b"__ndarray__" in value:
-        return array_from(value.get(b"data"), value.get(b"dtype"), value.get(b"shape"))
-    if b"__npgeneric__" in value:
-        number = value.get(b"data")
-        if not isinstance(number, int | float):
-            raise ServerError(f"a number that is a {type(number).__name__}")
-        return number
-    return value
+    def part(name: str) -> Any:
+        return value.get(keys.get(name, name))
 
-
-OPENPI = Dialect(_openpi_encode, _openpi_decode)
-"""``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being bytes."""
-
-
-# vla-eval: the same words as text, and images as files.
-
-
-def _vla_eval_encode(array: AnyArray) -> dict[Any, Any]:
-    return {
-        "__ndarray__": True,
-        "data": array.tobytes(),
-        "dtype": array.dtype.str,
-        "shape": list(array.shape),
-    }
-
-
-def _vla_eval_decode(value: dict[Any, Any]) -> Any:
-    if "__image__" in value:
+    if "__image__" in keys:
         raise ServerError("an image where actions were expected")
-    if "__ndarray__" in value:
-        return array_from(value.get("data"), value.get("dtype"), value.get("shape"))
-    return value
+    if len(keys) < len(value) and keys.keys() & _MARKS:
+        raise ServerError("an array of which a key is there twice, as text and as bytes")
+    if "__ndarray__" in keys:
+        return array_from(part("data"), part("dtype"), part("shape"))
+    if "__npgeneric__" in keys:
+        return _number(part("data"))
+    if "__ndarray_class__" in keys:
+        return npy_array(part("as_npy"))
+    if {"nd", "type", "data"} <= keys.keys():
+        return _msgpack_numpy(part)
+    return _unmarked(value, part) if {"data", "dtype", "shape"} == keys.keys() else value
 
 
-VLA_EVAL = Dialect(_vla_eval_encode, _vla_eval_decode)
-"""``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being text."""
+def npy_array(content: Any) -> AnyArray:
+    """Return the array of a NumPy file.
 
+    Args:
+        content: Its bytes, as ``numpy.save`` writes them without pickling.
 
-# msgpack-numpy: GR00T N1.7.
-
-
-def _msgpack_numpy_encode(array: AnyArray) -> dict[Any, Any]:
-    return {
-        b"nd": True,
-        b"type": array.dtype.str,
-        b"kind": b"",
-        b"shape": list(array.shape),
-        b"data": array.tobytes(),
-    }
-
-
-def _msgpack_numpy_decode(value: dict[Any, Any]) -> Any:
-    known = {(key.decode("ascii", "replace") if isinstance(key, bytes) else key): key for key in value}
-    if "nd" not in known:
-        return value
-    dtype = value.get(known.get("type", ""))
-    dtype = dtype.decode("ascii", "replace") if isinstance(dtype, bytes) else dtype
-    if value.get(known.get("kind", "")) not in (b"", "", None):
-        raise ServerError("an array of objects or records, but only plain real numbers are read")
-    if value[known["nd"]] is not True:
-        return array_from(value.get(known.get("data", "")), dtype, ()).item()
-    return array_from(value.get(known.get("data", "")), dtype, value.get(known.get("shape", "")))
-
-
-MSGPACK_NUMPY = Dialect(_msgpack_numpy_encode, _msgpack_numpy_decode)
-"""``nd``, ``type``, ``kind``, ``shape``, ``data``, the keys being bytes; read as text as well."""
-
-
-# NumPy files inside a map: GR00T N1.5 and N1.6.
-
-
-def _npy_encode(array: AnyArray) -> dict[Any, Any]:
-    content = io.BytesIO()
-    np.save(content, array, allow_pickle=False)
-    return {"__ndarray_class__": True, "as_npy": content.getvalue()}
-
-
-def _npy_decode(value: dict[Any, Any]) -> Any:
-    if "__ndarray_class__" not in value:
-        return value
-    content = value.get("as_npy")
+    Raises:
+        ServerError: It is damaged, or holds anything but plain real numbers.
+    """
     if not isinstance(content, bytes):
         raise ServerError(f"a NumPy file that is a {type(content).__name__}, but must be bytes")
     try:
@@ -321,8 +273,76 @@ def _npy_decode(value: dict[Any, Any]) -> Any:
     return array.transpose() if fortran else array
 
 
-NPY = Dialect(_npy_encode, _npy_decode)
-"""``__ndarray_class__`` with the content of a ``.npy`` file."""
+def _msgpack_numpy(part: Callable[[str], Any]) -> Any:
+    dtype = part("type")
+    dtype = dtype.decode("ascii", "replace") if isinstance(dtype, bytes) else dtype
+    if part("kind") not in (b"", "", None):
+        raise ServerError("an array of objects or records, but only plain real numbers are read")
+    if part("nd") is not True:
+        return array_from(part("data"), dtype, ()).item()
+    return array_from(part("data"), dtype, part("shape"))
+
+
+def _unmarked(value: dict[Any, Any], part: Callable[[str], Any]) -> Any:
+    """Return an array that no word marks as one, where its size leaves no doubt."""
+    try:
+        return array_from(part("data"), part("dtype"), part("shape"))
+    except ServerError:
+        return value
+
+
+def _number(value: Any) -> int | float:
+    if not isinstance(value, int | float):
+        raise ServerError(f"a number that is a {type(value).__name__}")
+    return value
+
+
+_MARKS = {"__ndarray__", "__npgeneric__", "__ndarray_class__", "nd"}
+
+
+# Writing.
+
+
+def _vla_eval_encode(array: AnyArray) -> dict[Any, Any]:
+    return {
+        "__ndarray__": True,
+        "data": array.tobytes(),
+        "dtype": array.dtype.str,
+        "shape": list(array.shape),
+    }
+
+
+def _openpi_encode(array: AnyArray) -> dict[Any, Any]:
+    return {key.encode(): value for key, value in _vla_eval_encode(array).items()}
+
+
+def _msgpack_numpy_encode(array: AnyArray) -> dict[Any, Any]:
+    return {
+        b"nd": True,
+        b"type": array.dtype.str,
+        b"kind": b"",
+        b"shape": list(array.shape),
+        b"data": array.tobytes(),
+    }
+
+
+def _npy_encode(array: AnyArray) -> dict[Any, Any]:
+    content = io.BytesIO()
+    np.save(content, array, allow_pickle=False)
+    return {"__ndarray_class__": True, "as_npy": content.getvalue()}
+
+
+OPENPI = Dialect(_openpi_encode, decode)
+"""``__ndarray__``, ``data``, ``dtype``, ``shape``, the keys being bytes."""
+
+VLA_EVAL = Dialect(_vla_eval_encode, decode)
+"""The same words, the keys being text."""
+
+MSGPACK_NUMPY = Dialect(_msgpack_numpy_encode, decode)
+"""``nd``, ``type``, ``kind``, ``shape``, ``data``, the keys being bytes: msgpack-numpy, of GR00T N1.7."""
+
+NPY = Dialect(_npy_encode, decode)
+"""``__ndarray_class__`` with the content of a ``.npy`` file: GR00T N1.5 and N1.6."""
 
 
 # json-numpy.

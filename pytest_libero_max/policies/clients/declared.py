@@ -13,12 +13,17 @@ from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.transport import Refused
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.worlds.contract import Observation
 
 NOISE_SEED, TAKES_NOISE_SEED = "libero_max_noise_seed", "libero_max_deterministic_noise"
 """Fields of LIBERO-MAX's authors: seed in a request, and a server's promise to draw from it alone."""
+
+
+_SERVED_REQUEST = ("prompt", "observation", "query", "episode")
+"""What a request to `libero-max serve` holds."""
 
 
 def declared_spec(greeting: Any) -> PolicySpec:
@@ -30,7 +35,10 @@ def declared_spec(greeting: Any) -> PolicySpec:
     values = greeting.get("spec") if isinstance(greeting, Mapping) else None
     names = {item.name for item in fields(PolicySpec)}
     if not isinstance(values, dict) or not {"name", "horizon", "query_interval"} <= values.keys() <= names:
-        raise ServerError("the greeting declares no spec: this is no server of `libero-max serve`")
+        raise Refused(
+            "the greeting declares no spec: this is no server of `libero-max serve`. Name the profile of the "
+            "policy (`libero-max profiles` lists them)"
+        )
     try:
         return PolicySpec(**values)
     except (AdapterError, TypeError, ValueError) as error:
@@ -57,28 +65,35 @@ def as_declared(profile: Profile, request: Request, horizon: int | None, query_i
     return adapt
 
 
-def as_prepared(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
-    """Return the spec of a profile that prepares the observation, with the fields of `libero-max serve`.
+def as_prepared(profile: Profile) -> Adapt:
+    """Return a function that adds what `libero-max serve` declares to a profile that prepares observations.
 
     A server that takes the noise seeds of LIBERO-MAX's authors and says so answers alike when it is asked
     again. H, Q and images are the profile's. Only the adapter knows the revision, the suites, the control and
     whether answers repeat. Other servers declare none of it.
-
-    Raises:
-        ServerError: The server declares a spec that breaks a rule.
     """
-    if greeting.get(TAKES_NOISE_SEED) is True:
-        spec = replace(spec, repeatable=True)
-    if "libero_max" not in greeting:
-        return None, spec
-    declared = declared_spec(greeting)
-    return None, replace(
-        spec,
-        revision=f"{declared.revision}, {spec.revision}",
-        suites=spec.suites if declared.suites is None else declared.suites,
-        repeatable=spec.repeatable and declared.repeatable,
-        control=spec.control if declared.control == "delta" else declared.control,
-    )
+
+    def adapt(greeting: Any, spec: PolicySpec) -> tuple[Any, PolicySpec]:
+        if greeting.get(TAKES_NOISE_SEED) is True:
+            spec = replace(spec, repeatable=True)
+        if "libero_max" not in greeting:
+            return None, spec
+        lacking = [name for name in _SERVED_REQUEST if name not in profile.tables.get("request", {})]
+        if lacking:
+            raise AdapterError(
+                f"`libero-max serve` answers there, and the request of profile {profile.name!r} lacks "
+                f"{', '.join(lacking)}. Ask it with --libero-max-profile=served."
+            )
+        declared = declared_spec(greeting)
+        return None, replace(
+            spec,
+            revision=f"{declared.revision}, {spec.revision}",
+            suites=spec.suites if declared.suites is None else declared.suites,
+            repeatable=spec.repeatable and declared.repeatable,
+            control=spec.control if declared.control == "delta" else declared.control,
+        )
+
+    return adapt
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)

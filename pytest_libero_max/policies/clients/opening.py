@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
+from types import MappingProxyType
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, Address
+from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, TLS, Address
 from pytest_libero_max.policies.clients.protocol import Opening
+from pytest_libero_max.policies.clients.recognition import recognise
 from pytest_libero_max.policies.clients.registry import PROTOCOLS
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
@@ -24,12 +27,14 @@ from pytest_libero_max.policies.profile import (
 )
 from pytest_libero_max.policies.references import refusal
 
-_REFUSED = {
-    "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
-    "pickle": "asks for pickles",
-    "xiaomi": "is raw TCP with pickles",
-    "grpc": "is LeRobot's gRPC service, whose messages are pickles",
-}
+_REFUSED = MappingProxyType(
+    {
+        "tcp": "is raw TCP, which the server of Xiaomi-Robotics-0 speaks with pickles",
+        "pickle": "asks for pickles",
+        "xiaomi": "is raw TCP with pickles",
+        "grpc": "is LeRobot's gRPC service, whose messages are pickles",
+    }
+)
 
 
 def load_served(
@@ -86,7 +91,7 @@ def open_server(
         control=profile.get("actions", "control", "delta"),
         revision=profile.get("policy", "revision") or f"{PROFILE_ALONE} {profile.name} {profile.digest[:12]}",
     )
-    protocol = PROTOCOLS[address.scheme]
+    protocol = PROTOCOLS[address.protocol]
     opening = Opening(address, profile, spec, request, horizon, query_interval)
     link, adapt = protocol.link(opening), protocol.adapt(opening)
 
@@ -96,7 +101,14 @@ def open_server(
             request,
             reply,
             lambda told: Client(
-                f"policy server {address}", link, address.patience_s, told, timeout_s=address.timeout_s
+                f"policy server {address}",
+                link,
+                address.patience_s,
+                told,
+                timeout_s=address.timeout_s,
+                recognise=partial(recognise, address, _protocol(address))
+                if protocol.recognised
+                else lambda: None,
             ),
             adapt,
         )
@@ -156,7 +168,7 @@ def _fitting(address: Address) -> str:
 
 def _protocol(address: Address) -> str:
     """Return the name of an address's protocol in profiles: for ``https`` it is ``http``."""
-    return PROTOCOLS[address.scheme].profiles or address.scheme
+    return PROTOCOLS[address.protocol].profiles or address.protocol
 
 
 def parse_address(text: str) -> Address:
@@ -176,11 +188,15 @@ def parse_address(text: str) -> Address:
     if scheme in ("ws", "wss"):
         raise refusal(
             text,
-            " names a WebSocket, but not what is spoken over it. Write openpi://, "
-            "vla-eval:// or starvla:// instead.",
+            " names a WebSocket, but not what is spoken over it. Write openpi://, vla-eval:// or starvla:// "
+            f"instead, with TLS openpi{TLS}:// and so on.",
         )
-    if scheme not in PROTOCOLS:
+    protocol = scheme.removesuffix(TLS)
+    if protocol not in PROTOCOLS:
         raise refusal(text, f": {scheme!r} is no protocol that is spoken. {did_you_mean(scheme, PROTOCOLS)}")
+    usual_port = PROTOCOLS[protocol].port
+    if scheme != protocol:
+        usual_port = _secure_port(text, protocol)
     try:
         parts = urlsplit(text)
         port = parts.port
@@ -193,10 +209,30 @@ def parse_address(text: str) -> Address:
         text,
         scheme,
         parts.hostname,
-        PROTOCOLS[scheme].port if port is None else port,
+        usual_port if port is None else port,
         parts.path.rstrip("/"),
         seconds.get("timeout", TIMEOUT_S),
         seconds.get("patience", PATIENCE_S),
+    )
+
+
+def _secure_port(text: str, protocol: str) -> int:
+    """Return the port of a protocol with TLS.
+
+    Raises:
+        AdapterError: It has no form with TLS.
+    """
+    port = PROTOCOLS[protocol].secure_port
+    if port is not None:
+        return port
+    usual = PROTOCOLS[protocol].port
+    if f"{protocol}s" in PROTOCOLS:
+        raise refusal(text, f": with TLS, {protocol}:// is {protocol}s://. Write that.")
+    raise refusal(
+        text,
+        f": {protocol}:// has no form with TLS, because its servers have none. Reach the server through a "
+        f"tunnel, for example `ssh -N -L {usual}:127.0.0.1:{usual} HOST`, and write "
+        f"{protocol}://127.0.0.1:{usual}.",
     )
 
 

@@ -58,11 +58,15 @@ class ServerProtocol(ABC):
     Attributes:
         scheme: Begins the addresses, for example ``openpi`` in ``openpi://gpu-box:8000``.
         port: TCP port where an address names none.
+        secure_port: The same with TLS (``SCHEME+tls://``); None for a protocol without.
+        recognised: True for the protocols that :mod:`.recognition` tells apart.
         profiles: ``policy.protocol`` of the profiles that fit; the scheme unless set.
     """
 
     scheme: ClassVar[str]
     port: ClassVar[int]
+    secure_port: ClassVar[int | None] = None
+    recognised: ClassVar[bool] = False
     profiles: ClassVar[str] = ""
 
     @abstractmethod

@@ -8,7 +8,16 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.answers import (
+    Unplayable,
+    is_array,
+    likely_key,
+    read_numbers,
+    read_rows,
+)
 from pytest_libero_max.policies.check import Actions
+from pytest_libero_max.policies.clients.codecs import NPY_MAGIC, npy_array
+from pytest_libero_max.policies.clients.transport import reported
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.actions import Statistics, read_statistics, unnormalise
 from pytest_libero_max.policies.transforms.steps import ACTION_STEPS, parse_steps
@@ -55,12 +64,10 @@ class Reply:
             ServerError: They are not there, of another shape, too few, or not finite.
         """
         found, normalised = self._find(reply)
-        actions = _two_axes(found)
-        if not np.isfinite(actions).all():
-            row, column = (int(i) for i in np.argwhere(~np.isfinite(actions))[0])
-            raise ServerError(
-                f"the reply has actions[{row}, {column}]={actions[row, column]}, which is not finite"
-            )
+        try:
+            actions = read_rows(found)
+        except Unplayable as error:
+            raise self._unplayable(error) from error
         try:
             if normalised:
                 actions = self._unnormalised(actions)
@@ -85,16 +92,24 @@ class Reply:
             found = _at(reply, self._at)
         except KeyError as error:
             if self._normalised_at is None:
-                raise ServerError(_missing(reply, self._at, error)) from None
+                raise _missing(reply, self._at, error) from None
             try:
-                return _at(reply, self._normalised_at), True
+                return _as_array(_at(reply, self._normalised_at)), True
             except KeyError:
-                raise ServerError(_missing(reply, self._at, error)) from None
+                raise _missing(reply, self._at, error) from None
         if self._parts:
             if not isinstance(found, Mapping) or any(part not in found for part in self._parts):
-                raise ServerError(_missing(found, self._parts, None))
-            found = _columns([_numbers(found[part]) for part in self._parts])
-        return found, False
+                raise _missing(found, self._parts, None)
+            try:
+                found = _columns([read_numbers(_as_array(found[part])) for part in self._parts])
+            except Unplayable as error:
+                raise self._unplayable(error) from error
+        return _as_array(found), False
+
+    def _unplayable(self, error: Unplayable) -> ServerError:
+        hint = "" if error.key is None else _hint((*self._at, error.key))
+        rule = error.rule or "the actions must be numbers, (n, d)"
+        return ServerError(f"the reply has {error.what}, but {rule}{hint}")
 
     def _unnormalised(self, actions: Actions) -> Actions:
         if self._statistics is None:
@@ -115,35 +130,28 @@ def _at(value: Any, path: tuple[str, ...]) -> Any:
     return value
 
 
-def _missing(value: Any, path: tuple[str, ...], error: KeyError | None) -> str:
-    keys = (
-        f"the keys {sorted(map(str, value))}" if isinstance(value, Mapping) else f"a {type(value).__name__}"
-    )
+def _missing(value: Any, path: tuple[str, ...], error: KeyError | None) -> ServerError:
+    """Return the error of a reply without the actions; that of the server where the reply holds one."""
+    if isinstance(value, Mapping) and "error" in value:
+        return reported(value["error"])
     what = "/".join(path) if error is None else f"{'/'.join(path)} (no {error.args[0]!r})"
-    return f"the reply has {keys}, but the profile takes the actions from {what}"
+    if isinstance(value, Mapping):
+        keys, key = f"the keys {sorted(map(str, value))}", likely_key(value)
+        hint = "" if key is None else _hint((key,))
+    else:
+        keys, hint = f"a {type(value).__name__}", _hint(()) if is_array(value) else ""
+    return ServerError(f"the reply has {keys}, but the profile takes the actions from {what}{hint}")
 
 
-def _numbers(value: Any) -> Actions:
-    try:
-        array = np.asarray(value)
-    except (TypeError, ValueError) as error:
-        raise ServerError(f"the actions of the reply are no array ({error})") from None
-    if array.dtype.kind not in "fiu":
-        raise ServerError(f"the actions of the reply are {array.dtype} {array.shape}, but must be numbers")
-    with np.errstate(all="ignore"):  # what is not finite is refused later
-        return array.astype(np.float64)
+def _hint(path: tuple[str, ...]) -> str:
+    """Return the field of a profile that takes the actions from somewhere else."""
+    keys = ", ".join(f'"{key}"' for key in path)
+    return f"; they seem to lie there: extend the profile with reply.at = [{keys}]"
 
 
-def _two_axes(value: Any) -> Actions:
-    """(n, d), without leading axes of length 1."""
-    array = _numbers(value)
-    while array.ndim > 2 and array.shape[0] == 1:
-        array = array[0]
-    if array.ndim == 1:
-        array = array.reshape(1, -1)
-    if array.ndim != 2 or not len(array):
-        raise ServerError(f"the reply has actions of shape {array.shape}, but must have (n, d)")
-    return array
+def _as_array(value: Any) -> Any:
+    """Return the array of a NumPy file; any other value as it is."""
+    return npy_array(value) if isinstance(value, bytes) and value.startswith(NPY_MAGIC) else value
 
 
 def _columns(parts: list[Actions]) -> Actions:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -151,18 +152,20 @@ class Request:
             ) from error
 
 
-_QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = {
-    "instruction": lambda query, episode: query.instruction,
-    "seed": lambda query, episode: query.seed,
-    "published_seed": lambda query, episode: published_seed(episode.seed, query),
-    "index": lambda query, episode: query.index,
-    "step": lambda query, episode: query.step,
-    "suite": lambda query, episode: episode.suite,
-    "task_index": lambda query, episode: episode.task_index,
-    "episode_instruction": lambda query, episode: episode.instruction,
-    "policy_seed": lambda query, episode: episode.seed,
-    "max_steps": lambda query, episode: episode.max_steps,
-}
+_QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = MappingProxyType(
+    {
+        "instruction": lambda query, episode: query.instruction,
+        "seed": lambda query, episode: query.seed,
+        "published_seed": lambda query, episode: published_seed(episode.seed, query),
+        "index": lambda query, episode: query.index,
+        "step": lambda query, episode: query.step,
+        "suite": lambda query, episode: episode.suite,
+        "task_index": lambda query, episode: episode.task_index,
+        "episode_instruction": lambda query, episode: episode.instruction,
+        "policy_seed": lambda query, episode: episode.seed,
+        "max_steps": lambda query, episode: episode.max_steps,
+    }
+)
 """Names that a request can use beside the inputs of its profile."""
 
 

@@ -20,20 +20,23 @@ import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Text, fits, rule, words
-from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.errors import AdapterError, ServerError, did_you_mean
 from pytest_libero_max.policies.clients.address import is_address
+from pytest_libero_max.policies.clients.connection import look_up
 from pytest_libero_max.policies.clients.opening import parse_address, require_profile
 from pytest_libero_max.policies.profile import Profile, declares_weights
 from pytest_libero_max.policies.references import refusal
 
 _Listed = Annotated[list[Text], rule("a list of texts that are not empty", min_length=1)]
-_FIELDS = {"address": Text, "addresses": _Listed, "for": _Listed, "profile": Text, "revision": Text}
-_KEEPS_ITS_NAME = ("https",)
-"""Schemes whose servers are asked by name, because a certificate is issued for it."""
+_FIELDS = MappingProxyType(
+    {"address": Text, "addresses": _Listed, "for": _Listed, "profile": Text, "revision": Text}
+)
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,7 @@ def read_servers(text: str, profile: str | None, revision: str | None = None) ->
     if is_address(text):
         return Servers((_group(text, [part.strip() for part in text.split(",")], profile, (), revision),))
     try:
-        table = tomllib.loads(Path(text).expanduser().read_text(encoding="utf-8"))
+        table = tomllib.loads(read_text(Path(text).expanduser()))
     except (OSError, ValueError, RecursionError) as error:
         raise refusal(text, f" cannot be read: {error}. Repair the file of servers.") from None
     return _from_table(text, table, profile, revision)
@@ -265,11 +268,11 @@ def _group(
 def _resolved(text: str) -> list[str]:
     """Return an address for each IPv4 address of a host name; the address itself where there is one."""
     address = parse_address(text)
-    if address.scheme in _KEEPS_ITS_NAME:
+    if address.secure:  # its certificate is issued for the name
         return [text]
     try:
-        found = socket.getaddrinfo(address.host, address.port, socket.AF_INET, socket.SOCK_STREAM)
-    except OSError:  # no such name, or an IPv6 address: connecting says so
+        found = look_up(address.host, address.port, socket.AF_INET)
+    except ServerError:  # no such name, or an IPv6 address: connecting says so
         return [text]
     hosts = sorted({str(entry[4][0]) for entry in found})
     if len(hosts) < 2:

@@ -29,9 +29,25 @@ class Unreachable(ServerError):
     """No connection, a lost connection or no answer in time: worth waiting for."""
 
 
-def late(timeout_s: float) -> Unreachable:
+class NoConnection(Unreachable):
+    """No connection was accepted: nothing was asked."""
+
+
+class StaleConnection(Unreachable):
+    """A connection was kept, and the server has closed it before a byte of the next answer."""
+
+
+class Refused(ServerError):
+    """The server is there, and asking it again would not help: a token, a path or a protocol is wrong."""
+
+
+class OtherProtocol(Refused):
+    """The server speaks another protocol, which the error names."""
+
+
+def late(timeout_s: float, silence: str = "no answer came") -> Unreachable:
     """Return the error of an answer that did not come in time."""
-    return Unreachable(f"no answer came within {timeout_s:g} s (?timeout=SECONDS changes that)")
+    return Unreachable(f"{silence} within {timeout_s:g} s (?timeout=SECONDS changes that)")
 
 
 def reported(error: object) -> ServerError:
@@ -96,8 +112,10 @@ class Client:
     """Asks a server, patiently.
 
     A server that cannot be reached is waited for, with pauses that grow from 0.25 to 5 s, as long as the
-    patience lasts. A server that answers with errors or nonsense is asked three times. After it was given up
-    it is asked once by each later query until it answers again.
+    patience lasts. A server that answers with errors or nonsense is asked three times, and one that refuses
+    before it has ever answered once. After it was given up it is asked once by each later query until it
+    answers again. A connection that the server closed since its last answer is opened again at once, which is
+    no interruption.
 
     Args:
         name: Name of the server in messages.
@@ -106,6 +124,8 @@ class Client:
         on_open: Called with the server's greeting each time it is connected to.
         sleep: Waits some seconds.
         timeout_s: Longest time of the link for one answer, to be told; None where it is not known.
+        recognise: Returns a sentence about a server that speaks another protocol; None where it does not, or
+            is not known.
 
     Attributes:
         interruptions: Number of times that a query had to be asked again.
@@ -120,6 +140,7 @@ class Client:
         on_open: Callable[[Any], None] = lambda greeting: None,
         sleep: Callable[[float], None] = time.sleep,
         timeout_s: float | None = None,
+        recognise: Callable[[], str | None] = lambda: None,
     ) -> None:
         self.interruptions = 0
         self.waited_s = 0.0
@@ -129,8 +150,10 @@ class Client:
         self._on_open = on_open
         self._sleep = sleep
         self._timeout_s = timeout_s
+        self._recognise = recognise
         self._is_open = False
         self._given_up = False
+        self._has_answered = False
 
     def connect(self) -> None:
         """Connect, unless it is connected.
@@ -151,7 +174,9 @@ class Client:
             ServerError: The server was given up; names the number of tries, the time they took, and the last
             error.
         """
-        return self._patiently(lambda: read(self._link.ask(request)))
+        answer = self._patiently(lambda: read(self._link.ask(request)))
+        self._has_answered = True
+        return answer
 
     def close(self) -> None:
         """Close the connection."""
@@ -167,16 +192,18 @@ class Client:
         pause, tries, bad = FIRST_PAUSE_S, 0, 0
         while True:
             tries += 1
+            tried_at = time.monotonic()
             try:
-                if not self._is_open:
-                    self._on_open(self._link.open())
-                    self._is_open = True
-                answer = act()
+                answer = self._once(act)
             except ServerError as error:
                 self.close()
-                bad += not isinstance(error, Unreachable)
-                took = time.monotonic() - began
-                if self._given_up or bad == MOST_BAD_ANSWERS or took + pause > self._patience_s:
+                self._require_worth_trying(error)
+                bad += not isinstance(error, Unreachable | Refused)
+                now = time.monotonic()
+                took = now - began
+                # Another try to connect would take as long as this one.
+                next_s = pause + (now - tried_at if isinstance(error, NoConnection) else 0.0)
+                if self._given_up or bad == MOST_BAD_ANSWERS or took + next_s > self._patience_s:
                     self._given_up = True
                     raise ServerError(
                         f"{self._name}: {error}. It was tried {tries} time(s) in {took:.1f} s and given up. "
@@ -195,3 +222,32 @@ class Client:
                     self.interruptions += 1
                     self.waited_s += time.monotonic() - began
                 return answer
+
+    def _once(self, act: Callable[[], Answer]) -> Answer:
+        """Open the connection where it is not open, and act; over a stale connection again over a new one."""
+        if self._is_open:
+            try:
+                return act()
+            except StaleConnection:
+                self.close()
+        self._on_open(self._link.open())
+        self._is_open = True
+        return act()
+
+    def _require_worth_trying(self, error: ServerError) -> None:
+        """Give up a server that has never answered, and refuses or speaks another protocol.
+
+        One that has answered is waited for: a balancer, for example, may answer in the place of a server that
+        is started again.
+
+        Raises:
+            ServerError: It is given up.
+        """
+        if self._has_answered or isinstance(error, NoConnection):
+            return
+        sentence = None if isinstance(error, OtherProtocol) else self._recognise()
+        if sentence is not None or isinstance(error, Refused):
+            self._given_up = True
+            text = str(error).rstrip(".")
+            end = "" if sentence is None else f" {sentence}"
+            raise ServerError(f"{self._name}: {text}.{end}") from error

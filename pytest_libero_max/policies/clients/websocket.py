@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import socket
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
-from pytest_libero_max.policies.clients.transport import Unreachable, late, time_limit
+from pytest_libero_max.policies.clients.connection import connect
+from pytest_libero_max.policies.clients.recognition import watched
+from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
+from pytest_libero_max.policies.clients.transport import (
+    Refused,
+    StaleConnection,
+    Unreachable,
+    late,
+    time_limit,
+)
 
 if TYPE_CHECKING:
+    from websockets.http11 import Response
     from websockets.sync.client import ClientConnection
-
-OPEN_S = 20.0
-"""Longest time to connect, s."""
 
 
 class Socket:
-    """A WebSocket without compression and without pings: a server that computes does not answer them."""
+    """A WebSocket without compression and without pings: a server that computes does not answer them.
+
+    Args:
+        address: Address of the server.
+    """
 
     def __init__(self, address: Address) -> None:
         self._address = address
@@ -26,40 +38,31 @@ class Socket:
         self._until_closed = ExitStack()
 
     def open(self) -> None:
-        """Connect.
+        """Connect; a redirect on the same host is followed.
 
         Raises:
             Unreachable: No server answers there.
+            Refused: The server does not let us in, or speaks another protocol.
             ServerError: The server does not speak WebSocket.
         """
-        from websockets.exceptions import InvalidHandshake, InvalidURI
-        from websockets.sync.client import connect
-
         self.close()
-        token = server_token()
-        try:
-            self._connection = self._until_closed.enter_context(
-                connect(
-                    f"ws://{self._address.where}{self._address.path or '/'}",
-                    additional_headers={} if token is None else {"Authorization": f"Api-Key {token}"},
-                    compression=None,
-                    max_size=MOST_BYTES,
-                    ping_interval=None,
-                    open_timeout=min(OPEN_S, self._address.timeout_s),
-                    close_timeout=1.0,
-                    proxy=None,
-                )
-            )
-        except OSError as error:
-            raise Unreachable(f"cannot be reached ({type(error).__name__}: {error})") from error
-        except (InvalidHandshake, InvalidURI, EOFError) as error:
-            raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
+        target = self._address
+        for _ in range(MOST_REDIRECTS):
+            response = self._opened(target)
+            if response is None:
+                return
+            status, location = response.status_code, response.headers.get("Location")
+            if not (300 <= status < 400 and location):
+                raise status_error(status, response.reason_phrase, target.path, bytes(response.body or b""))
+            target = redirected(target, location, status)
+        raise Refused(f"sends from address to address, at last to {target}")
 
     def send(self, content: bytes) -> None:
         """Send a binary message.
 
         Raises:
-            Unreachable: The connection was lost, or the server did not take it in time.
+            StaleConnection: The server had closed the connection.
+            Unreachable: The server did not take it in time.
         """
         from websockets.exceptions import ConnectionClosed
 
@@ -68,21 +71,38 @@ class Socket:
             try:
                 connection.send(content)
             except (ConnectionClosed, OSError) as error:
-                raise Unreachable(f"the connection was lost ({error})") from error
+                # Not even the whole request has arrived.
+                raise StaleConnection(f"the connection was lost ({error})") from error
 
-    def receive(self) -> bytes | str:
+    def receive(self, awaited: str = "") -> bytes | str:
         """Return the next message.
+
+        Args:
+            awaited: Words for a greeting; another protocol is recognised while it does not come.
 
         Raises:
             Unreachable: The connection was lost, or nothing came in time.
+            Refused: The server speaks another protocol.
             ServerError: The message is too large.
         """
+        if not awaited:
+            return self._received("no answer came")
+        opened, protocol = self._open_connection().socket, self._address.protocol
+        with watched(opened, self._address, protocol, f"a WebSocket opened, and {awaited} has not come yet"):
+            return self._received(f"a WebSocket opened, but {awaited} did not come")
+
+    def close(self) -> None:
+        """Close the connection, if there is one."""
+        self._connection = None
+        self._until_closed.close()
+
+    def _received(self, silence: str) -> bytes | str:
         from websockets.exceptions import ConnectionClosed
 
         try:
             return self._open_connection().recv(timeout=self._address.timeout_s)
         except TimeoutError:
-            raise late(self._address.timeout_s) from None
+            raise late(self._address.timeout_s, silence) from None
         except ConnectionClosed as error:
             if error.sent is not None and error.sent.code == 1009:
                 raise ServerError(f"a message of more than {MOST_BYTES} bytes came") from error
@@ -90,10 +110,46 @@ class Socket:
         except OSError as error:
             raise Unreachable(f"the connection was lost ({error})") from error
 
-    def close(self) -> None:
-        """Close the connection, if there is one."""
-        self._connection = None
-        self._until_closed.close()
+    def _opened(self, target: Address) -> Response | None:
+        """Open a WebSocket; return the answer in its place where there is one."""
+        connection = connect(target)
+        try:
+            with watched(connection, target, target.protocol):
+                return self._shake_hands(connection, target)
+        except BaseException:
+            connection.close()
+            raise
+
+    def _shake_hands(self, connection: socket.socket, target: Address) -> Response | None:
+        from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
+        from websockets.sync.client import connect as open_websocket
+
+        token = server_token()
+        try:
+            self._connection = self._until_closed.enter_context(
+                open_websocket(
+                    f"ws://{target.where}{target.path or '/'}",  # over TLS as well, which is spoken already
+                    sock=connection,
+                    additional_headers={} if token is None else {"Authorization": f"Api-Key {token}"},
+                    compression=None,
+                    max_size=MOST_BYTES,
+                    ping_interval=None,
+                    open_timeout=target.timeout_s,
+                    close_timeout=1.0,
+                    proxy=None,
+                )
+            )
+        except TimeoutError:
+            raise late(target.timeout_s) from None
+        except (OSError, EOFError, ConnectionClosed) as error:
+            raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
+        except (WebSocketException, ValueError) as error:
+            # A redirect is not followed over a connection that is given, and another error says so.
+            for status in (error, error.__cause__, error.__context__):
+                if isinstance(status, InvalidStatus):
+                    return status.response
+            raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
+        return None
 
     def _open_connection(self) -> ClientConnection:
         if self._connection is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.errors import AdapterError, install_extra
 
 _SECONDS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 _SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 128)
@@ -22,7 +22,7 @@ class Metrics:
             import prometheus_client
         except ImportError:
             raise AdapterError(
-                "Metrics need the package prometheus-client: pip install 'pytest-libero-max[metrics]'."
+                f"Metrics need the package prometheus-client: {install_extra('metrics')}."
             ) from None
         self._library: Any = prometheus_client
         self._registry = prometheus_client.CollectorRegistry()

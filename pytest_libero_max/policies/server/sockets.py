@@ -8,9 +8,10 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, install_extra
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
 from pytest_libero_max.policies.server import openpi, vla_eval
 from pytest_libero_max.policies.server.host import Host
@@ -26,7 +27,7 @@ HEALTH = ("/health", "/healthz")
 
 METRICS = "/metrics"
 
-TALKS: Mapping[str, Talk] = {"/": openpi.talk, "/vla-eval": vla_eval.talk}
+TALKS: Mapping[str, Talk] = MappingProxyType({"/": openpi.talk, "/vla-eval": vla_eval.talk})
 """Protocol at each path."""
 
 
@@ -101,7 +102,7 @@ def _respond(
 def _metrics(connection: ServerConnection, host: Host) -> Response:
     if host.metrics is None:
         return connection.respond(
-            HTTPStatus.NOT_IMPLEMENTED, "Metrics: pip install 'pytest-libero-max[metrics]'\n"
+            HTTPStatus.NOT_IMPLEMENTED, f"Metrics need the extra: {install_extra('metrics')}\n"
         )
     text, kind = host.metrics.text()
     response = connection.respond(HTTPStatus.OK, text)

@@ -15,6 +15,7 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +39,7 @@ MOST_PIXELS = 2**24
 """The largest image that is decoded."""
 
 _STATE = 8
-_IMAGES = dict(zip(CAMERAS, ("agentview", "wrist"), strict=True))
+_IMAGES = MappingProxyType(dict(zip(CAMERAS, ("agentview", "wrist"), strict=True)))
 
 
 class Session:

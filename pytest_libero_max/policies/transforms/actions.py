@@ -9,11 +9,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.transforms.states import Array
 
@@ -21,11 +23,13 @@ Rule = Literal["quantiles", "bounds", "mean"]
 """Meaning of a normalised 1 and -1: the 99th and 1st percentile, the largest and smallest value, or one
 standard deviation from the mean."""
 
-_KEYS: Mapping[Rule, tuple[str, str]] = {
-    "quantiles": ("q01", "q99"),
-    "bounds": ("min", "max"),
-    "mean": ("mean", "std"),
-}
+_KEYS: Mapping[Rule, tuple[str, str]] = MappingProxyType(
+    {
+        "quantiles": ("q01", "q99"),
+        "bounds": ("min", "max"),
+        "mean": ("mean", "std"),
+    }
+)
 
 
 def first_columns(actions: Array, count: int) -> Array:
@@ -155,7 +159,7 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
         AdapterError: The file cannot be read, or lacks the entry.
     """
     try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
+        entries = json.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise AdapterError(
             f"Statistics file {str(path)!r} cannot be read: {error}. Check the path."

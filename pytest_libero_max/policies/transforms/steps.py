@@ -6,6 +6,7 @@ import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import signature
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
@@ -27,52 +28,58 @@ def _template(text: str, template: str) -> str:
 
 Plain = Callable[[Any], Any]
 
-INPUT_STEPS: Mapping[str, Callable[..., Any]] = {
-    "rotate_180": images.rotate_180,
-    "flip_rows": images.flip_rows,
-    "resize_with_pad": images.resize_with_pad,
-    "resize_bilinear": images.resize_bilinear,
-    "resize_bicubic": images.resize_bicubic,
-    "resize_lanczos": images.resize_lanczos,
-    "resize_area": images.resize_area,
-    "centre_crop": images.centre_crop,
-    "jpeg_round_trip": images.jpeg_round_trip,
-    "png_file": images.png_file,
-    "base64": _base64,
-    "to_unit": images.to_unit,
-    "to_signed": images.to_signed,
-    "channels_first": images.channels_first,
-    "axis_angle": states.axis_angle,
-    "axis_angle_antipodal": states.axis_angle_antipodal,
-    "rotation_6d_columns": states.rotation_6d_columns,
-    "rotation_6d_rows": states.rotation_6d_rows,
-    "grip_site_quaternion": states.grip_site_quaternion,
-    "sine_cosine": states.sine_cosine,
-    "pad_to": states.pad_to,
-    "first": states.first,
-    "entry": states.entry,
-}
+INPUT_STEPS: Mapping[str, Callable[..., Any]] = MappingProxyType(
+    {
+        "rotate_180": images.rotate_180,
+        "flip_rows": images.flip_rows,
+        "resize_with_pad": images.resize_with_pad,
+        "resize_bilinear": images.resize_bilinear,
+        "resize_bicubic": images.resize_bicubic,
+        "resize_lanczos": images.resize_lanczos,
+        "resize_area": images.resize_area,
+        "centre_crop": images.centre_crop,
+        "jpeg_round_trip": images.jpeg_round_trip,
+        "png_file": images.png_file,
+        "base64": _base64,
+        "to_unit": images.to_unit,
+        "to_signed": images.to_signed,
+        "channels_first": images.channels_first,
+        "axis_angle": states.axis_angle,
+        "axis_angle_antipodal": states.axis_angle_antipodal,
+        "rotation_6d_columns": states.rotation_6d_columns,
+        "rotation_6d_rows": states.rotation_6d_rows,
+        "grip_site_quaternion": states.grip_site_quaternion,
+        "sine_cosine": states.sine_cosine,
+        "pad_to": states.pad_to,
+        "first": states.first,
+        "entry": states.entry,
+    }
+)
 """Transforms of an observation."""
 
-TEXT_STEPS: Mapping[str, Callable[..., str]] = {
-    "lower": str.lower,
-    "capitalise": str.capitalize,
-    "replace": _replace,
-    "template": _template,
-}
+TEXT_STEPS: Mapping[str, Callable[..., str]] = MappingProxyType(
+    {
+        "lower": str.lower,
+        "capitalise": str.capitalize,
+        "replace": _replace,
+        "template": _template,
+    }
+)
 """Transforms of an instruction."""
 
-ACTION_STEPS: Mapping[str, Callable[..., Any]] = {
-    "first_columns": actions.first_columns,
-    "clip": actions.clip,
-    "gripper_from_opening": actions.gripper_from_opening,
-    "gripper_from_open_flag": actions.gripper_from_open_flag,
-    "gripper_from_close_flag": actions.gripper_from_close_flag,
-    "gripper_sign": actions.gripper_sign,
-    "gripper_inverted": actions.gripper_inverted,
-    "gripper_flag_below_half": actions.gripper_flag_below_half,
-    "pose_from_rotation_6d": actions.pose_from_rotation_6d,
-}
+ACTION_STEPS: Mapping[str, Callable[..., Any]] = MappingProxyType(
+    {
+        "first_columns": actions.first_columns,
+        "clip": actions.clip,
+        "gripper_from_opening": actions.gripper_from_opening,
+        "gripper_from_open_flag": actions.gripper_from_open_flag,
+        "gripper_from_close_flag": actions.gripper_from_close_flag,
+        "gripper_sign": actions.gripper_sign,
+        "gripper_inverted": actions.gripper_inverted,
+        "gripper_flag_below_half": actions.gripper_flag_below_half,
+        "pose_from_rotation_6d": actions.pose_from_rotation_6d,
+    }
+)
 """Transforms of the actions of a reply."""
 
 NEEDS_ARGUMENT = frozenset(

@@ -18,6 +18,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.formats import interval_text, p_number, percent, points
 from pytest_libero_max.report.table import aligned
+from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, differences_between, listed
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.outcome_table import Ratio
@@ -26,6 +27,9 @@ from pytest_libero_max.stats.stratified import StratifiedDifference, stratified_
 
 ARMS = ("Base", "Dynamic")
 _LEVEL = 0.05
+
+_MAY_DIFFER = ("case_set", "renderers", "versions")
+"""Settings in which the runs may differ, apart from the version of MuJoCo."""
 
 
 class Cell(NamedTuple):
@@ -92,8 +96,8 @@ def old_less_new(old: RunOutcomes, new: RunOutcomes) -> OldLessNew:
     """Compare two complete runs of one policy on different cases.
 
     Raises:
-        ReportError: The policies, substrates or versions of MuJoCo are different ones, a run is incomplete, a
-            case is in both, or no cell is.
+        ReportError: The policies, the versions of MuJoCo or other settings are different ones, a run is
+            incomplete, a case is in both, or no cell is.
     """
     _require_alike(old, new)
     sides = [_by_cell(run) for run in (old, new)]
@@ -125,19 +129,22 @@ def _case_set(run: RunOutcomes) -> str:
 
 
 def _require_alike(old: RunOutcomes, new: RunOutcomes) -> None:
-    for what, values, cure in (
-        ("policies", [_policy(run) for run in (old, new)], "Play one policy on both case sets."),
-        ("substrates", [run.run.provenance["substrate"]["name"] for run in (old, new)], "Play both on one."),
-        (
-            "versions of MuJoCo",
-            [run.run.provenance["versions"].get("mujoco") for run in (old, new)],
-            "Play both on one: outcomes differ by the version as well.",
-        ),
-    ):
-        if values[0] != values[1]:
-            raise ReportError(
-                f"The runs are of the {what} {values[0]} and {values[1]}, but old less new is of one. {cure}"
-            )
+    policies = [_policy(run) for run in (old, new)]
+    if policies[0] != policies[1]:
+        raise ReportError(
+            f"The runs are of the policies {policies[0]} and {policies[1]}, but old less new is of one. Play "
+            "one policy on both case sets."
+        )
+    found = [
+        one
+        for one in differences_between({THERE: old.side, HERE: new.side}, COMPARISON)
+        if one.field == "versions.mujoco" or not one.accepted(_MAY_DIFFER)
+    ]
+    if found:
+        raise ReportError(
+            f"The runs also differ in {listed(found)}, so that a difference is not of the cases alone. Play "
+            "both alike."
+        )
     for run in (old, new):
         missing = len(_playable(run)) - len(run.case_ids)
         if missing:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -33,9 +32,10 @@ from pytest_libero_max.report.comparison.contrasts import (
     contrast_of,
     group_contrast_of,
 )
+from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
 from pytest_libero_max.report.measured import change_of, number, result_of
 from pytest_libero_max.report.statements import statements_of
-from pytest_libero_max.runs.agreement import PLACES
+from pytest_libero_max.runs.comparability import COMPARISON, differences_between
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
@@ -219,6 +219,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
+    case_ids = {pair.case_id for pair in common.planned}
     rows = []
     for name, result in results.items():
         block = result_of(result, len(common.planned))
@@ -240,6 +241,8 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
                 response_coverage=block.response_coverage,
                 by_event={event: change_of(group) for event, group in by_event[name].items()},
                 lowest_event=_lowest_event(by_event[name]),
+                warnings=run_warnings(outcomes[name], block),
+                caveats=run_caveats(outcomes[name], case_ids),
             )
         )
     return Comparison(
@@ -251,9 +254,8 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         ),
         substrate=substrate_of(next(iter(outcomes.values())).run.provenance, common.planned),
         differences=[
-            *_differences(outcomes),
-            *_scene_differences(outcomes, [pair.case_id for pair in common.planned]),
-            *_renderer_differences(outcomes),
+            RunDifference(field=one.field, values=dict(one.values))
+            for one in differences_between({name: run.side for name, run in outcomes.items()}, COMPARISON)
         ],
         runs=rows,
         apart=[apart_run(name, run) for name, run in apart.items()],
@@ -298,69 +300,6 @@ def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
     if repeated:
         raise ReportError(f"{str(repeated[0])!r} is given twice; a comparison is of different runs.")
     return {str(path): read_outcomes(path) for path in paths}
-
-
-_COMPARED = ("substrate", "protocol", "case_set", "versions")
-"""Parts of the provenance in which runs should agree if only their policies are to differ."""
-
-
-_OF_POLICIES = {"horizon": None, "query_interval": None, "repeatable": True}
-"""Declarations of policies that decide stale actions and chance flips; the values of records without them."""
-
-_ADDED_ARMS = ("protocol.noise_floor", "protocol.sham")
-
-
-def _differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
-    """Yield the differences between the runs, each with the value of every run; of policies, how they ask.
-
-    Arms that some runs played in addition change nothing that is compared.
-    """
-    flat = {
-        name: {
-            f"{part}.{key}": value
-            for part in _COMPARED
-            for key, value in run.run.provenance.get(part, {}).items()
-            if f"{part}.{key}" not in (*PLACES, *_ADDED_ARMS)
-        }
-        | {f"policy.{key}": (run.policy or {}).get(key, usual) for key, usual in _OF_POLICIES.items()}
-        for name, run in runs.items()
-    }
-    for key in sorted({key for values in flat.values() for key in values}):
-        values = {name: fields.get(key) for name, fields in flat.items()}
-        if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
-            yield RunDifference(field=key, values=values)
-
-
-def _scene_differences(runs: Mapping[str, RunOutcomes], cases: Sequence[str]) -> Iterator[RunDifference]:
-    """Name the common cases that a run played in another scene, or from another start, than the first run.
-
-    Runs of earlier versions recorded a digest of source code for all scenes. That says nothing of a scene, so
-    such a run is compared like every other, with null here.
-    """
-    played = {name: dict(zip(run.case_ids, run.scenes, strict=True)) for name, run in runs.items()}
-    first = next((name for name, scenes in played.items() if any(scenes[case] for case in cases)), None)
-    if first is None:
-        return
-    values: dict[str, str | None] = {}
-    for name, scenes in played.items():
-        other = [case for case in cases if scenes[case] != played[first][case]]
-        keys = sorted({played[first][case].partition(" ")[0] for case in other})
-        named = ", ".join(keys[:3]) + (", ..." if len(keys) > 3 else "")
-        if not any(scenes[case] for case in cases):
-            values[name] = None
-        elif other:
-            values[name] = f"{len(other)} of {len(cases)} cases differ from {first!r}: {named}"
-        else:
-            values[name] = "recorded"
-    if len(set(values.values())) > 1:
-        yield RunDifference(field="scenes", values=values)
-
-
-def _renderer_differences(runs: Mapping[str, RunOutcomes]) -> Iterator[RunDifference]:
-    """Name what drew the images of each run, where runs differ; null where a run had none or does not say."""
-    values = {name: "; ".join(run.renderers) or None for name, run in runs.items()}
-    if len({*values.values()} - {None}) > 1:
-        yield RunDifference(field="renderers", values=values)
 
 
 def _lowest_event(by_event: Mapping[str, PairedResult]) -> LowestEvent:

@@ -10,6 +10,7 @@ from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
 from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.compare_text import comparison_title, result_lines
 from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.run_notes import CAVEATS_TITLE, caveats_by_run
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.markdown import markdown_text
 from pytest_libero_max.report.writers.report_files import make_folder, report_json, write_drawings, write_text
@@ -48,5 +49,7 @@ def comparison_markdown(comparison: Comparison) -> str:
         fence += "`"
     parts = [f"# {markdown_text(comparison_title(comparison))}", f"{fence}text\n{results}\n{fence}"]
     parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in CAPTIONS.items()]
+    if caveats := caveats_by_run(comparison):
+        parts += [f"## {CAVEATS_TITLE}", "\n".join(f"- {markdown_text(text)}" for text in caveats)]
     parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in comparison.statements.values())]
     return "\n\n".join(parts) + "\n"

@@ -19,6 +19,7 @@ from pytest_libero_max.report.comparison.compare_text import (
     with_short_names,
 )
 from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison
+from pytest_libero_max.report.comparison.run_notes import CAVEATS_TITLE, caveats_by_run
 from pytest_libero_max.report.formats import change_text, count_text, interval_text, points, rate_text
 from pytest_libero_max.report.page.charts import RUN_COLOURS, direction, outcome_bar, runs_by_event
 from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
@@ -55,6 +56,8 @@ def comparison_html(
         cases,
         substrate_note=comparison.substrate.note,
         warnings=comparison_warnings(shown),
+        caveats_title=CAVEATS_TITLE,
+        caveats=caveats_by_run(shown),
         runs=[_run_row(run) for run in sorted(shown.runs, key=_rank)],
         open_ranks=OPEN_RANKS,
         apart_note=APART,

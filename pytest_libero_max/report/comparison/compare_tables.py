@@ -38,7 +38,11 @@ _SIMULTANEOUS = "Simultaneous 95%"
 def contrast_tables(comparison: Comparison) -> Iterator[Table]:
     """Yield the contrasts of every two runs, those by event, and how far the runs agree about the events."""
     family = len(comparison.contrasts)
-    notes = [MEANINGS]
+    notes = [
+        "The test of a paired change takes the two runs as exchangeable. Its interval does not, and may hold "
+        "0 where p is small.",
+        MEANINGS,
+    ]
     if family > 1:
         notes.insert(
             0,

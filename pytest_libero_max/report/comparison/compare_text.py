@@ -19,7 +19,8 @@ from pytest_libero_max.report.comparison.compare_tables import (
     contrast_tables,
 )
 from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison, RunDifference
-from pytest_libero_max.report.formats import count_text, interval_text, percent, points
+from pytest_libero_max.report.comparison.run_notes import caveat_names, warnings_by_run
+from pytest_libero_max.report.formats import count_text, counted, interval_text, percent, points
 from pytest_libero_max.report.table import Table, aligned
 from pytest_libero_max.report.writers.summary import substrate_lines
 from pytest_libero_max.runs.replay_command import replay_text
@@ -56,8 +57,8 @@ def comparison_title(comparison: Comparison) -> str:
     *others, last = [run.name for run in with_short_names(replace(comparison, flips=[])).runs]
     names = f"{', '.join(others)} and {last}"
     if len(others) + 1 > _MOST_NAMES:
-        names = f"Comparison of {len(others) + 1} runs"
-    return f"{names} on {comparison.pairs.common} common cases"
+        names = f"Comparison of {counted(len(others) + 1, 'run')}"
+    return f"{names} on {counted(comparison.pairs.common, 'common case')}"
 
 
 def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
@@ -69,9 +70,10 @@ def result_lines(comparison: Comparison, flips: int = 20) -> list[str]:
     """
     changed = len(comparison.flips)
     comparison = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
-    lines = [f"{len(comparison.runs)} runs on {comparison.pairs.common} common cases"]
+    lines = [f"{counted(len(comparison.runs), 'run')} on {counted(comparison.pairs.common, 'common case')}"]
     lines += substrate_lines(comparison.substrate)
     lines += warning_lines(comparison)
+    lines += caveat_lines(comparison)
     lines += ["", *_run_rows(comparison)]
     lines.append(OPEN_RANKS)
     if comparison.apart:
@@ -98,8 +100,9 @@ def short_lines(comparison: Comparison, flips: int = 5) -> list[str]:
         f"{run.name} ({run.policy['name']})" if run.policy else run.name for run in comparison.runs
     )
     return [
-        f"{second} against {first}, on {comparison.pairs.common} common cases",
+        f"{second} against {first}, on {counted(comparison.pairs.common, 'common case')}",
         *warning_lines(comparison),
+        *caveat_lines(comparison),
         *_run_rows(comparison),
         *_table_lines(contrast_table("Dynamic success", comparison.contrasts)),
         *_flip_lines(comparison, changed)[: 1 + flips],
@@ -166,13 +169,13 @@ def rank_set_text(run: ComparedRun) -> str:
 
 
 def comparison_warnings(comparison: Comparison) -> list[str]:
-    """Return a sentence for each limit: cases that are not compared, and differences beside the policies."""
+    """Return a sentence for each limit: cases that are not compared, differences, and each run's own."""
     pairs = comparison.pairs
     warnings = [*left_out_text(pairs.common, pairs.left_out)]
     unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
     if unsupported:
         warnings.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
-    return [*warnings, *difference_warnings(comparison.differences)]
+    return [*warnings, *difference_warnings(comparison.differences), *warnings_by_run(comparison)]
 
 
 def warning_lines(comparison: Comparison) -> list[str]:
@@ -180,11 +183,16 @@ def warning_lines(comparison: Comparison) -> list[str]:
     return [f"WARNING: {text}" for text in comparison_warnings(comparison)]
 
 
+def caveat_lines(comparison: Comparison) -> list[str]:
+    """Return the names of the caveats of each run as lines for the terminal."""
+    return [line for text in caveat_names(comparison) for line in wrap(text, 100)]
+
+
 def left_out_text(common: int, left_out: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """Yield a sentence about the cases of each run that are not compared, where there are some."""
     counts = ", ".join(f"{len(cases)} of {name}" for name, cases in left_out.items() if cases)
     if counts:
-        yield f"Restricted to {common} common cases; left out: {counts}."
+        yield f"Restricted to {counted(common, 'common case')}; left out: {counts}."
 
 
 def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
@@ -207,5 +215,7 @@ def _flip_lines(comparison: Comparison, changed: int) -> list[str]:
         lines.append(f"{' '.join(_SHORT[flip.outcomes[name]] for name in names)}  {flip.item_id}")
     if changed > len(flips):
         lines.append(f"... and {changed - len(flips)} more")
-    lines.append("To play one of them again, append its name:")
+    lines.append(
+        "To play one of them again, append its name (commands as the folders of the runs name them):"
+    )
     return [*lines, *(f"  {run.name}: {replay_text(run.replay)}" for run in comparison.runs)]

@@ -23,6 +23,7 @@ from pytest_libero_max.report.blocks import (
     Text,
     WideDifference,
 )
+from pytest_libero_max.report.report_document import Caveat
 
 COMPARISON_VERSION: Final = 4
 
@@ -96,6 +97,8 @@ class ComparedRun(Block, frozen=True, kw_only=True):
         response_coverage: Pairs in which the policy was queried after the event.
         by_event: Paired change by event.
         lowest_event: The lowest paired change in an event.
+        warnings: What keeps its numbers from saying what they seem to, as sentences.
+        caveats: Caveats on its pairs of the common cases.
     """
 
     name: Text
@@ -113,6 +116,8 @@ class ComparedRun(Block, frozen=True, kw_only=True):
     response_coverage: Rate
     by_event: dict[str, Change]
     lowest_event: LowestEvent
+    warnings: list[str]
+    caveats: list[Caveat]
 
 
 class ApartRun(Block, frozen=True, kw_only=True):
@@ -125,6 +130,8 @@ class ApartRun(Block, frozen=True, kw_only=True):
         unsupported_suites: The suites of these cases.
         result: Its result over the cases that its policy supports.
         by_suite: The same by suite.
+        warnings: What keeps its numbers from saying what they seem to, as sentences.
+        caveats: Caveats on its pairs.
     """
 
     name: Text
@@ -133,6 +140,8 @@ class ApartRun(Block, frozen=True, kw_only=True):
     unsupported_suites: list[str]
     result: Result
     by_suite: dict[str, Result]
+    warnings: list[str]
+    caveats: list[Caveat]
 
 
 class SuccessDifference(Block, frozen=True, kw_only=True):

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 
 from pytest_libero_max.report.comparison.compare_text import comparison_warnings
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.formats import change_text, count_text, interval_text, points, rate_text
+from pytest_libero_max.report.comparison.run_notes import CAVEATS_TITLE, caveats_by_run
+from pytest_libero_max.report.formats import (
+    change_text,
+    count_text,
+    counted,
+    interval_text,
+    points,
+    rate_text,
+)
 from pytest_libero_max.report.page.charts import direction, over_runs
 from pytest_libero_max.report.page.page_frame import page
 from pytest_libero_max.report.statements import LIMITS_TITLE
@@ -28,10 +36,12 @@ def trend_html(comparison: Comparison, causes: Sequence[Counter[str]]) -> str:
     first, last = runs[0].paired_change, runs[-1].paired_change
     return page(
         "trend.html",
-        f"Trend of {len(runs)} runs on {comparison.pairs.common} common cases",
+        f"Trend of {counted(len(runs), 'run')} on {counted(comparison.pairs.common, 'common case')}",
         None,
         substrate_note=comparison.substrate.note,
         warnings=comparison_warnings(comparison),
+        caveats_title=CAVEATS_TITLE,
+        caveats=caveats_by_run(comparison),
         last=(runs[-1].name, f"{points(last.value)} pp", interval_text(last, signed=True), direction(last)),
         first=(runs[0].name, change_text(first)),
         change=over_runs({"": [run.paired_change for run in runs]}, signed=True),

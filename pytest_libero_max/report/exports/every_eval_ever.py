@@ -84,8 +84,6 @@ def _whole(run: StoredRun, records: Sequence[PairRecord]) -> Json:
 def _result(run: StoredRun, records: Sequence[PairRecord], arm: str) -> Json:
     provenance = run.run.provenance
     scores = [bool(record.arms[arm].success) for record in records if arm in record.arms]
-    interval = clopper_pearson(Ratio(sum(scores), len(scores)))
-    assert interval is not None  # an arm of a record has been played
     return {
         "evaluation_name": _name(run, arm),
         "source_data": {
@@ -106,16 +104,23 @@ def _result(run: StoredRun, records: Sequence[PairRecord], arm: str) -> Json:
         },
         "score_details": {
             "score": sum(scores) / len(scores),
-            "uncertainty": {
-                "confidence_interval": {
-                    "lower": interval.lower,
-                    "upper": interval.upper,
-                    "confidence_level": CONFIDENCE,
-                    "method": "Clopper-Pearson",
-                },
-                "num_samples": len(scores),
-            },
+            "uncertainty": _interval(run, scores) | {"num_samples": len(scores)},
         },
+    }
+
+
+def _interval(run: StoredRun, scores: Sequence[bool]) -> Json:
+    """Return the interval of a rate; empty where a rule stopped the run, which no interval is for."""
+    interval = clopper_pearson(Ratio(sum(scores), len(scores)))
+    if interval is None or (run.stopped is not None and run.stopped.rule is not None):
+        return {}
+    return {
+        "confidence_interval": {
+            "lower": interval.lower,
+            "upper": interval.upper,
+            "confidence_level": CONFIDENCE,
+            "method": "Clopper-Pearson",
+        }
     }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from pytest_libero_max.report.page.evidence import details_of, error_details, pl
 from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.runs.media import PICTURES_NAME, TRACES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.replay_command import replay_command, replay_text
+from pytest_libero_max.runs.replay_command import film_text, replay_command, replay_text
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.substrates.registry import SUBSTRATES
 from pytest_libero_max.worlds.contract import CONTROL_HZ
@@ -146,9 +145,8 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
     yield again("Play it", replay, there, unless=["record"])
     yield again("Play it again", replay, there, needs=["record"])
     if replay:
-        filming = shlex.join([*replay[:-1], "--libero-max-film=all", replay[-1]])
         yield command(
-            f"Play it again and film it{there}", filming, needs=["record"], unless=["film", "trace"]
+            f"Play it again and film it{there}", film_text(replay), needs=["record"], unless=["film", "trace"]
         )
     after = "in the folder of this page; libero-max report . then shows it here:"
     yield command(f"Film it, {after}", "libero-max film .", needs=["trace"], unless=["film"])

@@ -155,8 +155,7 @@ def contrasts(study: Camera) -> Plot:
     for row in study.contrasts:
         kind, at = direction(row), axis.at(row.value or 0.0)
         span = (axis.at(row.lower or 0.0), axis.at(row.upper or 0.0), kind)
-        interval = "n/a: all alike" if row.degenerate else interval_text(row, signed=True)
-        text = f"{points(row.value)} {interval}"
+        text = f"{points(row.value)} {interval_text(row, signed=True)}"
         name = f"{study.conditions[row.first]} - {study.conditions[row.second]}"
         rows.append(Row(name, "", text, [(at, kind)], span))
     return axis.plot(("Contrast", "pp [95%]"), rows)

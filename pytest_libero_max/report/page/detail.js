@@ -43,7 +43,7 @@ function picturesOf(pictures) {
 }
 
 function pictured() {
-  return element("p", { class: "muted" }, "A WebP cannot be stepped through. With pip install 'pytest-libero-max[film]' films are MP4.");
+  return element("p", { class: "muted" }, "A WebP cannot be stepped through. With pip install -e '.[film]' in the clone films are MP4.");
 }
 
 // The films, and what moves through them.

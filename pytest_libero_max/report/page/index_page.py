@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
-from pytest_libero_max.report.formats import change_text, count_text, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, counted, rate_text
 from pytest_libero_max.report.page.page_frame import page
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
-from pytest_libero_max.report.writers.summary import policy_title
+from pytest_libero_max.report.writers.summary import alarm_texts, policy_title, stopped_texts
 
 HEAD = (
     "Policy", "Base success", "Dynamic success", "Paired change", "Base successes lost", "Event fired",
-    "Played with", "Fingerprint of the installation", "Digest of the pairs", "Verified",
+    "Notes", "Played with", "Fingerprint of the installation", "Digest of the pairs", "Verified",
 )  # fmt: skip
 
 
@@ -51,7 +52,7 @@ def index_html(index: RunIndex, beside: Path) -> str:
     verified = sum(run.again is not None for run in runs)
     return page(
         "index.html",
-        f"{len(runs)} published runs",
+        counted(len(runs), "published run"),
         None,
         scripts=("sorting.js",) if runs else (),
         verified=f"{verified} of {len(runs)} verified: those who keep this page played pairs drawn at random "
@@ -76,11 +77,19 @@ def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
         Cell(change_text(result.paired_change), _number(result.paired_change.value)),
         Cell(count_text(result.conditional_regression), _number(result.conditional_regression.value)),
         Cell(count_text(fired), _number(fired.value)),
+        Cell(_notes(report), len(alarm_texts(report))),
         Cell(run.versions, run.versions),
         Cell(taken or "not taken", taken),
         Cell(run.digest[:DIGITS], run.digest),
         _verified(run),
     ]
+
+
+def _notes(report: Report) -> str:
+    """Return what belongs beside the numbers of a run: its alarms in full, its caveats by name."""
+    caveats = ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in report.caveats)
+    stopped = stopped_texts(report.pairs)
+    return " ".join([*alarm_texts(report), *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
 
 
 def _verified(run: IndexedRun) -> Cell:

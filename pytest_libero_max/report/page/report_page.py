@@ -191,6 +191,8 @@ def _verdict(overall: Result) -> str:
     """Return what the paired change shows, in words."""
     if lacks_of(overall):
         return "These pairs cannot show what the events do; see the note above."
+    if overall.played and overall.paired_change.lower is None:
+        return "A rule stopped this run: it has no interval, but what the rule knows."
     return {
         "loss": "Success falls when the event happens.",
         "gain": "Success rises when the event happens.",

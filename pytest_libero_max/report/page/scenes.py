@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.runs.media import poses_in
+from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.recorded_poses import RecordedPoses, read_poses
 
 MOST_CHARACTERS = 3_000_000
@@ -47,7 +48,7 @@ def scenes_of(folder: Path, items: Iterable[str], most: int = MOST_CHARACTERS) -
         if item not in found:
             continue
         try:
-            poses = read_poses(found[item])
+            poses = read_poses(require_inside(folder, found[item]))
         except ReportError:
             continue
         name = f"pair-{len(scenes.named)}"

@@ -12,6 +12,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import read_trace, trace_name
 from pytest_libero_max.report.palette import arm_kinds
 from pytest_libero_max.runs.media import TRACES_NAME
+from pytest_libero_max.runs.outside import require_inside
 
 _MOST_POINTS = 200
 """Number of points of a curve, of which a page draws few more than it has pixels."""
@@ -53,7 +54,7 @@ def _curves(record: PairRecord, folder: Path) -> Json:
     if not path.is_file():
         return {}
     try:
-        traces = read_trace(path, record)
+        traces = read_trace(require_inside(folder, path), record)
     except ReportError:
         return {}
     curves = {}

@@ -17,6 +17,8 @@ class Errors(StoppingRule):
         arguments: Number of errors, at least 1; empty for 1.
     """
 
+    bias = None
+
     def __init__(self, arguments: str) -> None:
         text = arguments or "1"
         if not (text.isascii() and text.isdigit() and int(text) >= 1):

@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.stopping_rule import Declared, StoppingRule
-from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, Side, differences_between, listed
+from pytest_libero_max.runs.outcomes import RunOutcomes
+from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.stats.sequential import log_evidence_of_change
 
@@ -22,7 +25,8 @@ class WorseThan(StoppingRule):
 
     A case is lost where the earlier run completes Dynamic and this one does not, and gained the other way
     round. The run stops at the first lost case at which losses and gains are not equally likely, by the
-    sequential McNemar test. If no case is gained, that takes 8 losses at level 0.05.
+    sequential McNemar test. If no case is gained, that takes 8 losses at level 0.05. The rule decides nothing
+    where the runs differ in more than their policies.
 
     Args:
         arguments: Folder of the earlier run, with the level before it, above 0 and up to 0.5, where it is not
@@ -32,6 +36,7 @@ class WorseThan(StoppingRule):
     def __init__(self, arguments: str) -> None:
         first, comma, rest = arguments.partition(",")
         self._folder = rest if comma else arguments
+        self._run: Run | None = None
         try:
             self._level = float(first) if comma else LEVEL
         except ValueError:
@@ -54,13 +59,41 @@ class WorseThan(StoppingRule):
             raise OptionError(f"the other run, {self._folder}, cannot be read: {error}") from error
         return None
 
+    def check_run(self, run: Run) -> None:
+        self._run = run
+        self._require_comparable(None)
+
+    def _require_comparable(self, policy: Json | None) -> None:
+        """Refuse another run that differs in more than its policy.
+
+        Args:
+            policy: Spec of the policy of this run; None as long as it is not known.
+
+        Raises:
+            OptionError: It differs; names the settings.
+        """
+        assert self._run is not None
+        other = RunOutcomes.of(read_pairs(Path(self._folder)))
+        there = Side(other.run, None if policy is None else other.policy)
+        found = differences_between({THERE: there, HERE: Side(self._run, policy)}, COMPARISON)
+        if found:
+            raise OptionError(
+                f"the other run, {self._folder}, also differs in {listed(found)}, so that a loss is not "
+                "of the policy alone. Play both alike, or leave the rule out."
+            )
+
     def begin(self, planned: Sequence[PlannedPair], gates: Sequence[Gate]) -> None:
         super().begin(planned, gates)
         other = read_pairs(Path(self._folder)).records
         self._before = {record.case_id: record.dynamic_success for record in other}
         self._losses = self._gains = 0
+        self._comparable: bool | None = None  # known from the first record on
 
     def after(self, pair: PairRecord | PairError) -> str | None:
+        if self._comparable is None and isinstance(pair, PairRecord):
+            self._comparable = self._run is None or self._asks_alike(pair)
+        if not self._comparable:
+            return None
         before = self._before.get(pair.case_id)
         if isinstance(pair, PairError) or before is None or before == pair.dynamic_success:
             return None
@@ -75,3 +108,11 @@ class WorseThan(StoppingRule):
             f"worse than {self._folder}: {self._losses} lost, {self._gains} gained, "
             f"p = {math.exp(-evidence):.2g} at any time"
         )
+
+    def _asks_alike(self, record: PairRecord) -> bool:
+        """Return True if the policy of a record has H, Q and wrappers as that of the other run had."""
+        try:
+            self._require_comparable(record.policy)
+        except OptionError:
+            return False
+        return True

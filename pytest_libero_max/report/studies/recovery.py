@@ -1,7 +1,7 @@
 """Recovery: runs of one policy with and without restoration of its images, on the same cases.
 
-Intervals as in the paper: paired percentile bootstrap of 10,000 resamples, stratified by source category and
-clustered by configuration (task and initial state). They are pointwise.
+Intervals are pointwise, for independent cases. Beside them are the paper's: paired percentile bootstrap of
+10,000 resamples, stratified by source category and clustered by configuration (task and initial state).
 """
 
 from __future__ import annotations
@@ -29,10 +29,13 @@ from pytest_libero_max.report.studies.recovery_document import (
     Mode,
     Recovery,
 )
+from pytest_libero_max.runs.comparability import COMPARISON, differences_between
+from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.store import StoredRun, read_pairs
+from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
 from pytest_libero_max.stats.outcome_table import Ratio
-from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.paired_difference import paired_differences
 
 NATIVE, ALWAYS, GATED = MODES = ("native", "always", "gated")
 
@@ -148,7 +151,15 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
             "The runs are of different policies or settings. Play one policy with "
             "--libero-max-restore=native, always and gated."
         )
-    return {mode: found[mode] for mode in MODES if mode in found}
+    by_mode = {mode: found[mode] for mode in MODES if mode in found}
+    sides = {mode: RunOutcomes.of(run).side for mode, run in by_mode.items()}
+    others = [one.name for one in differences_between(sides, COMPARISON) if one.name != "wrappers"]
+    if others:
+        raise ReportError(
+            f"The runs also differ in {', '.join(others)}, but recovery is of --libero-max-restore alone. "
+            "Play them alike."
+        )
+    return by_mode
 
 
 def _records(run: StoredRun, ids: Sequence[str]) -> list[PairRecord]:
@@ -210,7 +221,7 @@ def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
 def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Effect:
     closure = quantity == "closure"
     values = columns.closure(mode) if closure else columns.gain(mode, quantity, over)
-    return Effect(mode=mode, over=over, quantity=quantity, **_gain(columns, values, exact=not closure))
+    return Effect(mode=mode, over=over, quantity=quantity, **_gain(columns, values, closure=closure))
 
 
 def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Group:
@@ -225,15 +236,17 @@ def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.
         ratio_of(Ratio(int(part.success[which, DYNAMIC].sum()), len(values))) for which in (NATIVE, mode)
     )
     return Group(
-        mode=mode, kind=kind, name=name, native=native, restored=restored, **_gain(part, values, exact=True)
+        mode=mode,
+        kind=kind,
+        name=name,
+        native=native,
+        restored=restored,
+        **_gain(part, values, closure=False),
     )
 
 
-def _gain(columns: _Columns, values: Differences, *, exact: bool) -> dict[str, Any]:
-    """Return the fields of a mean difference.
-
-    Its clustered interval is None where too little could vary, and the exact one where ``exact`` is False.
-    """
+def _gain(columns: _Columns, values: Differences, *, closure: bool) -> dict[str, Any]:
+    """Return the fields of a mean difference; the clustered interval is None where too little could vary."""
     gained, lost = int((values > 0).sum()), int((values < 0).sum())
     configurations = len(np.unique(columns.configuration))
     changed = len(np.unique(columns.configuration[values != 0]))
@@ -246,7 +259,10 @@ def _gain(columns: _Columns, values: Differences, *, exact: bool) -> dict[str, A
             pools=columns.category,
             replicates=REPLICATES,
         )
-    lower, upper = ends(clustered)
+    (interval,) = (
+        bounded_means([values], largest=2) if closure else paired_differences([(lost, gained, len(values))])
+    )
+    lower, upper = ends(interval)
     return {
         "pairs": len(values),
         "gained": gained,
@@ -256,5 +272,5 @@ def _gain(columns: _Columns, values: Differences, *, exact: bool) -> dict[str, A
         "changed_configurations": changed,
         "lower": lower,
         "upper": upper,
-        "exact": interval_of(paired_difference(lost, gained, len(values)) if exact else None),
+        "bootstrap": interval_of(clustered),
     }

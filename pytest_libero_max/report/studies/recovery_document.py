@@ -1,4 +1,4 @@
-"""A comparison of restoration modes as one typed document, as ``libero-max recovery --json`` writes it."""
+"""A comparison of restoration modes as one typed document: ``libero-max recovery`` with ``--json``."""
 
 from __future__ import annotations
 
@@ -81,9 +81,11 @@ class Gain(Block, frozen=True, kw_only=True):
         value: Mean over the cases.
         configurations: Tasks with an initial state, which are resampled whole.
         changed_configurations: Those in which a case differs.
-        lower: Lower end of the clustered 95% interval; None where too little could vary.
+        lower: Lower end of the 95% interval for independent cases: the melded exact one, and for a closure
+            that of weighted means (Gaffke 2005).
         upper: Upper end of the same.
-        exact: Exact interval; None at both ends for a closure.
+        bootstrap: The paper's interval, clustered by configuration, for comparison with it; None at both ends
+            where too little could vary.
     """
 
     pairs: Count
@@ -94,7 +96,7 @@ class Gain(Block, frozen=True, kw_only=True):
     changed_configurations: Count
     lower: WideDifference | None
     upper: WideDifference | None
-    exact: Interval
+    bootstrap: Interval
 
 
 class Effect(Gain, frozen=True, kw_only=True):

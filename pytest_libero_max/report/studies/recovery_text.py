@@ -10,7 +10,7 @@ from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
 _QUANTITIES = {"dynamic": "Dynamic gain", "base": "Base gain", "closure": "Gap closure"}
 _MODES = ("Mode", "Base", "Dynamic", "Active, Base", "after the event", "ms a query")
-_EFFECTS = ("Effect", "pp", "exact", "bootstrap", "gained, lost")
+_EFFECTS = ("Effect", "pp", "[95%]", "bootstrap", "gained, lost")
 
 
 def recovery_lines(recovery: Recovery) -> list[str]:
@@ -29,8 +29,8 @@ def recovery_lines(recovery: Recovery) -> list[str]:
         "",
         *aligned([("Dynamic gain by group", *_EFFECTS[1:]), *map(_group, recovery.groups)], numbers=True),
         "",
-        "Gap closure is the Dynamic gain less the Base gain. Intervals: 95%, pointwise; exact for two",
-        "conditions; the paper's bootstrap, stratified by source category and clustered by configuration, is",
+        "Gap closure is the Dynamic gain less the Base gain. Intervals: 95%, pointwise, for independent",
+        "cases; the paper's bootstrap, stratified by source category and clustered by configuration, is",
         f"too narrow where few cases changed, and n/a with fewer than {LEAST_TASKS} configurations or fewer",
         f"than {LEAST_CHANGED_TASKS} in which a case changed.",
         "Times are of judging and restoring alone; they are no statement on the speed of an episode.",
@@ -56,5 +56,5 @@ def _group(row: Group) -> tuple[str, ...]:
 
 
 def _numbers(row: Gain) -> tuple[str, ...]:
-    ends = interval_text(row.exact, signed=True), interval_text(row, signed=True)
+    ends = interval_text(row, signed=True), interval_text(row.bootstrap, signed=True)
     return (points(row.value), *ends, f"{row.gained}, {row.lost}")

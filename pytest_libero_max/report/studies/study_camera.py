@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.measured import ends, interval_of, number
+from pytest_libero_max.report.measured import bootstrap_of, ends, number, rate_of
 from pytest_libero_max.report.studies import study_document
 from pytest_libero_max.report.studies.study_document import (
     Approach,
@@ -31,10 +31,11 @@ from pytest_libero_max.stats.conditions import (
     Conditions,
     Contrast,
     GroupInterval,
+    MeanDifference,
     contrasts,
     contrasts_of_contrasts,
 )
-from pytest_libero_max.stats.intervals import MeanChange, clopper_pearson, mean_change
+from pytest_libero_max.stats.intervals import MeanChange, mean_change
 from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
 from pytest_libero_max.studies.camera_study import CameraTiming, at_strength
 from pytest_libero_max.studies.event_timing import RESET
@@ -153,7 +154,7 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
 
 
 def _rate(conditions: Conditions, arm: str) -> ConditionRate:
-    """Return a success rate with its source-stratified interval, and the same within each source."""
+    """Return a success rate with the paper's source-stratified interval, and the same within each source."""
     successes, sources = conditions.successes[arm].astype(np.int64), conditions.source
     by_source = {
         name: SourceRate(**_counted(successes[sources == name], mean_change(successes[sources == name])))
@@ -162,15 +163,10 @@ def _rate(conditions: Conditions, arm: str) -> ConditionRate:
     return ConditionRate(**_counted(successes, conditions.rate(arm)), by_source=by_source)
 
 
-def _counted(successes: NDArray[np.int64], mean: MeanChange | None) -> dict[str, Any]:
-    """Return the fields of a rate: counts, exact interval, and the mean with the paper's."""
-    ratio = Ratio(int(successes.sum()), len(successes))
-    return {
-        "count": ratio.count,
-        "of": ratio.of,
-        "exact": interval_of(clopper_pearson(ratio)),
-        **asdict(_mean(mean)),
-    }
+def _counted(successes: NDArray[np.int64], bootstrap: MeanChange | None) -> dict[str, Any]:
+    """Return the fields of a rate with its exact interval and the paper's."""
+    rate = rate_of(Ratio(int(successes.sum()), len(successes)))
+    return {**asdict(rate), "bootstrap": bootstrap_of(bootstrap)}
 
 
 def _contrast(first: str, second: str, found: Contrast) -> ConditionContrast:
@@ -179,20 +175,20 @@ def _contrast(first: str, second: str, found: Contrast) -> ConditionContrast:
         second=second,
         gains=found.gains,
         losses=found.losses,
-        **asdict(_mean(found.change)),
-        exact=interval_of(found.exact),
-        by_source={name: _mean(change) for name, change in found.by_source.items()},
+        **asdict(_mean(found)),
+        by_source={name: _mean(difference) for name, difference in found.by_source.items()},
         by_groups={name: _group(interval) for name, interval in found.by_groups.items()},
     )
 
 
-def _mean(change: MeanChange | None) -> Mean:
-    lower, upper = ends(change)
+def _mean(difference: MeanDifference) -> Mean:
+    lower, upper = ends(difference.interval)
+    bootstrap = difference.bootstrap
     return Mean(
-        value=number(change.estimate if change else None),
+        value=number(bootstrap.estimate if bootstrap else None),
         lower=lower,
         upper=upper,
-        degenerate=change.degenerate if change else None,
+        bootstrap=bootstrap_of(bootstrap),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pytest_libero_max.report.blocks import (
     Block,
+    Bootstrap,
     Count,
     Difference,
     Interval,
@@ -19,44 +20,34 @@ from pytest_libero_max.report.blocks import (
 
 
 class Mean(Block, frozen=True, kw_only=True):
-    """A mean over cases with its bootstrap interval.
+    """A mean difference over cases.
 
     Attributes:
         value: Mean over the cases; None without cases.
-        lower: Lower end of the 95% percentile interval of the exact bootstrap distribution, with the number
-            of cases of each source kept.
+        lower: Lower end of the 95% interval for independent cases: the melded exact one, and for a difference
+            of differences that of weighted means (Gaffke 2005).
         upper: Upper end of the same.
-        degenerate: True if all cases of each source are alike, so that the interval has no width and says
-            nothing about precision.
+        bootstrap: The paper's interval, percentiles of the exact bootstrap distribution with the number of
+            cases of each source kept, for comparison with it; far too narrow where few cases differ.
     """
 
     value: WideDifference | None
     lower: WideDifference | None
     upper: WideDifference | None
-    degenerate: bool | None
+    bootstrap: Bootstrap
 
 
-class SourceRate(Block, frozen=True, kw_only=True):
+class SourceRate(Rate, frozen=True, kw_only=True):
     """Success in one condition of a camera study, of the cases of a source.
 
     Attributes:
         count: Cases that succeed.
         of: Cases: the denominator.
-        value: Mean over the cases; None without cases.
-        exact: Exact 95% interval of the rate (Clopper and Pearson), which is printed.
-        lower: Lower end of the paper's interval, the 95% percentile interval of the exact bootstrap
-            distribution; far too narrow where few cases succeed, or few fail.
-        upper: Upper end of the same.
-        degenerate: True if all cases are alike.
+        bootstrap: The paper's interval, percentiles of the exact bootstrap distribution, for comparison with
+            it; far too narrow where few cases succeed, or few fail.
     """
 
-    count: Count
-    of: Count
-    value: WideDifference | None
-    exact: Interval
-    lower: WideDifference | None
-    upper: WideDifference | None
-    degenerate: bool | None
+    bootstrap: Bootstrap
 
 
 class ConditionRate(SourceRate, frozen=True, kw_only=True):
@@ -87,7 +78,7 @@ class GroupInterval(Block, frozen=True, kw_only=True):
     upper: WideDifference | None
 
 
-class ConditionContrast(Block, frozen=True, kw_only=True):
+class ConditionContrast(Mean, frozen=True, kw_only=True):
     """Mean of the first condition less the second, over the same cases. Pointwise: nothing is corrected for.
 
     Attributes:
@@ -95,14 +86,7 @@ class ConditionContrast(Block, frozen=True, kw_only=True):
         second: Arm or strength that is subtracted.
         gains: Cases in which the difference is above 0: only the first succeeds.
         losses: Cases in which the difference is below 0: only the second succeeds.
-        value: Mean over the cases; None without cases.
-        lower: Lower end of the 95% percentile interval of the exact bootstrap distribution, with the number
-            of cases of each source kept.
-        upper: Upper end of the same.
-        degenerate: True if all cases of each source are alike, so that the interval has no width.
-        exact: Melded exact interval, which also has a width where few cases differ; None at both ends for a
-            difference of differences.
-        by_source: The mean and its interval within each source.
+        by_source: The mean and its intervals within each source.
         by_groups: Intervals over groups of cases: reference_tasks jointly across the sources, source_tasks
             and configurations within each source.
     """
@@ -111,11 +95,6 @@ class ConditionContrast(Block, frozen=True, kw_only=True):
     second: Text
     gains: Count
     losses: Count
-    value: WideDifference | None
-    lower: WideDifference | None
-    upper: WideDifference | None
-    degenerate: bool | None
-    exact: Interval
     by_source: dict[str, Mean]
     by_groups: dict[str, GroupInterval]
 

@@ -62,12 +62,11 @@ def contrast_plot(title: str, study: Camera) -> str:
         y = _TOP + _ROW * (index + 0.5)
         color = LOSS if (row.value or 0) < 0 else GAIN if row.value else NEUTRAL
         name = f"{labels[row.first]} - {labels[row.second]}"
-        interval = "n/a: all alike" if row.degenerate else interval_text(row, signed=True)
         shapes += [
             text(_LABEL - 10, y + 4, name, "end"),
             line(_signed(row.lower), y, _signed(row.upper), y, color, 2.5),
             circle(_signed(row.value), y, 5, color),
-            text(head, y + 4, f"{points(row.value)} {interval}", color=MUTED),
+            text(head, y + 4, f"{points(row.value)} {interval_text(row, signed=True)}", color=MUTED),
             text(head + 190, y + 4, str(row.gains), "end", color=GAIN),
             text(head + 240, y + 4, str(row.losses), "end", color=LOSS),
         ]

@@ -9,9 +9,11 @@ from typing import Any
 
 import msgspec
 
+from pytest_libero_max.report.blocks import Bootstrap
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
+    counted,
     interval_text,
     p_number,
     percent,
@@ -63,7 +65,9 @@ def study_tables(study: Study) -> list[Table]:
         return [_latency(study.latency)]
     if study.cadence is not None:
         return _cadence(study.cadence)
-    return [*_arms(study)] if study.by_event is not None else [_inputs(study)]
+    if study.by_event is not None:
+        return [*_arms(study)]
+    return [_success_by_arm(study) if study.contrasts is None else _inputs(study)]
 
 
 def study_notes(study: Study) -> list[str]:
@@ -76,8 +80,8 @@ def study_notes(study: Study) -> list[str]:
         as_pairs = "with a Base for every other arm, as in runs of their own"
         ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
     notes = [
-        f"{study.cases} cases, {done.arms} arms. What arms share was executed once: {done.steps:,} "
-        f"steps and {done.queries:,} queries, against {' and '.join(ways)}."
+        f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. What arms share was executed once: "
+        f"{done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
     if study.camera is not None:
         notes.append(
@@ -146,9 +150,7 @@ def _leaves(place: str, value: Any) -> list[tuple[str, Any]]:
 def _arms(study: Study) -> Iterator[Table]:
     """Yield the tables of arms: success, and the contrasts of all cases and of each event."""
     arms, by_event = study.arms or {}, study.by_event or {}
-    rows = [(name, rate_text(rate)) for name, rate in arms.items()]
-    note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
-    yield Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
+    yield _success_by_arm(study)
     yield Table(
         "Success by arm and event",
         ("Event", *arms),
@@ -176,6 +178,12 @@ def _arms(study: Study) -> Iterator[Table]:
     )
 
 
+def _success_by_arm(study: Study) -> Table:
+    rows = [(name, rate_text(rate)) for name, rate in (study.arms or {}).items()]
+    note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
+    return Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
+
+
 # Audit of inputs.
 
 _INPUTS = {
@@ -193,7 +201,8 @@ _INPUTS = {
 def _inputs(study: Study) -> Table:
     """Success with an input changed, beside Base over the same cases."""
     arms, contrasts = study.arms or {}, study.contrasts or []
-    adjusted = holm([mcnemar(row.losses, row.gains).log10_p for row in contrasts])
+    tests = [None if row.lower is None else mcnemar(row.losses, row.gains).log10_p for row in contrasts]
+    adjusted = holm(tests)
     rows = [
         (
             row.first,
@@ -203,7 +212,7 @@ def _inputs(study: Study) -> Table:
             str(row.losses),
             str(row.gains),
             "n/a" if log10_p is None else p_number(log10_p),
-            _need(row, log10_p or 0.0) if arms["base"].count else "Base never succeeds",
+            _need(row, log10_p) if arms["base"].count else "Base never succeeds",
         )
         for row, log10_p in zip(contrasts, adjusted, strict=True)
     ]
@@ -222,9 +231,11 @@ def _inputs(study: Study) -> Table:
     )
 
 
-def _need(row: ArmContrast, log10_p: float) -> str:
-    if not row.cases or row.losses == row.gains == 0:
-        return "no case differs" if row.cases else "n/a"
+def _need(row: ArmContrast, log10_p: float | None) -> str:
+    if log10_p is None:
+        return "n/a"
+    if row.losses == row.gains == 0:
+        return "no case differs"
     if 10**log10_p >= _LEVEL:
         return "not shown to matter"
     return "needed" if row.losses > row.gains else "better without"
@@ -237,15 +248,15 @@ _BOOTSTRAP = "Paper's bootstrap"
 
 
 def _rate(rate: SourceRate) -> str:
-    return f"{percent(rate.value)} {interval_text(rate.exact)}  {count_text(rate)}"
+    return f"{percent(rate.value)} {interval_text(rate)}  {count_text(rate)}"
 
 
-def _bootstrap(row: SourceRate | Mean | ConditionContrast, signed: bool = True) -> str:
-    return "n/a: all alike" if row.degenerate else interval_text(row, signed)
+def _bootstrap(bootstrap: Bootstrap, signed: bool = True) -> str:
+    return "n/a: all alike" if bootstrap.degenerate else interval_text(bootstrap, signed)
 
 
-def _change(change: Mean | ConditionContrast) -> str:
-    return f"{points(change.value)} pp {_bootstrap(change)}"
+def _change(change: Mean) -> str:
+    return f"{points(change.value)} pp {interval_text(change, signed=True)}"
 
 
 def _camera(study: Camera) -> list[Table]:
@@ -256,7 +267,7 @@ def _camera(study: Camera) -> list[Table]:
             labels[arm],
             _rate(rate),
             *(_rate(rate.by_source[source]) for source in sources),
-            _bootstrap(rate, signed=False),
+            _bootstrap(rate.bootstrap, signed=False),
         )
         for arm, rate in study.rates.items()
     ]
@@ -295,8 +306,8 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
             f"{labels[row.first]} - {labels[row.second]}",
             str(row.gains),
             str(row.losses),
-            f"{points(row.value)} pp {interval_text(row.exact, signed=True)}",
-            _bootstrap(row),
+            _change(row),
+            _bootstrap(row.bootstrap),
         )
         for row in study.contrasts
     ]
@@ -319,8 +330,8 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
         tables.append(
             Table(
                 "Mid-task less Reset, between strengths",
-                ("Contrast", "Difference"),
-                [(label, _change(row)) for label, row in gaps],
+                ("Contrast", "Difference", _BOOTSTRAP),
+                [(label, _change(row), _bootstrap(row.bootstrap)) for label, row in gaps],
             )
         )
     tables.append(
@@ -335,9 +346,9 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
                 )
                 for label, row in named
             ],
-            "By source, the paper's bootstrap. Reference tasks are resampled jointly across the sources, "
-            "whose shares stay fixed; tasks of each source, and configurations (task and initial state), "
-            "within each source. The case-weighted estimate stays the same.",
+            "By source, the same interval as over all cases. Reference tasks are resampled jointly across "
+            "the sources, whose shares stay fixed; tasks of each source, and configurations (task and "
+            "initial state), within each source. The case-weighted estimate stays the same.",
         )
     )
     return tables

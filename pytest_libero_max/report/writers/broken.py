@@ -13,7 +13,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.base_failures import base_lines, known_failures, next_step
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
 from pytest_libero_max.report.report_document import ChangedPair, Report
-from pytest_libero_max.runs.replay_command import traces_setting
+from pytest_libero_max.runs.replay_command import film_text, replay_of, traces_setting
 
 TITLE = "What broke"
 GAINED_TITLE = "What was gained"
@@ -80,6 +80,16 @@ def groups_of(
     ]
 
 
+def named_of(pairs: Sequence[ChangedPair], most: int) -> list[str]:
+    """Return the item ids of so many pairs of each outcome, one of each cause and event first."""
+    return [
+        pair.item_id
+        for outcome in LETTERS
+        for group in groups_of(pairs, outcome, most, most)
+        for pair in group.named
+    ]
+
+
 def _rank(name: str, names: Iterable[str]) -> int:
     known = [*names]
     return known.index(name) if name in known else len(known)
@@ -105,12 +115,15 @@ def title_of(report: Report, outcome: Outcome) -> str:
     return f"{GAINED_TITLE}: {number} of {report.overall.played - lost.of} Base failures solved"
 
 
-def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list[str]:
+def broken_lines(
+    report: Report, films: Mapping[str, str] | None = None, show: str | None = None
+) -> list[str]:
     """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any.
 
     Args:
         report: The report.
         films: Path of the film of each pair that has one, by item id.
+        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
     """
     films, lines = films or {}, []
     for number, line in enumerate(base_lines(report, films)):
@@ -142,9 +155,17 @@ def broken_lines(report: Report, films: Mapping[str, str] | None = None) -> list
         home = Path(next(iter(films.values()))).parent
         lines.append(f"Films: {home}; libero-max view {home.parent} shows them beside their cases.")
     elif lines:
-        setting = traces_setting(report.provenance)
-        lines.append(f"To see one: libero-max film RUN NAME, of a run with {setting}.")
+        lines.append(_to_see(report) if show is None else f"To see them: {show}, which films them first.")
     return lines
+
+
+def _to_see(report: Report) -> str:
+    """Return how to see a changed pair of a run that has kept nothing to show."""
+    replay = replay_of(report.provenance)
+    if not replay:
+        return f"To see one: libero-max film RUN NAME, of a run with {traces_setting(report.provenance)}."
+    first = next(group.pairs[0] for outcome in LETTERS for group in groups_of(report.changed_pairs, outcome))
+    return f"To see the first: {film_text(replay, first.item_id)}"
 
 
 def broken_line(report: Report) -> str:

@@ -88,7 +88,8 @@ def advice_lines(base: float, chance: float, effect: float) -> list[str]:
         limit = f" --libero-max-limit={advice.pairs}" if advice.pairs < size else ""
         passes = (f"{advice.without:.1%}", f"{advice.hurt:.1%}")
         rows.append((advice.gate.text, str(advice.pairs), *passes, f"--libero-max-track={track}{limit}"))
-    return [*lines, *aligned(rows)]
+    beside = "Gate base_sr and trigger_coverage beside it: a policy that solves little has little to lose."
+    return [*lines, *aligned(rows), "", beside]
 
 
 def _of_group(gate: Gate, pairs: Sequence[PlannedPair]) -> Iterator[PlannedPair]:

@@ -6,33 +6,39 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from pytest_libero_max.report.gates import SUCCESS_OF, Finding, Gate, GateResult, shown
+from pytest_libero_max.report.gates import SUCCESS_OF, Finding, GateResult, shown
 from pytest_libero_max.runs.replay_command import replay_text
 
-_LOST, _FAILED, _AGAIN = "  lost:", "  failed:", "  again:"
+_LOST, _FAILED, _AGAIN, _SEE = "  lost:", "  failed:", "  again:", "  see:"
 
-KEPT = ("gate FAIL", "gate open", "gate wait", _LOST, _FAILED, _AGAIN)
+KEPT = ("gate FAIL", "gate open", "gate wait", "gate first", _LOST, _FAILED, _AGAIN, _SEE)
 """Beginnings of the lines on gates that ``-q`` keeps."""
 
 _NAMED = 3
 
 
-def gate_lines(results: Sequence[GateResult], replay: Sequence[str] | None = None) -> list[str]:
+def gate_lines(
+    results: Sequence[GateResult], replay: Sequence[str] | None = None, show: str | None = None
+) -> list[str]:
     """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
 
     Args:
         results: Result of :func:`~pytest_libero_max.report.gate_results.decide`.
         replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`; None leaves it out.
+        show: Result of :func:`~pytest_libero_max.runs.media.show_command`, which takes its place.
     """
     marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
     lines = []
     for result in results:
-        lines.append(f"gate {marks[result.verdict]}  {result.reason}")
+        mark = "first" if result.no_baseline else "wait " if result.waits else f"{marks[result.verdict]} "
+        lines.append(f"gate {mark} {result.reason}")
         if result.lost:
             label = _FAILED if result.gate.name in SUCCESS_OF else _LOST
             lines.append(f"{label} {named_pairs(result.lost)}")
     lost = next((result.lost[0] for result in results if result.lost), None)
-    if replay is not None and lost is not None:
+    if show is not None and lost is not None:
+        lines.append(f"{_SEE} {show}")
+    elif replay is not None and lost is not None:
         lines.append(f"{_AGAIN} {replay_text(replay, lost)}")
     return lines
 
@@ -62,14 +68,9 @@ def gate_rows(results: Iterable[GateResult]) -> list[GateRow]:
         value, why = "n/a", result.detail
         if result.value is not None:  # which the detail begins with, and with the verdict after it
             value, why = shown(result.gate, result.value), why.partition(". ")[2].partition(": ")[2]
-        rows.append(GateRow(result.gate.text, result.finding, value, why[:1].upper() + why[1:], result.lost))
+        why = f"{why[:1].upper()}{why[1:]} {result.accepted}".strip()
+        rows.append(GateRow(result.gate.text, result.finding, value, why, result.lost))
     return rows
-
-
-def left_to_merge(gates: Iterable[Gate], shards: int) -> tuple[GateResult, ...]:
-    """Return the gates of a shard, which are decided on all of them together, as open ones."""
-    why = f"libero-max merge decides it, on all {shards} shards."
-    return tuple(GateResult(gate, "undecidable", None, why) for gate in gates)
 
 
 def not_passed_text(results: Sequence[GateResult]) -> str | None:
@@ -85,12 +86,18 @@ def not_passed_text(results: Sequence[GateResult]) -> str | None:
 
 
 def github_annotations(results: Sequence[GateResult]) -> list[str]:
-    """Workflow commands that show gates which did not pass on a GitHub run."""
-    return [
+    """Workflow commands that show gates on a GitHub run which did not pass or had no other run."""
+    errors = [
         f"::error title=LIBERO-MAX gate {result.verdict}::{_escaped(result.reason)}"
         for result in results
-        if not result.passed
+        if not (result.passed or result.waits)
     ]
+    notices = [
+        f"::notice title=LIBERO-MAX gate without a baseline::{_escaped(result.reason)}"
+        for result in results
+        if result.no_baseline
+    ]
+    return [*errors, *notices]
 
 
 def named_pairs(names: Sequence[str]) -> str:

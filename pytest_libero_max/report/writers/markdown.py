@@ -83,11 +83,6 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         "cases: differences between them are descriptions, not effects.",
         "",
     ]
-    if report.shrunken:
-        lines += [f"## {highlights.SHRUNKEN_TITLE}", "", highlights.SHRUNKEN_NOTE, ""]
-        for name in report.shrunken:
-            head = (name.capitalize(), *highlights.SHRUNKEN_HEAD)
-            lines += [*markdown_table(head, highlights.shrunken_rows(report, name)), ""]
     lines += [] if report.study is None else _study(report.study)
     for title, values in report.sections.items():
         lines += [f"## {markdown_text(title)}", "", *([NOTES[title], ""] if title in NOTES else [])]

@@ -6,9 +6,10 @@ import importlib.util
 import tempfile
 from pathlib import Path
 
+from pytest_libero_max.errors import install_extra
 from pytest_libero_max.report.palette import PAPER
 
-INSTALL = "pip install 'pytest-libero-max[figures]'"
+INSTALL = install_extra("figures")
 
 _ZOOM = 2
 

@@ -197,7 +197,9 @@ def write_bytes(path: Path, content: bytes) -> None:
     """:func:`write_text` for any content."""
     partial = path.with_name(path.name + ".partial")
     try:
-        partial.write_bytes(content)
+        partial.unlink(missing_ok=True)  # it may be a link, which writing would follow
+        with partial.open("xb") as file:
+            file.write(content)
         os.replace(partial, path)
     except OSError as error:
         partial.unlink(missing_ok=True)

@@ -10,7 +10,7 @@ from typing import Any
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
-from pytest_libero_max.report.formats import change_text, count_text, percent, points, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
@@ -30,7 +30,10 @@ FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of ro
 
 
 def summary_lines(
-    report: Report, paths: Sequence[str] = (), films: Mapping[str, str] | None = None
+    report: Report,
+    paths: Sequence[str] = (),
+    films: Mapping[str, str] | None = None,
+    show: str | None = None,
 ) -> list[str]:
     """Render a report for the terminal.
 
@@ -38,6 +41,7 @@ def summary_lines(
         report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         paths: Files written, named at the end.
         films: Path of the film of each pair that has one, by item id.
+        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
 
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
@@ -62,7 +66,7 @@ def summary_lines(
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
     lines += [*_caveat_lines(report.caveats), *wrap(clipping_text(report) or "", 100)]
-    return [*lines, *broken_lines(report, films), *_written(paths)]
+    return [*lines, *broken_lines(report, films, show), *_written(paths)]
 
 
 def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
@@ -221,7 +225,7 @@ def incomplete_text(pairs: PairCounts) -> str:
 
 
 def stopped_texts(pairs: PairCounts) -> list[str]:
-    """Return what the rule that stopped a run knows, and why there are no intervals; empty for other runs."""
+    """Return what the rule that stopped a run knows, and what it does to numbers; empty for other runs."""
     stopped = pairs.stopped
     if stopped is None or stopped.rule is None:
         return []
@@ -229,6 +233,7 @@ def stopped_texts(pairs: PairCounts) -> list[str]:
         *(watched.text for watched in stopped.watched),
         "Rates and changes have no 95% intervals and no p-value: those hold for a number of pairs that is "
         "fixed before.",
+        *([] if stopped.bias is None else [stopped.bias]),
     ]
 
 
@@ -296,7 +301,7 @@ def selection_text(report: Report) -> str:
     if report.selection is not None:
         return report.selection.text
     name = report.provenance["case_set"]["name"]
-    return f"{report.pairs.planned} cases of {name} (selection not recorded)"
+    return f"{counted(report.pairs.planned, 'case')} of {name} (selection not recorded)"
 
 
 def policy_title(report: Report) -> str:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.meshes import Mesh, box, join, panel
@@ -119,108 +120,116 @@ _DESK = (
     ),
 )
 
-ARENAS: dict[str, Arena] = {
-    "tabletop": Arena(
-        "main_table",
-        "table",
-        (0.0, 0.0, 0.875),
-        top_z=0.9,
-        region_z=0.02,
-        fixture_z=0.905,
-        mount="rethink",
-        robot_base_pos=(-0.66, 0.0, 0.912),
-        agentview=((0.658613, 0.0, 1.610350), _HIGH),
-        frontview=(1.0, 0.0, 1.48),
-        spares_edges=True,
-        friction=(0.6, 0.005, 0.0001),
-        solids=_TABLE,
-        top=_table_top,
-    ),
-    "floor": Arena(
-        "floor",
-        "floor",
-        (0.0, 0.0, 0.0),
-        top_z=0.0,
-        region_z=0.02,
-        fixture_z=0.0,
-        mount="ground",
-        robot_base_pos=(-0.6, 0.0, 0.0),
-        agentview=((0.896577, 0.0, 0.65), _LOW),
-        frontview=(1.0, 0.0, 0.65),
-        spares_edges=True,
-    ),
-    "kitchen": Arena(
-        "kitchen_table",
-        "table",
-        (0.0, 0.0, 0.875),
-        top_z=0.9,
-        region_z=0.0,
-        fixture_z=0.905,
-        mount="rethink",
-        robot_base_pos=(-0.66, 0.0, 0.912),
-        agentview=((0.658613, 0.0, 1.610350), _HIGH),
-        frontview=(1.0, 0.0, 1.48),
-        paperview=(2.1, 0.535, 2.075),
-        solids=_TABLE,
-        floor=_ceramic,
-        wall=textures.linen,
-        top=_butcher_block,
-        frame=(0.30, 0.24, 0.18),
-    ),
-    "living_room": Arena(
-        "living_room_table",
-        "living_room_table",
-        (0.0, 0.0, 0.0),
-        top_z=0.43676,
-        region_z=0.41,
-        fixture_z=0.441,
-        mount="ground",
-        robot_base_pos=(-0.51, 0.0, 0.42),
-        agentview=((0.606577, 0.0, 0.96), _LOW),
-        frontview=(1.5, 0.0, 0.9),
-        paperview=(2.1, 0.735, 1.875),
-        friction=(0.95, 0.3, 0.1),
-        solids=_COFFEE_TABLE,
-        floor=_oak_floor,
-        top=_walnut,
-        frame=(0.24, 0.17, 0.12),
-    ),
-    "study": Arena(
-        "study_table",
-        "study_table",
-        (0.0, 0.0, 0.0),
-        top_z=0.88513,
-        region_z=0.867,
-        fixture_z=0.872,
-        mount="rethink",
-        robot_base_pos=(-0.75, 0.0, 0.912),
-        agentview=((0.458613, 0.0, 1.610350), _HIGH),
-        frontview=(1.0, 0.0, 1.48),
-        paperview=(2.1, 0.535, 2.075),
-        friction=(0.95, 0.3, 0.1),
-        solids=_DESK,
-        top=_cherry,
-        frame=(0.30, 0.17, 0.11),
-    ),
-}
+ARENAS: Mapping[str, Arena] = MappingProxyType(
+    {
+        "tabletop": Arena(
+            "main_table",
+            "table",
+            (0.0, 0.0, 0.875),
+            top_z=0.9,
+            region_z=0.02,
+            fixture_z=0.905,
+            mount="rethink",
+            robot_base_pos=(-0.66, 0.0, 0.912),
+            agentview=((0.658613, 0.0, 1.610350), _HIGH),
+            frontview=(1.0, 0.0, 1.48),
+            spares_edges=True,
+            friction=(0.6, 0.005, 0.0001),
+            solids=_TABLE,
+            top=_table_top,
+        ),
+        "floor": Arena(
+            "floor",
+            "floor",
+            (0.0, 0.0, 0.0),
+            top_z=0.0,
+            region_z=0.02,
+            fixture_z=0.0,
+            mount="ground",
+            robot_base_pos=(-0.6, 0.0, 0.0),
+            agentview=((0.896577, 0.0, 0.65), _LOW),
+            frontview=(1.0, 0.0, 0.65),
+            spares_edges=True,
+        ),
+        "kitchen": Arena(
+            "kitchen_table",
+            "table",
+            (0.0, 0.0, 0.875),
+            top_z=0.9,
+            region_z=0.0,
+            fixture_z=0.905,
+            mount="rethink",
+            robot_base_pos=(-0.66, 0.0, 0.912),
+            agentview=((0.658613, 0.0, 1.610350), _HIGH),
+            frontview=(1.0, 0.0, 1.48),
+            paperview=(2.1, 0.535, 2.075),
+            solids=_TABLE,
+            floor=_ceramic,
+            wall=textures.linen,
+            top=_butcher_block,
+            frame=(0.30, 0.24, 0.18),
+        ),
+        "living_room": Arena(
+            "living_room_table",
+            "living_room_table",
+            (0.0, 0.0, 0.0),
+            top_z=0.43676,
+            region_z=0.41,
+            fixture_z=0.441,
+            mount="ground",
+            robot_base_pos=(-0.51, 0.0, 0.42),
+            agentview=((0.606577, 0.0, 0.96), _LOW),
+            frontview=(1.5, 0.0, 0.9),
+            paperview=(2.1, 0.735, 1.875),
+            friction=(0.95, 0.3, 0.1),
+            solids=_COFFEE_TABLE,
+            floor=_oak_floor,
+            top=_walnut,
+            frame=(0.24, 0.17, 0.12),
+        ),
+        "study": Arena(
+            "study_table",
+            "study_table",
+            (0.0, 0.0, 0.0),
+            top_z=0.88513,
+            region_z=0.867,
+            fixture_z=0.872,
+            mount="rethink",
+            robot_base_pos=(-0.75, 0.0, 0.912),
+            agentview=((0.458613, 0.0, 1.610350), _HIGH),
+            frontview=(1.0, 0.0, 1.48),
+            paperview=(2.1, 0.535, 2.075),
+            friction=(0.95, 0.3, 0.1),
+            solids=_DESK,
+            top=_cherry,
+            frame=(0.30, 0.17, 0.11),
+        ),
+    }
+)
 
 _ROOM = 2.6
 _WALL_HEIGHT = 3.0
 
 # Cameras that are the same in every room: position, orientation (wxyz).
-_CAMERAS: dict[str, Pose] = {
-    "birdview": ((-0.2, 0.0, 3.0), (0.707107, 0.0, 0.0, 0.707107)),
-    "galleryview": ((2.844548, 2.127968, 3.128617), (0.422614, 0.233744, 0.416469, 0.770269)),
-    "sideview": ((-0.056518, 1.276122, 1.487957), (0.009905, 0.006878, 0.591223, 0.806418)),
-}
+_CAMERAS: Mapping[str, Pose] = MappingProxyType(
+    {
+        "birdview": ((-0.2, 0.0, 3.0), (0.707107, 0.0, 0.0, 0.707107)),
+        "galleryview": ((2.844548, 2.127968, 3.128617), (0.422614, 0.233744, 0.416469, 0.770269)),
+        "sideview": ((-0.056518, 1.276122, 1.487957), (0.009905, 0.006878, 0.591223, 0.806418)),
+    }
+)
 _FRONTVIEW: Quaternion = (0.560842, 0.430646, 0.430646, 0.560842)
 _PAPERVIEW: Quaternion = (0.512987, 0.352991, 0.442988, 0.644983)
 
 # No light casts shadows, in LIBERO as here. Ambient light belongs to the lights and not to the headlight,
 # so that scaling the lights scales everything that is seen.
 _LIGHTS = (
-    {"name": "light1", "pos": "1 1 4", "dir": "-0.42 -0.34 -0.84", "diffuse": "0.50 0.49 0.47"},
-    {"name": "light2", "pos": "-3 -3 4", "dir": "0.30 0.55 -0.78", "diffuse": "0.20 0.21 0.23"},
+    MappingProxyType(
+        {"name": "light1", "pos": "1 1 4", "dir": "-0.42 -0.34 -0.84", "diffuse": "0.50 0.49 0.47"}
+    ),
+    MappingProxyType(
+        {"name": "light2", "pos": "-3 -3 4", "dir": "0.30 0.55 -0.78", "diffuse": "0.20 0.21 0.23"}
+    ),
 )
 
 
@@ -344,12 +353,14 @@ def _desk() -> tuple[Mesh, Mesh]:
     return box(top.half, 0.006, atlas=False, tile=0.9).moved(top.pos), slab_mesh(_DESK[1:], 0.9)
 
 
-_TABLE_LOOKS = {
-    "main_table": _plain_table,
-    "kitchen_table": _plain_table,
-    "living_room_table": _coffee_table,
-    "study_table": _desk,
-}
+_TABLE_LOOKS = MappingProxyType(
+    {
+        "main_table": _plain_table,
+        "kitchen_table": _plain_table,
+        "living_room_table": _coffee_table,
+        "study_table": _desk,
+    }
+)
 
 
 def _ground() -> Mesh:

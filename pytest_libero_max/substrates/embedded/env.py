@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from robosuite.controllers import load_controller_config  # noqa: E402
 from robosuite.environments.manipulation.single_arm_env import SingleArmEnv  # noqa: E402
 from robosuite.utils import transform_utils  # noqa: E402
 
-_MOUNTS = {"rethink": "RethinkMount", "ground": None}
+_MOUNTS = MappingProxyType({"rethink": "RethinkMount", "ground": None})
 
 
 class SceneEnv(SingleArmEnv):  # type: ignore[misc]

@@ -8,9 +8,10 @@ metres, the frame is the one in which an object is designed (see :mod:`.objects.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from types import MappingProxyType
 
 import numpy as np
 
@@ -24,14 +25,16 @@ FACES = ("front", "back", "top", "right", "left", "bottom")
 _ATLAS_COLUMNS, _ATLAS_ROWS = 3, 2
 
 # For each face of a box: outward normal, the direction in which its picture's right side points, and its up.
-_FACE_AXES: dict[str, tuple[Point, Point, Point]] = {
-    "front": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "back": ((-1, 0, 0), (0, -1, 0), (0, 0, 1)),
-    "top": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
-    "right": ((0, 1, 0), (-1, 0, 0), (0, 0, 1)),
-    "left": ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
-    "bottom": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
-}
+_FACE_AXES: Mapping[str, tuple[Point, Point, Point]] = MappingProxyType(
+    {
+        "front": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        "back": ((-1, 0, 0), (0, -1, 0), (0, 0, 1)),
+        "top": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+        "right": ((0, 1, 0), (-1, 0, 0), (0, 0, 1)),
+        "left": ((0, -1, 0), (1, 0, 0), (0, 0, 1)),
+        "bottom": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+    }
+)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,9 @@ from pytest_libero_max.worlds.robot import GRIPPER, MOUNT, OWNERS, ROBOT
 WHITE = "0.93 0.94 0.95 1"
 GREY = "0.45 0.46 0.48 1"
 DARK = "0.16 0.16 0.17 1"
-_COLOURS = {f"{ROBOT}_link7": GREY, f"{GRIPPER}_leftfinger": DARK, f"{GRIPPER}_rightfinger": DARK}
+_COLOURS = MappingProxyType(
+    {f"{ROBOT}_link7": GREY, f"{GRIPPER}_leftfinger": DARK, f"{GRIPPER}_rightfinger": DARK}
+)
 _KEPT_MESHES = (f"{GRIPPER}_finger_vis",)
 _FINE_MESH = f"{ROBOT}_link1"
 _OUTLINE = f"{_FINE_MESH}_outline"

@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from statistics import NormalDist
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -36,11 +37,13 @@ if TYPE_CHECKING:
 _ARM_SPREAD, _ARM_LIMIT = 0.02, 0.08
 # Where things are put relative to the middle of a fixture's region, along the fixture's axes, m: (x_min,
 # x_max), (y_min, y_max). In a drawer they stand towards its front, clear of the cabinet above.
-_SITE_SPREAD = {
-    "top_side": ((-0.03, 0.03), (-0.02, 0.02)),
-    "cook_region": ((-0.01, 0.01), (-0.01, 0.01)),
-    "top_region": ((-0.01, 0.01), (-0.020, -0.016)),
-}
+_SITE_SPREAD = MappingProxyType(
+    {
+        "top_side": ((-0.03, 0.03), (-0.02, 0.02)),
+        "cook_region": ((-0.01, 0.01), (-0.01, 0.01)),
+        "top_region": ((-0.01, 0.01), (-0.020, -0.016)),
+    }
+)
 _DROP = 0.0008
 _CLEARANCE = 0.002
 _ATTEMPTS = 200

@@ -12,6 +12,7 @@ import json
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
@@ -22,7 +23,7 @@ from pytest_libero_max.substrates.embedded.surfaces import SURFACES, shown
 from pytest_libero_max.worlds.contract import Entity, Image
 from pytest_libero_max.worlds.privileged import Fact
 
-_ASSET_ORDER = {"texture": 0, "mesh": 1, "material": 2}
+_ASSET_ORDER = MappingProxyType({"texture": 0, "mesh": 1, "material": 2})
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ Pictures of our own, pure functions like those of :mod:`.textures`; each tiles i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -96,36 +97,38 @@ def carbon(seed: int) -> Image:
     return blend(pattern, (20, 21, 24), (84, 88, 96))
 
 
-SURFACES: Mapping[str, Callable[[], Image]] = {
-    "bricks_grey": lambda: bricks((104, 104, 106), (150, 150, 148), (196, 196, 192), 101),
-    "bricks_red": lambda: bricks((128, 48, 36), (182, 84, 62), (206, 198, 186), 103),
-    "carbon": lambda: carbon(105),
-    "cardboard": lambda: rough((158, 118, 76), (190, 150, 104), 107, 4),
-    "cobbles": lambda: cobbles((92, 90, 86), (158, 152, 142), (60, 58, 54), 109),
-    "concrete": lambda: rough((118, 118, 116), (162, 162, 158), 111, 2),
-    "cork": lambda: rough((112, 74, 40), (206, 158, 106), 113, 2),
-    "fabric_blue": lambda: fabric((32, 58, 120), (64, 96, 170), 115),
-    "fabric_checked": lambda: checked((246, 242, 236), (178, 28, 36), 117),
-    "fabric_green": lambda: fabric((28, 84, 52), (70, 132, 84), 119),
-    "fabric_gold": lambda: fabric((176, 128, 36), (226, 182, 80), 153),
-    "fabric_linen": lambda: fabric((206, 196, 174), (232, 224, 206), 121),
-    "marble_black": lambda: marble((34, 34, 38), (214, 212, 206), 123),
-    "marble_green": lambda: marble((46, 92, 72), (206, 220, 208), 125),
-    "marble_red": lambda: marble((122, 48, 44), (226, 196, 186), 159),
-    "marble_white": lambda: marble((236, 234, 230), (120, 120, 126), 127),
-    "plaster_blue": lambda: rough((36, 52, 92), (58, 78, 126), 129, 2),
-    "plaster_cream": lambda: rough((226, 212, 172), (246, 236, 206), 131, 2),
-    "plaster_green": lambda: rough((34, 70, 52), (58, 102, 78), 133, 2),
-    "plaster_grey": lambda: rough((84, 86, 92), (118, 120, 126), 155, 2),
-    "plaster_rose": lambda: rough((188, 128, 124), (222, 168, 160), 135, 2),
-    "tiles_blue": lambda: tiled((52, 96, 158), (104, 150, 206), (232, 234, 236), 137),
-    "tiles_terracotta": lambda: tiled((150, 78, 46), (196, 116, 76), (216, 200, 182), 139),
-    "tiles_white": lambda: tiled((224, 226, 226), (246, 246, 244), (150, 152, 154), 141),
-    "wood_ash": lambda: wood(_SIZE, (182, 158, 124), (226, 206, 174), 5, 143),
-    "wood_cherry": lambda: wood(_SIZE, (110, 44, 26), (164, 82, 52), 4, 147),
-    "wood_oak": lambda: wood(_SIZE, (140, 98, 58), (194, 150, 100), 6, 157),
-    "wood_ebony": lambda: wood(_SIZE, (36, 26, 22), (78, 58, 48), 6, 151),
-}
+SURFACES: Mapping[str, Callable[[], Image]] = MappingProxyType(
+    {
+        "bricks_grey": lambda: bricks((104, 104, 106), (150, 150, 148), (196, 196, 192), 101),
+        "bricks_red": lambda: bricks((128, 48, 36), (182, 84, 62), (206, 198, 186), 103),
+        "carbon": lambda: carbon(105),
+        "cardboard": lambda: rough((158, 118, 76), (190, 150, 104), 107, 4),
+        "cobbles": lambda: cobbles((92, 90, 86), (158, 152, 142), (60, 58, 54), 109),
+        "concrete": lambda: rough((118, 118, 116), (162, 162, 158), 111, 2),
+        "cork": lambda: rough((112, 74, 40), (206, 158, 106), 113, 2),
+        "fabric_blue": lambda: fabric((32, 58, 120), (64, 96, 170), 115),
+        "fabric_checked": lambda: checked((246, 242, 236), (178, 28, 36), 117),
+        "fabric_green": lambda: fabric((28, 84, 52), (70, 132, 84), 119),
+        "fabric_gold": lambda: fabric((176, 128, 36), (226, 182, 80), 153),
+        "fabric_linen": lambda: fabric((206, 196, 174), (232, 224, 206), 121),
+        "marble_black": lambda: marble((34, 34, 38), (214, 212, 206), 123),
+        "marble_green": lambda: marble((46, 92, 72), (206, 220, 208), 125),
+        "marble_red": lambda: marble((122, 48, 44), (226, 196, 186), 159),
+        "marble_white": lambda: marble((236, 234, 230), (120, 120, 126), 127),
+        "plaster_blue": lambda: rough((36, 52, 92), (58, 78, 126), 129, 2),
+        "plaster_cream": lambda: rough((226, 212, 172), (246, 236, 206), 131, 2),
+        "plaster_green": lambda: rough((34, 70, 52), (58, 102, 78), 133, 2),
+        "plaster_grey": lambda: rough((84, 86, 92), (118, 120, 126), 155, 2),
+        "plaster_rose": lambda: rough((188, 128, 124), (222, 168, 160), 135, 2),
+        "tiles_blue": lambda: tiled((52, 96, 158), (104, 150, 206), (232, 234, 236), 137),
+        "tiles_terracotta": lambda: tiled((150, 78, 46), (196, 116, 76), (216, 200, 182), 139),
+        "tiles_white": lambda: tiled((224, 226, 226), (246, 246, 244), (150, 152, 154), 141),
+        "wood_ash": lambda: wood(_SIZE, (182, 158, 124), (226, 206, 174), 5, 143),
+        "wood_cherry": lambda: wood(_SIZE, (110, 44, 26), (164, 82, 52), 4, 147),
+        "wood_oak": lambda: wood(_SIZE, (140, 98, 58), (194, 150, 100), 6, 157),
+        "wood_ebony": lambda: wood(_SIZE, (36, 26, 22), (78, 58, 48), 6, 151),
+    }
+)
 """Every surface by name."""
 
 

@@ -9,6 +9,7 @@ parts in a table, measured on the same boxes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -36,11 +37,13 @@ _WHITE_YELLOW_MUG: tuple[_Grip, ...] = (
     ("rim_front", (-0.0181, 0.0423, 0.093), _X, _UP, 0.008),
     ("rim_back", (-0.0181, -0.0423, 0.093), _X, _UP, 0.008),
 )
-_GRIPS: Mapping[str, tuple[_Grip, ...]] = {
-    "moka_pot": _MOKA_POT,
-    "yellow_moka_pot": _MOKA_POT,
-    "white_yellow_mug": _WHITE_YELLOW_MUG,
-}
+_GRIPS: Mapping[str, tuple[_Grip, ...]] = MappingProxyType(
+    {
+        "moka_pot": _MOKA_POT,
+        "yellow_moka_pot": _MOKA_POT,
+        "white_yellow_mug": _WHITE_YELLOW_MUG,
+    }
+)
 """Parts by category of an object: name, middle, the direction along it and away from it, in the frame
 of the object's body, and its width, m."""
 

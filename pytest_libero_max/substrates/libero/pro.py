@@ -19,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -158,11 +159,13 @@ def _view(world: LiberoWorld, section: Section) -> None:
     world.alter("cam_quat", camera, section["quat"])
 
 
-_ACTS: Mapping[str, Callable[[LiberoWorld, Section], None]] = {
-    "object_appearance": _tint,
-    "object_shape": _resize,
-    "object_placement": _occlude,
-    "initial_pose": _start_elsewhere,
-    "lighting": _light,
-    "camera": _view,
-}
+_ACTS: Mapping[str, Callable[[LiberoWorld, Section], None]] = MappingProxyType(
+    {
+        "object_appearance": _tint,
+        "object_shape": _resize,
+        "object_placement": _occlude,
+        "initial_pose": _start_elsewhere,
+        "lighting": _light,
+        "camera": _view,
+    }
+)

@@ -11,6 +11,7 @@ import importlib
 import math
 from collections.abc import Container, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
@@ -24,51 +25,59 @@ Section = Mapping[str, tuple[Any, ...]]
 Config = Mapping[str, Section]
 """The sections that are switched on."""
 
-SECTIONS: Mapping[str, tuple[str, ...]] = {
-    "semantic": (),
-    "object": (),
-    "position": (),
-    "task": (),
-    "visual_noise_glare": ("lighting", "observation"),
-    "camera_view_angle": ("camera",),
-    "object_texture": ("object_appearance",),
-    "view_occlusion": ("object_placement",),
-    "object_shape": ("object_shape",),
-    "initial_pose_position_angle": ("initial_pose",),
-}
+SECTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "semantic": (),
+        "object": (),
+        "position": (),
+        "task": (),
+        "visual_noise_glare": ("lighting", "observation"),
+        "camera_view_angle": ("camera",),
+        "object_texture": ("object_appearance",),
+        "view_occlusion": ("object_placement",),
+        "object_shape": ("object_shape",),
+        "initial_pose_position_angle": ("initial_pose",),
+    }
+)
 """LIBERO-PRO's categories, in its order, and the sections that each of them is made of."""
 
 _BLOCK = ":perturbation_config"
 _OFF = ("none", "default", "identity", "disabled", "off")
-_ONLY_MODE = {"lighting": "dark_lighting", "observation": "dark_noise", "camera": "agentview_angle"}
-_FIELDS = {
-    "lighting": ("ambient", "diffuse", "specular"),
-    "observation": ("brightness", "sigma"),
-    "camera": ("name", "pos", "quat"),
-    "object_appearance": ("targets", "rgba"),
-    "object_placement": (
-        "reference",
-        "front_direction",
-        "targets",
-        "offsets_xy",
-        "target_quat",
-        "z_offset",
-        "min_reference_distance",
-    ),
-    "object_shape": (),
-    "initial_pose": ("target", "delta_xy", "min_delta_norm", "yaw"),
-}
+_ONLY_MODE = MappingProxyType(
+    {"lighting": "dark_lighting", "observation": "dark_noise", "camera": "agentview_angle"}
+)
+_FIELDS = MappingProxyType(
+    {
+        "lighting": ("ambient", "diffuse", "specular"),
+        "observation": ("brightness", "sigma"),
+        "camera": ("name", "pos", "quat"),
+        "object_appearance": ("targets", "rgba"),
+        "object_placement": (
+            "reference",
+            "front_direction",
+            "targets",
+            "offsets_xy",
+            "target_quat",
+            "z_offset",
+            "min_reference_distance",
+        ),
+        "object_shape": (),
+        "initial_pose": ("target", "delta_xy", "min_delta_norm", "yaw"),
+    }
+)
 
-_TINTS = {
-    "main_table": (0.72, 0.63, 0.50, 1.0),
-    "kitchen_table": (0.72, 0.63, 0.50, 1.0),
-    "floor": (0.35, 0.34, 0.32, 1.0),
-    "living_room_table": (0.30, 0.20, 0.12, 1.0),
-    "study_table": (0.50, 0.36, 0.20, 1.0),
-}
+_TINTS = MappingProxyType(
+    {
+        "main_table": (0.72, 0.63, 0.50, 1.0),
+        "kitchen_table": (0.72, 0.63, 0.50, 1.0),
+        "floor": (0.35, 0.34, 0.32, 1.0),
+        "living_room_table": (0.30, 0.20, 0.12, 1.0),
+        "study_table": (0.50, 0.36, 0.20, 1.0),
+    }
+)
 """Colour of the tint by the surface of the scene, rgba."""
 
-_BESIDE = {("libero_goal", index) for index in (0, 1, 3, 4, 7)}
+_BESIDE = frozenset({("libero_goal", index) for index in (0, 1, 3, 4, 7)})
 """Tasks whose occluder stands obliquely in front of the target, next to a large fixture."""
 
 

@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
@@ -32,18 +33,20 @@ if TYPE_CHECKING:
 
 DATA_SET = "zhouxueyang/LIBERO-Pro"
 
-_FOLDERS = {
-    "semantic": "{suite}_lan",
-    "object": "{suite}_object",
-    "position": "{suite}_swap",
-    "task": "{suite}_task",
-    "visual_noise_glare": "01_visual_noise_glare/bddl/{suite}",
-    "camera_view_angle": "02_camera_view_angle/bddl/{suite}",
-    "object_texture": "04_object_texture/bddl/{suite}",
-    "view_occlusion": "05_view_occlusion/bddl/{suite}",
-    "object_shape": "06_object_shape/bddl/{suite}",
-    "initial_pose_position_angle": "07_initial_pose_position_angle/bddl/{suite}",
-}
+_FOLDERS = MappingProxyType(
+    {
+        "semantic": "{suite}_lan",
+        "object": "{suite}_object",
+        "position": "{suite}_swap",
+        "task": "{suite}_task",
+        "visual_noise_glare": "01_visual_noise_glare/bddl/{suite}",
+        "camera_view_angle": "02_camera_view_angle/bddl/{suite}",
+        "object_texture": "04_object_texture/bddl/{suite}",
+        "view_occlusion": "05_view_occlusion/bddl/{suite}",
+        "object_shape": "06_object_shape/bddl/{suite}",
+        "initial_pose_position_angle": "07_initial_pose_position_angle/bddl/{suite}",
+    }
+)
 _OWN_STATES = ("semantic", "object", "position", "task")
 _OWN_SCENES = ("object", "position", "task")
 

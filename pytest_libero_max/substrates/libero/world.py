@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ import mujoco  # isort: skip - the rooms above have settled its backend
 _LINEAR = 1
 """``mjCOLORSPACE_LINEAR``: textures as they are, which is how MuJoCo before 3.3.3 showed all of them."""
 
-_SEEN = PANDA.proprioception
+_SEEN = MappingProxyType(PANDA.proprioception)
 
 _RUNNERS_LOOKS = 3
 """Fresh observations that the authors' runner asks for between ``set_init_state`` and the first step: two

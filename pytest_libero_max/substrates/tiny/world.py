@@ -10,6 +10,7 @@ hold here are meant to hold everywhere, measurements of policies here mean nothi
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,13 +41,15 @@ _REACH_M = (0.35, 0.35, 0.35)
 _HAND_START_M = (0.0, -0.25, TABLE_TOP_M + 0.25)
 """World position from which the hand's joints measure."""
 
-_CLUTTER = {
-    "clutter_1": ("0.02 0.02 0.02", "0.9 0.5 0.1 1"),
-    "clutter_2": ("0.015 0.02 0.03", "0.2 0.7 0.3 1"),
-    "clutter_3": ("0.025 0.02 0.015", "0.6 0.2 0.7 1"),
-    "clutter_4": ("0.02 0.015 0.03", "0.9 0.9 0.2 1"),
-    "clutter_5": ("0.03 0.02 0.015", "0.2 0.7 0.8 1"),
-}
+_CLUTTER = MappingProxyType(
+    {
+        "clutter_1": ("0.02 0.02 0.02", "0.9 0.5 0.1 1"),
+        "clutter_2": ("0.015 0.02 0.03", "0.2 0.7 0.3 1"),
+        "clutter_3": ("0.025 0.02 0.015", "0.6 0.2 0.7 1"),
+        "clutter_4": ("0.02 0.015 0.03", "0.9 0.9 0.2 1"),
+        "clutter_5": ("0.03 0.02 0.015", "0.2 0.7 0.8 1"),
+    }
+)
 """Half sizes in m and colours. All shapes that rest on something are boxes: nothing rolls or rocks."""
 
 
@@ -123,16 +126,18 @@ _MJCF = f"""
 </mujoco>
 """
 
-_ENTITIES = {
-    entity.name: entity
-    for entity in (
-        Entity("box_1", "box", "object", "box_1_main", support="main_table"),
-        Entity("plate_1", "plate", "object", "plate_1_main", support="main_table"),
-        *(Entity(name, "clutter", "object", f"{name}_main", support="main_table") for name in _CLUTTER),
-        Entity("cabinet_1", "cabinet", "fixture", "cabinet_1_main", support="main_table"),
-        Entity("main_table", "table", "surface", "table"),
-    )
-}
+_ENTITIES = MappingProxyType(
+    {
+        entity.name: entity
+        for entity in (
+            Entity("box_1", "box", "object", "box_1_main", support="main_table"),
+            Entity("plate_1", "plate", "object", "plate_1_main", support="main_table"),
+            *(Entity(name, "clutter", "object", f"{name}_main", support="main_table") for name in _CLUTTER),
+            Entity("cabinet_1", "cabinet", "fixture", "cabinet_1_main", support="main_table"),
+            Entity("main_table", "table", "surface", "table"),
+        )
+    }
+)
 
 _HAND = Robot(
     name="hand",

@@ -8,25 +8,32 @@ works all the same, and :func:`require` says what to install when an image is as
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import importlib
 import os
 import sys
 import types
+import warnings
+from collections.abc import Iterator, Sequence
 from functools import cache
+from types import MappingProxyType
 
 from pytest_libero_max.errors import OptionError, SimulatorError, did_you_mean
 from pytest_libero_max.machine import named_user_cache
 from pytest_libero_max.worlds.rendering import egl
 
 VARIABLE = "MUJOCO_GL"
+PLATFORM = "PYOPENGL_PLATFORM"
+"""Variable of PyOpenGL, through which MuJoCo draws; MuJoCo refuses a value that is not its backend."""
+
 OFFSCREEN = ("egl", "osmesa")
 """Backends that need no display, in the order in which they are tried."""
 
 DISABLED = ("disable", "disabled", "off", "false", "0")
 """Values of ``MUJOCO_GL`` that switch images off; the first is the one that we write."""
 
-_PACKAGES = {"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"}
+_PACKAGES = MappingProxyType({"egl": "libegl1 libgl1-mesa-dri libopengl0", "osmesa": "libosmesa6"})
 
 
 def prepare() -> str:
@@ -55,7 +62,8 @@ def check() -> None:
     asked = _asked()
     if asked in OFFSCREEN and not loads(asked):
         raise OptionError(
-            f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
+            excluded((asked,))
+            or f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
             f"`{_PACKAGES[asked]}`, or unset {VARIABLE} to have a backend chosen."
         )
     if asked not in ("osmesa", *DISABLED):
@@ -71,7 +79,10 @@ def require() -> str:
     backend, asked = _choice()
     if backend in OFFSCREEN:
         return backend
-    cures = " or ".join(f"`{_PACKAGES[name]}`" for name in ([asked] if asked in OFFSCREEN else OFFSCREEN))
+    wanted = (asked,) if asked in OFFSCREEN else OFFSCREEN
+    if asked not in DISABLED and (why := excluded(wanted)):
+        raise SimulatorError(f"An image was asked for, but {why}")
+    cures = " or ".join(f"`{_PACKAGES[name]}`" for name in wanted)
     raise SimulatorError(
         f"An image was asked for, but no OpenGL backend is available ({VARIABLE}={asked!r} at the start). "
         f"Stepping works without one; images need the Debian packages {cures}, and {VARIABLE} unset or one "
@@ -82,8 +93,20 @@ def require() -> str:
 def import_robosuite() -> None:
     """Import robosuite as :func:`prepare` settles it, whatever device draws; its loops are kept by Numba."""
     prepare()
-    with egl.unasked(), named_user_cache():
+    with egl.unasked(), named_user_cache(), unwarned():
         importlib.import_module("robosuite")
+
+
+@contextlib.contextmanager
+def unwarned() -> Iterator[None]:
+    """Ignore warnings while the code of others is imported.
+
+    Its source has escapes that Python warns of when it compiles them. Where a project's tests take warnings
+    for errors, and the installer has compiled nothing beforehand, the import would fail.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 @cache
@@ -109,10 +132,30 @@ def _asked() -> str:
 
 
 def loads(backend: str) -> bool:
-    """Return True if the libraries of ``backend`` load and, for EGL, one of its devices answers."""
-    platform = os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    if platform and platform != backend:
-        return False  # PyOpenGL takes one platform per process, and somebody has chosen another
+    """Return True if the libraries of ``backend`` load, EGL answers, and PyOpenGL may draw with it."""
+    return _platform() in ("", backend) and _libraries_load(backend)
+
+
+def excluded(backends: Sequence[str]) -> str:
+    """Return how PyOpenGL's variable keeps out a backend that would load; empty where it does not."""
+    platform = _platform()
+    loading = [name for name in backends if platform not in ("", name) and _libraries_load(name)]
+    if not loading:
+        return ""
+    asked = (
+        f"{VARIABLE}={loading[0]!r}" if len(backends) == 1 else f"{VARIABLE} is not set, {loading[0]!r} loads"
+    )
+    return (
+        f"{PLATFORM}={platform!r} and {asked}: PyOpenGL draws with one platform in a process, and MuJoCo "
+        f"with the same one. Unset {PLATFORM}, or set it to {loading[0]!r}."
+    )
+
+
+def _platform() -> str:
+    return os.environ.get(PLATFORM, "").lower().strip()
+
+
+def _libraries_load(backend: str) -> bool:
     if backend == "osmesa":
         return _library("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so") is not None
     return _library("libOpenGL.so.0", "libGL.so.1") is not None and egl.answers()

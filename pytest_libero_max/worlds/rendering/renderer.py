@@ -49,6 +49,7 @@ _OUT_OF_VIEW = 0.4
 
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _NOTHING = np.array([], np.intp)
+_NOTHING.setflags(write=False)
 _Test = Callable[[Boxes], NDArray[np.bool_]]
 
 

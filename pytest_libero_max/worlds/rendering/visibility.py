@@ -30,7 +30,9 @@ _MESH = 7
 
 _EVERYWHERE_M = 1e6
 _CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+_CORNERS.setflags(write=False)
 _SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float64)
+_SQUARE.setflags(write=False)
 
 
 @dataclass(frozen=True)

@@ -192,7 +192,7 @@ def test_what_cannot_go_with_a_cluster_is_refused(run: Run, args: tuple[str, ...
 def test_what_is_missing_is_said(run: Run) -> None:
     refused = run("--libero-max-ray=auto")
     assert refused.ret == pytest.ExitCode.USAGE_ERROR
-    refused.stderr.fnmatch_lines(["*Ray is not installed. pip install 'pytest-libero-max[[]ray]'*"])
+    refused.stderr.fnmatch_lines(["*Ray is not installed: `pip install -e '.[[]ray]'`*"])
 
 
 @pytest.mark.parametrize(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
 import socket
 import threading
 import time
+import zlib
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
@@ -19,6 +21,8 @@ from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import codecs, transport
 from pytest_libero_max.policies.clients.codecs import MSGPACK_NUMPY, NPY, OPENPI, pack
 from pytest_libero_max.policies.clients.opening import load_served, parse_address
+from pytest_libero_max.policies.clients.protocols import http
+from pytest_libero_max.policies.clients.protocols.http import unpacked
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.websocket import Socket
 from tests.policies.clients import fakes
@@ -53,10 +57,10 @@ BAD: list[tuple[Any, str]] = [
     ({"actions": "none"}, "must be numbers"),
     ({"actions": np.zeros((10, 6))}, r"\(10, 6\), but must have \(n, 7\)"),
     ({"actions": np.zeros((4, 7))}, r"4 action\(s\), but 5 are executed"),
-    ({"actions": np.zeros((0, 7))}, "must have"),
-    ({"actions": np.zeros((2, 10, 7))}, "must have"),
+    ({"actions": np.zeros((0, 7))}, r"0 action\(s\), but 5"),
+    ({"actions": np.zeros((2, 10, 7))}, "must be numbers"),
     ({"actions": [[0.0] * 7, [0.0] * 6]}, "no array"),
-    ({"actions": np.full((10, 7), np.nan)}, r"actions\[0, 0\]=nan, which is not finite"),
+    ({"actions": np.full((10, 7), np.nan)}, r"actions\[0, 0\]=nan, but every component must be finite"),
     ({"actions": np.array([[0.0] * 7] * 9 + [[0.0] * 6 + [np.inf]])}, r"actions\[9, 6\]=inf"),
 ]
 
@@ -176,7 +180,7 @@ def test_nobody_there_is_said_so(scheme: str, profile: str) -> None:
 def test_a_web_server_is_no_policy_server() -> None:
     with (
         fakes.http(lambda request: (404, "no")) as port,
-        pytest.raises(ServerError, match="does not open a WebSocket"),
+        pytest.raises(ServerError, match=r"HTTP status 501.*ask http://"),
     ):
         connect("openpi", port, "pi05_libero", "patience=0.1")
 
@@ -189,13 +193,36 @@ def test_a_web_server_is_no_policy_server() -> None:
         ((200, '"error"'), "the server answered 'error'"),
         ((200, '{"error": "no image"}'), "reports an error: 'no image'"),
         ((200, "<html>"), "no JSON document.*begins with '<html>'"),
-        ((200, '{"actions": [[NaN, 0, 0, 0, 0, 0, 0]]}'), "not finite"),
+        ((200, '{"actions": [[NaN, 0, 0, 0, 0, 0, 0]]}'), "must be finite"),
         ((503, "loading"), "HTTP status 503"),
     ],
 )
 def test_http_errors_are_told_as_they_are(answer: Any, message: str) -> None:
     with fakes.http(lambda request: answer) as port, pytest.raises(ServerError, match=message):
         ask(connect("http", port, "dm05", "patience=0.2"))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "compressed"),
+    [
+        ("gzip", gzip.compress),
+        (None, gzip.compress),
+        ("deflate", zlib.compress),
+        ("deflate", lambda content: zlib.compress(content)[2:-4]),
+    ],
+)
+def test_a_compressed_body_is_read(encoding: str | None, compressed: Callable[[bytes], bytes]) -> None:
+    assert unpacked(compressed(b'{"actions": []}'), encoding) == b'{"actions": []}'
+
+
+def test_a_body_that_cannot_be_read_names_its_compression(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ServerError, match="Content-Encoding 'br'"):
+        unpacked(b"x", "br")
+    with pytest.raises(ServerError, match="damaged"):
+        unpacked(b"x", "gzip")
+    bomb = gzip.compress(bytes(2**20))
+    monkeypatch.setattr(http, "MOST_BYTES", 2**16)
+    assert len(unpacked(bomb, "gzip")) == 2**16 + 1  # which is refused like any other that is too large
 
 
 def test_a_reply_that_was_encoded_twice_is_read() -> None:

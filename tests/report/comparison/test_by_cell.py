@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -105,6 +106,13 @@ def test_what_cannot_be_compared_is_refused() -> None:
         old_less_new(old, old)
     with pytest.raises(ReportError, match=r"of the policies scripted \(H=10 Q=5\) and another"):
         old_less_new(old, run_of(NEW, 0.9, 0.9, "new", 2, policy={**POLICY, "name": "another"}))
+    for changed, values, words in (
+        ("protocol", {"prefix": "fork", "strength": 0.1}, r"strength \(1\.0 there, 0\.1 here\)"),
+        ("versions", {"mujoco": "3.9.0"}, "versions.mujoco"),
+    ):
+        provenance = new.run.provenance | {changed: values}
+        with pytest.raises(ReportError, match=f"also differ in .*{words}"):
+            old_less_new(old, replace(new, run=structs.replace(new.run, provenance=provenance)))
     whole = stored(NEW, 0.9, 0.9, "new", 2)
     part = RunOutcomes.of(StoredRun(whole.run, whole.records[:-3], (), torn=False))
     with pytest.raises(ReportError, match="The run of track new lacks 3 of its planned pairs"):

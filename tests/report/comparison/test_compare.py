@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +12,22 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+from pytest_libero_max.report.comparison.compare_files import comparison_markdown
 from pytest_libero_max.report.comparison.compare_html import comparison_html
-from pytest_libero_max.report.comparison.compare_text import comparison_lines, comparison_warnings
+from pytest_libero_max.report.comparison.compare_text import (
+    comparison_lines,
+    comparison_warnings,
+    short_lines,
+)
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.trend_html import trend_html
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import replay_command
+from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, plain, plan, record_of
 
@@ -292,6 +302,46 @@ def test_a_comparison_is_said_in_a_few_lines() -> None:
     assert comparison_warnings(restricted) == [said]
 
 
+def _texts(comparison: Comparison) -> list[str]:
+    return [
+        " ".join(comparison_lines(comparison)),
+        " ".join(short_lines(comparison)),
+        comparison_markdown(comparison),
+        comparison_html(comparison),
+        trend_html(comparison, [Counter(), Counter()]),
+    ]
+
+
+def test_what_belongs_to_the_numbers_of_a_run_is_said_wherever_they_are_printed() -> None:
+    nothing = [(False, False)] * 32
+    noisy = _run(ALWAYS)
+    records = [
+        structs.replace(record, policy={**record.policy, "repeatable": False}) for record in noisy.records
+    ]
+    noisy = StoredRun(noisy.run, tuple(records), (), torn=False)
+    comparison = compare_runs({"fails": _run(nothing), "noisy": noisy})
+    fails, second = comparison.runs
+    assert len(fails.warnings) == 1
+    assert second.warnings == []
+    assert [(caveat.name, caveat.pairs) for caveat in second.caveats] == [("not_repeatable", 32)]
+    for text in _texts(comparison):
+        assert "fails: The paired change says next to nothing" in text
+        assert "0/32" in text
+    full = "32 of 32 pairs of noisy: The policy draws noise of its own"
+    assert [full in text for text in _texts(comparison)] == [False, False, True, True, True]
+    assert all("not_repeatable 32" in text for text in _texts(comparison)[:3])
+
+
+def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
+    whole = _run(MIXED)
+    stop = Stopped("losses and gains are not equally likely", 32, "anytime:0.05", 30)
+    stopped = StoredRun(whole.run, whole.records[:30], (), torn=False, stopped=stop)
+    comparison = compare_runs({"old": _run(ALWAYS), "new": stopped}, restrict=True)
+    for text in _texts(comparison):
+        assert "new: stopped by rule anytime:0.05 at 30 of 32" in text
+        assert f"new: {BIAS}" in text
+
+
 COMPARISON = """\
 2 runs on 32 common cases
 Scores on the embedded substrate are not comparable with published ones.
@@ -310,11 +360,12 @@ Second against first  Difference, pp             95%  95% by task  Holm p    Ver
 new against old                 +0.0  [-10.9, +10.9]          n/a   1.000  powerless
 
 Paired change, contrasts
-Second against first  Difference, pp            95%  95% by task  Holm p        Verdict
-new against old                -12.5  [-31.3, +7.8]          n/a   0.125  uninformative
-Verdicts: significant, the difference is shown; bounded null, none is shown, and none of 5 points or
-more is left open; uninformative, none is shown, and a large one is left open; powerless, so few
-pairs differ that no outcome of theirs could have been significant.
+Second against first  Difference, pp             95%  95% by task  Holm p        Verdict
+new against old                -12.5  [-36.4, +12.5]          n/a   0.125  uninformative
+The test of a paired change takes the two runs as exchangeable. Its interval does not, and may hold
+0 where p is small. Verdicts: significant, the difference is shown; bounded null, none is shown, and
+none of 5 points or more is left open; uninformative, none is shown, and a large one is left open;
+powerless, so few pairs differ that no outcome of theirs could have been significant.
 
 Dynamic success by event, contrasts
 Event                  Difference, pp  Simultaneous 95%  Holm p
@@ -330,14 +381,14 @@ Holm's correction and the simultaneous intervals are over all events and pairs o
 
 Paired change by event, contrasts
 Event                  Difference, pp  Simultaneous 95%  Holm p
-illumination_switch              +0.0  [-128.9, +128.9]   1.000
-camera_shift                     +0.0  [-128.9, +128.9]   1.000
-visual_theme_switch              +0.0  [-128.9, +128.9]   1.000
-sensor_noise_onset               +0.0  [-128.9, +128.9]   1.000
-target_relocation                +0.0  [-128.9, +128.9]   1.000
-receptacle_relocation            +0.0  [-128.9, +128.9]   1.000
-distractor_burst                -50.0  [-172.6, +105.9]   1.000
-obstacle_insertion              -50.0  [-172.6, +105.9]   1.000
+illumination_switch              +0.0  [-152.7, +152.7]   1.000
+camera_shift                     +0.0  [-152.7, +152.7]   1.000
+visual_theme_switch              +0.0  [-152.7, +152.7]   1.000
+sensor_noise_onset               +0.0  [-152.7, +152.7]   1.000
+target_relocation                +0.0  [-152.7, +152.7]   1.000
+receptacle_relocation            +0.0  [-152.7, +152.7]   1.000
+distractor_burst                -50.0  [-166.6, +142.1]   1.000
+obstacle_insertion              -50.0  [-166.6, +142.1]   1.000
 Holm's correction and the simultaneous intervals are over all events and pairs of runs.
 
 Lowest paired change of an event
@@ -351,7 +402,7 @@ Agreement of the event profiles: n/a, no two runs have profiles that vary.
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v1
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
-To play one of them again, append its name:
+To play one of them again, append its name (commands as the folders of the runs name them):
   old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
   new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
 

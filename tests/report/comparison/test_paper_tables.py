@@ -38,10 +38,10 @@ from pytest_libero_max.report.published import (
     published_partial,
     published_policies,
 )
-from pytest_libero_max.runs.outcomes import RunOutcomes
+from pytest_libero_max.runs.outcomes import Played, RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.stats.paired import Pairs
-from tests.report.made_up import POLICY, PROVENANCE, plan
+from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
 
 FACTS = (
     Path(os.environ.get("LIBERO_MAX_FACTS", Path(__file__).parents[4] / "shared" / "facts")) / "paper.json"
@@ -288,6 +288,7 @@ def _runs(count: int, **provenance: Json) -> dict[str, RunOutcomes]:
             policy={**POLICY, "name": f"policy & {name}"},
             scenes=("",) * 64,
             renderers=(),
+            played=tuple(Played.of(record_of(pair, True, True)) for pair in pairs),
         )
         for name in range(count)
     }  # fmt: skip

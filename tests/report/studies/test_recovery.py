@@ -67,15 +67,17 @@ def test_gains_and_gap_closure_are_differences_over_the_same_cases() -> None:
     assert base["value"] == pytest.approx(1 / 120)
     assert closure["value"] == pytest.approx(gain["value"] - base["value"])
     assert effects["gated", "always", "dynamic"]["value"] == pytest.approx((69 - 57) / 120)
-    assert gain["lower"] < gain["value"] < gain["upper"]
-    assert gain["exact"]["lower"] < gain["value"] < gain["exact"]["upper"]
+    for row in (gain, closure):
+        assert (
+            row["lower"] < row["bootstrap"]["lower"] < row["value"] < row["bootstrap"]["upper"] < row["upper"]
+        )
 
 
 def test_an_interval_needs_enough_cases_that_changed() -> None:
     effects = plain(compare_recovery([NATIVE, ALWAYS]))["effects"]
     base = next(row for row in effects if row["quantity"] == "base")
-    assert (base["changed_configurations"], base["lower"]) == (2, None)
-    assert base["exact"]["lower"] < 0 < base["exact"]["upper"]
+    assert (base["changed_configurations"], base["bootstrap"]["lower"]) == (2, None)
+    assert base["lower"] < 0 < base["upper"]
 
 
 def test_groups_are_the_sources_and_the_corruptions() -> None:
@@ -121,6 +123,13 @@ def test_the_text_names_modes_effects_and_limits() -> None:
 def test_runs_that_are_no_recovery_are_refused(runs: list[StoredRun], message: str) -> None:
     with pytest.raises(ReportError, match=message):
         compare_recovery(runs)
+
+
+def test_runs_that_differ_in_more_than_the_restoration_are_refused() -> None:
+    provenance = GATED.run.provenance | {"protocol": {"prefix": "fork", "latency": "4steps"}}
+    other = replace(GATED, run=structs.replace(GATED.run, provenance=provenance))
+    with pytest.raises(ReportError, match="also differ in latency"):
+        compare_recovery([NATIVE, other])
 
 
 def test_another_event_is_refused() -> None:

@@ -61,7 +61,8 @@ def test_the_papers_rates_and_intervals(report: Report) -> None:
     for arm, (count, lower, upper) in printed.items():
         rate = plain(report)["study"]["camera"]["rates"][arm]
         assert (rate["count"], rate["of"]) == (count, 1000)
-        assert (100 * rate["lower"], 100 * rate["upper"]) == pytest.approx((lower, upper), abs=100 * PRINTED)
+        ends = (100 * rate["bootstrap"]["lower"], 100 * rate["bootstrap"]["upper"])
+        assert ends == pytest.approx((lower, upper), abs=100 * PRINTED)
     by_source = {arm: rate["by_source"] for arm, rate in plain(report)["study"]["camera"]["rates"].items()}
     counts = {arm: [rates[source]["count"] for source in ("plus", "pro")] for arm, rates in by_source.items()}
     assert counts == {"base": [524, 158], "reset": [12, 1], "dynamic": [93, 31]}
@@ -81,7 +82,7 @@ def test_the_papers_rates_and_intervals_of_other_policies(policy: str) -> None:
     for arm, row in printed.items():
         rate = study["camera"]["rates"][arm]
         assert f"{100 * rate['value']:.1f}" == f"{row['rate']:.1f}"
-        assert [f"{100 * rate[end]:.1f}" for end in ("lower", "upper")] == [
+        assert [f"{100 * rate['bootstrap'][end]:.1f}" for end in ("lower", "upper")] == [
             f"{end:.1f}" for end in row["interval"]
         ]
         assert {source: cell["count"] for source, cell in rate["by_source"].items()} == {
@@ -94,10 +95,11 @@ def test_the_papers_contrast_of_mid_task_and_reset(report: Report) -> None:
     assert (found["first"], found["second"]) == ("dynamic", "reset")
     assert (found["gains"], found["losses"]) == (113, 2)
     assert found["value"] == 0.111
-    assert (found["lower"], found["upper"]) == pytest.approx((0.092, 0.131), abs=PRINTED)
+    bootstrap = found["bootstrap"]
+    assert (bootstrap["lower"], bootstrap["upper"]) == pytest.approx((0.092, 0.131), abs=PRINTED)
     assert found["by_source"]["plus"]["value"] == pytest.approx(0.116, abs=PRINTED)
     assert found["by_source"]["pro"]["value"] == pytest.approx(0.100, abs=PRINTED)
-    assert found["exact"]["lower"] < found["lower"]
+    assert found["lower"] < bootstrap["lower"]
     groups = found["by_groups"]
     assert (groups["reference_tasks"]["groups"], groups["reference_tasks"]["replicates"]) == (40, 50_000)
     assert (groups["source_tasks"]["groups"], groups["configurations"]["groups"]) == (80, 1000)
@@ -216,8 +218,9 @@ def test_every_writer_prints_a_study_of_any_size(name: str, cells: list[Cell]) -
 def test_few_groups_decide_nothing() -> None:
     planned, records, provenance = study_of([cell("plus", "101", 12)], {"name": "camera-timing"})
     (contrast, *_) = plain(build_report(records, [], planned, provenance))["study"]["camera"]["contrasts"]
-    assert contrast["degenerate"]
-    assert contrast["exact"]["lower"] < 1.0
+    assert contrast["bootstrap"]["degenerate"]
+    assert contrast["lower"] < contrast["by_source"]["plus"]["value"] == 1.0
+    assert contrast["by_source"]["plus"]["lower"] == contrast["lower"]
     assert contrast["by_groups"]["reference_tasks"]["lower"] is None
 
 

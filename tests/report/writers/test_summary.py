@@ -9,6 +9,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.formats import p_text
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import STATEMENTS
+from pytest_libero_max.report.writers.broken import named_of
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
@@ -78,7 +79,9 @@ G   plus-spatial-t00-receptacle_relocation-v1
 1 x distractor_burst
 G   pro-spatial-t00-distractor_burst-v1
 No causes: these records were written before the stages of an arm were recorded.
-To see one: libero-max film RUN NAME, of a run with --libero-max-traces=all.
+To see the first: pytest --libero-max-policy=scripted.py --libero-max-track=smoke \
+--libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay \
+--libero-max-film=all -k plus-spatial-t00-illumination_switch-v1
 Written: out/pairs.jsonl, out/report.json"""
 
 INCOMPLETE = """\
@@ -167,7 +170,22 @@ def test_the_summary_fits_a_terminal() -> None:
     records = [record_of(pair, index % 3 > 0, index % 2 > 0) for index, pair in enumerate(pairs)]
     lines = summary_lines(build_report(records[:-9], [], pairs, PROVENANCE))
     assert len(lines) <= 28 + 2 * 23  # twenty lines of pairs lost, as many of pairs gained
-    assert max(map(len, lines)) <= 100
+    assert max(len(line) for line in lines if not line.startswith("To see the first: pytest ")) <= 100
+
+
+def test_the_command_that_shows_is_that_of_what_was_kept() -> None:
+    report = build_report(_records(), [], PAIRS, PROVENANCE)
+    name = report.changed_pairs[0].item_id
+    films = {name: f"out/films/{name}--base-dynamic.webp"}
+    filmed = summary_lines(report, films=films, show="libero-max view out")
+    assert [line for line in filmed if "libero-max " in line] == [
+        "Films: out/films; libero-max view out shows them beside their cases."
+    ]
+    traced = summary_lines(report, show="libero-max view out")
+    assert "To see them: libero-max view out, which films them first." in traced
+    (nothing,) = (line for line in summary_lines(report) if line.startswith("To see the first: pytest "))
+    assert "--libero-max-film=all" in nothing
+    assert nothing.endswith(f"-k {named_of(report.changed_pairs, 1)[0]}")
 
 
 def test_a_p_value_is_never_printed_as_zero() -> None:

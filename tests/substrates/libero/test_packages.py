@@ -14,10 +14,12 @@ import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.sampling import stratified
-from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, load_track, track_names
+from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, PAPER_LITE, content_of, load_track, track_path
 from pytest_libero_max.construction.configurations import Configuration, cell_of
 from pytest_libero_max.construction.genuine_tracks import SOURCES
-from pytest_libero_max.construction.release import read_unexamined
+from pytest_libero_max.construction.paper_lite import paper_lite
+from pytest_libero_max.construction.release import own_tracks, read_unexamined
+from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.substrates.libero.coverage import coverage
 from pytest_libero_max.substrates.libero.installation import importable, installed_assets
 from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
@@ -137,7 +139,7 @@ def test_every_released_case_is_made_again_from_the_packages_and_may_play() -> N
 @pytest.mark.skipif(not CLASSIFICATION.is_file(), reason="LIBERO-Plus's classification is not here")
 def test_the_frozen_genuine_cases_are_made_again_from_the_packages() -> None:
     catalogue = InstalledCatalogue(LiberoSubstrate().installations, CLASSIFICATION)
-    tracks = (load_track(f"{GENUINE}/{name}") for name in track_names(FOLDER / GENUINE))
+    tracks = (load_track(f"{GENUINE}/{name}") for name in own_tracks(FOLDER / GENUINE))
     frozen = [case for track in tracks for case in stratified(track.cases, 320)]
     for case, made in _made_again(frozen, catalogue, SOURCES):
         assert made.record == case.record
@@ -145,7 +147,7 @@ def test_the_frozen_genuine_cases_are_made_again_from_the_packages() -> None:
 
 def test_the_frozen_genuine_cases_play_but_for_those_that_were_not_examined() -> None:
     installations, unexamined = LiberoSubstrate().installations, read_unexamined(FOLDER / GENUINE)
-    for name in track_names(FOLDER / GENUINE):
+    for name in own_tracks(FOLDER / GENUINE):
         cases = load_track(f"{GENUINE}/{name}").cases
         lacks = lacking(installations, cases)
         without_wand = {case_id for case_id, reason in lacks.items() if "Wand" in reason}
@@ -164,6 +166,28 @@ def test_the_documentation_counts_the_cases_that_play_with_and_without_imagemagi
     assert play == [int(number.replace(",", "")) for number in re.findall(r"\d,?\d+", counts)]
     page = (PACKAGE / "substrates" / "README.md").read_text()
     assert counts in " ".join(page.replace("`", "").split())
+
+
+@pytest.mark.skipif(not CLASSIFICATION.is_file(), reason="LIBERO-Plus's classification is not here")
+def test_the_authors_lite_is_made_again_byte_for_byte_from_its_ids() -> None:
+    catalogue = InstalledCatalogue(LiberoSubstrate().installations, CLASSIFICATION)
+    path = track_path(f"{GENUINE}/{PAPER_LITE}")
+    case_ids = sorted(case.case_id for case in load_track(f"{GENUINE}/{PAPER_LITE}"))
+    assert paper_lite(case_ids, catalogue).to_json().encode() == content_of(path)
+    with pytest.raises(ManifestError, match="camera_shift-d2-p195' is the id of no case"):
+        paper_lite([*case_ids, "libero_10-t0009-camera_shift-d2-p195"], catalogue)
+
+
+@pytest.mark.parametrize(("works", "count"), [(True, 617), (False, 602)])
+def test_the_documentation_counts_the_cases_of_the_authors_lite_that_play(
+    works: bool, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pytest_libero_max.substrates.libero.lacking.usable", lambda module: works)
+    cases = load_track(f"{GENUINE}/{PAPER_LITE}").cases
+    assert len(cases) - len(lacking(LiberoSubstrate().installations, cases)) == count
+    page = (FOLDER.parent / "reports" / "genuine" / "beside-the-paper.md").read_text()
+    assert "617 of the 800 play" in page
+    assert "without it 602" in page
 
 
 def _made_again(

@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -110,3 +111,30 @@ def test_the_plugin_and_the_cases_load_no_simulator() -> None:
         "print([name for name in ('mujoco', 'robosuite', 'numba', 'cv2', 'scipy') if name in sys.modules])"
     )
     assert run(code).stdout.strip() == "[]"
+
+
+def test_code_of_others_that_nothing_has_compiled_is_imported_where_warnings_are_errors(
+    tmp_path: Path,
+) -> None:
+    code = "import warnings; warnings.simplefilter('error'); import pytest_libero_max.worlds.stepping"
+    result = run(code, PYTHONPYCACHEPREFIX=str(tmp_path), PYTHONDONTWRITEBYTECODE="1")
+    assert result.returncode == 0, result.stderr
+
+
+REQUIRE = "from pytest_libero_max.worlds.rendering import gl\ngl.check()\ngl.require()\n"
+
+
+@pytest.mark.parametrize("platform", ["glx", "osmesa"])
+@pytest.mark.parametrize("backend", [{}, {"MUJOCO_GL": "egl"}], ids=["unset", "egl"])
+def test_a_platform_of_pyopengl_that_keeps_a_working_backend_out_is_named_with_its_cure(
+    platform: str, backend: dict[str, str]
+) -> None:
+    others_work = (
+        "gl._library = lambda *names: None if 'OSMesa' in names[0] else 1\ngl.egl.answers = lambda: True\n"
+    )
+    first, rest = REQUIRE.split("\n", 1)
+    result = run(f"{first}\n{others_work}{rest}", PYOPENGL_PLATFORM=platform, **backend)
+    message = result.stderr.splitlines()[-1]
+    for part in (f"PYOPENGL_PLATFORM={platform!r}", "MUJOCO_GL", "'egl'", "Unset PYOPENGL_PLATFORM"):
+        assert part in message
+    assert "Install" not in message

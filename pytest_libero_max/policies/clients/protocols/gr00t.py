@@ -7,10 +7,13 @@ msgpack-numpy dialect. The endpoint that stops a server is never called.
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Mapping
+from contextlib import closing
+from types import MappingProxyType
 from typing import Any
 
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, ServerError, install_extra
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import (
     MOST_BYTES,
@@ -20,10 +23,17 @@ from pytest_libero_max.policies.clients.codecs import (
     pack,
     unpack,
 )
+from pytest_libero_max.policies.clients.connection import connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-from pytest_libero_max.policies.clients.transport import Unreachable, late, reported
+from pytest_libero_max.policies.clients.transport import StaleConnection, Unreachable, late, reported
 
-DIALECTS: Mapping[str, Dialect] = {"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY}
+DIALECTS: Mapping[str, Dialect] = MappingProxyType({"n1.5": NPY, "n1.6": NPY, "n1.7": MSGPACK_NUMPY})
+
+GREETING_S = 1.0
+"""Time for the greeting of ZeroMQ, s: its own thread sends it at once, also where the policy computes."""
+
+FIRST_BYTE = b"\xff"
+"""Begins the greeting of ZeroMQ."""
 
 
 class Gr00tLink:
@@ -39,11 +49,17 @@ class Gr00tLink:
         self._dialect = DIALECTS[dialect]
         self._bare = dialect == "n1.5"
         self._socket: Any = None
+        self._losses: Any = None
 
     def open(self) -> Any:
-        """Connect and ping."""
+        """Connect and ping.
+
+        ZeroMQ itself never says that nothing is there: it tries to connect, in silence, for ever. So a
+        connection of our own looks first, and finds which of the machine's addresses answers.
+        """
         zmq = _zmq()
         self.close()
+        host = _answering(self._address)
         self._socket = zmq.Context.instance().socket(zmq.REQ)
         timeout_ms = int(1000 * self._address.timeout_s)
         for option, value in (
@@ -51,10 +67,13 @@ class Gr00tLink:
             (zmq.SNDTIMEO, timeout_ms),
             (zmq.RCVTIMEO, timeout_ms),
             (zmq.MAXMSGSIZE, MOST_BYTES),
+            (zmq.IPV6, 1),
+            (zmq.TCP_KEEPALIVE, 1),
         ):
             self._socket.setsockopt(option, value)
         try:
-            self._socket.connect(f"tcp://{self._address.where}")
+            self._losses = self._socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
+            self._socket.connect(f"tcp://{host}:{self._address.port}")
         except zmq.ZMQError as error:
             raise Unreachable(f"cannot be reached ({error})") from error
         return self._call({"endpoint": "ping"})
@@ -72,9 +91,13 @@ class Gr00tLink:
         return reply
 
     def close(self) -> None:
-        socket, self._socket = self._socket, None
-        if socket is not None:
-            socket.close()  # after a time-out the socket could not be used again
+        connection, losses = self._socket, self._losses
+        self._socket = self._losses = None
+        if connection is not None:
+            connection.disable_monitor()
+            connection.close()  # after a time-out the socket could not be used again
+        if losses is not None:
+            losses.close()
 
     def _call(self, request: dict[str, Any]) -> Any:
         zmq = _zmq()
@@ -83,9 +106,11 @@ class Gr00tLink:
         token = server_token()
         if token:
             request = {**request, "api_token": token}
+        if self._losses.poll(0):
+            raise StaleConnection("the server has closed the connection since its last answer")
         try:
             self._socket.send(pack(request, self._dialect))
-            content = self._socket.recv()
+            content = self._received()
         except zmq.Again:
             raise late(self._address.timeout_s) from None
         except zmq.ZMQError as error:
@@ -95,15 +120,55 @@ class Gr00tLink:
             raise reported(reply["error"])
         return reply
 
+    def _received(self) -> bytes:
+        """Return the answer; end where the connection ends, for ZeroMQ would wait for another to nowhere."""
+        zmq = _zmq()
+        poller = zmq.Poller()
+        poller.register(self._socket, zmq.POLLIN)
+        poller.register(self._losses, zmq.POLLIN)
+        ready = dict(poller.poll(int(1000 * self._address.timeout_s)))
+        if self._losses in ready and not self._socket.poll(0):
+            raise Unreachable("the connection was lost")
+        content: bytes = self._socket.recv(zmq.NOBLOCK)
+        return content
+
 
 class Gr00tProtocol(ServerProtocol):
     """GR00T's protocol."""
 
     scheme = "gr00t"
     port = 5555
+    recognised = True
 
     def link(self, opening: Opening) -> Gr00tLink:
         return Gr00tLink(opening.address, opening.choice("dialect", DIALECTS))
+
+
+def _answering(address: Address) -> str:
+    """Return the number of the machine that answers at an address, as ZeroMQ writes it.
+
+    Raises:
+        Unreachable: Nothing answers, or not as ZeroMQ does, whose every server greets first.
+    """
+    with closing(connect(address)) as connection:
+        host, _ = socket.getnameinfo(connection.getpeername(), socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)
+        connection.settimeout(GREETING_S)
+        try:
+            greeting = connection.recv(1)
+        except TimeoutError:
+            raise Unreachable(
+                f"a connection opens, but ZeroMQ's greeting does not come within {GREETING_S:g} s"
+            ) from None
+        except OSError as error:
+            raise Unreachable(f"the connection was lost ({error})") from error
+    if greeting != FIRST_BYTE:
+        what = (
+            "was closed before ZeroMQ's greeting"
+            if not greeting
+            else "begins with another greeting than ZeroMQ's"
+        )
+        raise Unreachable(f"the connection {what}")
+    return f"[{host}]" if ":" in host else host
 
 
 def _zmq() -> Any:
@@ -111,6 +176,6 @@ def _zmq() -> Any:
         import zmq
     except ImportError:
         raise AdapterError(
-            "gr00t:// needs pyzmq, which is not installed: `pip install 'pytest-libero-max[gr00t]'`."
+            f"gr00t:// needs pyzmq, which is not installed: {install_extra('gr00t')}."
         ) from None
     return zmq

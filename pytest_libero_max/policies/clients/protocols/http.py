@@ -7,12 +7,17 @@ base64 files.
 from __future__ import annotations
 
 import http.client
-import ssl
+import math
+import time
+import zlib
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import Address
+from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import (
     JSON_NUMPY,
     MOST_BYTES,
@@ -22,19 +27,45 @@ from pytest_libero_max.policies.clients.codecs import (
     shortened,
     to_json,
 )
+from pytest_libero_max.policies.clients.connection import closed_by_peer, connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-from pytest_libero_max.policies.clients.transport import Unreachable, late, reported, time_limit
+from pytest_libero_max.policies.clients.recognition import watched
+from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
+from pytest_libero_max.policies.clients.transport import (
+    Refused,
+    StaleConnection,
+    Unreachable,
+    late,
+    reported,
+    time_limit,
+)
 
-CODECS: Mapping[str, Callable[[Any], Any]] = {
-    "json-numpy": JSON_NUMPY.encode,
-    "json-numpy-text": as_json_numpy_text,
-    "lists": as_lists,
-}
+CODECS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
+    {
+        "json-numpy": JSON_NUMPY.encode,
+        "json-numpy-text": as_json_numpy_text,
+        "lists": as_lists,
+    }
+)
 """Encodings of arrays, by the name that profiles use."""
+
+CROSSING_S = 1.0
+"""Longest time, s, in which the news of a closed connection crosses a request on its way."""
+
+_GZIP, _ZLIB = b"\x1f\x8b", b"\x78"
+
+_SAME_METHOD = (307, 308)
+"""Redirects that send a POST on as a POST."""
 
 
 class HttpLink:
-    """A connection to a server that answers POST requests.
+    """A connection to a server that answers POST requests, kept from one query to the next.
+
+    A server may close a connection that nobody uses (uvicorn after 5 s), also while the next request is on
+    its way to it. A kept connection that ends before anything is sent, or at once and before a byte of the
+    answer, is stale and no lost answer, and the client opens another. The server may have read the request in
+    between. As after every interruption, the query is asked again with the same content: a server that
+    remembers more than the query says does not fit this protocol.
 
     Args:
         address: Its address.
@@ -43,60 +74,90 @@ class HttpLink:
     """
 
     def __init__(self, address: Address, path: str, codec: str) -> None:
-        self._address = address
-        self._path = address.path or path
+        self._first = self._target = replace(address, path=address.path or path)
         self._encode = CODECS[codec]
         self._connection: http.client.HTTPConnection | None = None
+        self._has_answered = False
 
     def open(self) -> Any:
         """Connect; there is no greeting."""
-        self.close()
-        timeout = self._address.timeout_s
-        host, port = self._address.host, self._address.port
-        if self._address.scheme == "https":
-            context = ssl.create_default_context()
-            self._connection = http.client.HTTPSConnection(host, port, timeout=timeout, context=context)
-        else:
-            self._connection = http.client.HTTPConnection(host, port, timeout=timeout)
-        try:
-            self._connection.connect()
-        except OSError as error:
-            raise Unreachable(f"cannot be reached ({type(error).__name__}: {error})") from error
+        self._target = self._first
+        self._open()
 
     def ask(self, request: Any) -> Any:
-        """Send a request and return the reply's value."""
-        if self._connection is None:
-            raise Unreachable("the connection is closed")
-        if self._connection.sock is None:  # the last answer has closed it
-            self.open()
-        with time_limit(self._connection.sock, self._address.timeout_s):
-            return self._asked(request)
-
-    def _asked(self, request: Any) -> Any:
-        assert self._connection is not None
-        headers = {"Content-Type": "application/json", "Accept": "application/json"}
-        try:
-            self._connection.request("POST", self._path, to_json(request, self._encode), headers)
-            response = self._connection.getresponse()
-            content = response.read(MOST_BYTES + 1)
-        except TimeoutError:
-            raise late(self._address.timeout_s) from None
-        except (OSError, http.client.HTTPException) as error:
-            raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
-        if response.status in (502, 503, 504):
-            raise Unreachable(f"HTTP status {response.status} {response.reason}")
-        if response.status != 200:
-            text = shortened(content.decode("utf-8", "replace"))
-            raise ServerError(f"HTTP status {response.status} {response.reason} for {self._path}: {text}")
-        if response.will_close:
-            # The next request opens the connection again.
-            self._connection.close()
-        return _reply(content)
+        """Send a request and return the reply's value; redirects on the same host are followed."""
+        body = to_json(request, self._encode)
+        for _ in range(MOST_REDIRECTS):
+            status, location, content = self._exchange(body)
+            if status not in _SAME_METHOD:
+                return _reply(content)
+            self._target = redirected(self._target, location, status)
+            self._open()
+        raise Refused(f"sends from address to address, at last to {self._target}")
 
     def close(self) -> None:
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
+
+    def _open(self) -> None:
+        self.close()
+        connection = http.client.HTTPConnection(self._target.host, self._target.port)
+        if self._target.secure:
+            connection.default_port = 443  # else the header Host names the port, which some balancers mind
+        connection.sock = connect(self._target)
+        connection.sock.settimeout(self._target.timeout_s)
+        self._connection, self._kept = connection, False
+
+    def _exchange(self, body: bytes) -> tuple[int, str | None, bytes]:
+        """Return status, address of a redirect and body of the answer to a POST."""
+        if self._connection is None:
+            raise Unreachable("the connection is closed")
+        if self._connection.sock is None:  # as the last answer announced
+            self._open()
+        elif self._kept and closed_by_peer(self._connection.sock):
+            raise StaleConnection("the server has closed the connection since its last answer")
+        sock, timeout_s = self._connection.sock, self._target.timeout_s
+        with (
+            nullcontext() if self._has_answered else watched(sock, self._target, "http"),
+            time_limit(sock, timeout_s),
+        ):
+            response, content = self._posted(self._connection, body)
+        if response.status in _SAME_METHOD:
+            return response.status, response.getheader("Location"), content
+        if response.status != 200:
+            location = f" to {response.getheader('Location')}" if response.getheader("Location") else ""
+            raise status_error(response.status, f"{response.reason}{location}", self._target.path, content)
+        if response.will_close:
+            self._connection.close()
+        self._kept = self._has_answered = True
+        return response.status, None, content
+
+    def _posted(
+        self, connection: http.client.HTTPConnection, body: bytes
+    ) -> tuple[http.client.HTTPResponse, bytes]:
+        token = server_token()
+        headers = {
+            "Content-Type": "application/json",
+            "Accept": "application/json",
+            **({} if token is None else {"Authorization": f"Bearer {token}"}),
+        }
+        asked_at = time.monotonic()
+        try:
+            connection.request("POST", self._target.path, body, headers)
+            response = connection.getresponse()
+            asked_at = -math.inf  # the answer has begun
+            content = response.read(MOST_BYTES + 1)
+            if response.length and len(content) <= MOST_BYTES:
+                raise Unreachable(f"the connection was lost after {len(content)} bytes of the answer")
+            return response, unpacked(content, response.getheader("Content-Encoding"))
+        except TimeoutError:
+            raise late(self._target.timeout_s) from None
+        except (OSError, http.client.HTTPException) as error:
+            text = f"the connection was lost ({type(error).__name__}: {error})"
+            if self._kept and isinstance(error, ConnectionError) and time.monotonic() - asked_at < CROSSING_S:
+                raise StaleConnection(text) from error
+            raise Unreachable(text) from error
 
 
 class HttpProtocol(ServerProtocol):
@@ -104,11 +165,39 @@ class HttpProtocol(ServerProtocol):
 
     scheme = "http"
     port = 80
+    recognised = True
     profiles = "http"
 
     def link(self, opening: Opening) -> HttpLink:
         path = opening.profile.get("policy", "path", "/act")
         return HttpLink(opening.address, path, opening.choice("codec", CODECS))
+
+
+def unpacked(content: bytes, encoding: str | None) -> bytes:
+    """Return a body without its compression.
+
+    Args:
+        content: The body.
+        encoding: Header ``Content-Encoding``; gzip is recognised without it.
+
+    Raises:
+        ServerError: It is compressed in another way, damaged, or too large.
+    """
+    word = (encoding or "identity").strip().lower()
+    if word in ("gzip", "x-gzip") or (word == "identity" and content[:2] == _GZIP):
+        window = 16 + zlib.MAX_WBITS
+    elif word == "deflate":
+        window = zlib.MAX_WBITS if content[:1] == _ZLIB else -zlib.MAX_WBITS
+    elif word == "identity":
+        return content
+    else:
+        raise ServerError(
+            f"an answer with Content-Encoding {shortened(word)}, but only gzip and deflate are read"
+        )
+    try:
+        return zlib.decompressobj(window).decompress(content, MOST_BYTES + 1)
+    except zlib.error as error:
+        raise ServerError(f"an answer with Content-Encoding {word}, which is damaged ({error})") from error
 
 
 def _reply(content: bytes) -> Any:

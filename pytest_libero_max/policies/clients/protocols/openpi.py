@@ -6,7 +6,7 @@ An error of the server comes as text, before it closes the connection. There is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
@@ -19,6 +19,14 @@ from pytest_libero_max.policies.clients.declared import (
     as_prepared,
 )
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
+from pytest_libero_max.policies.clients.recognition import (
+    SERVED,
+    STARVLA,
+    Speech,
+    is_starvla_reply,
+    of_greeting,
+    other_protocol,
+)
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.transport import Link, reported
 from pytest_libero_max.policies.clients.websocket import Socket
@@ -29,9 +37,15 @@ class OpenpiLink:
 
     Args:
         address: Its address.
+
+    Attributes:
+        fits: Kinds of servers that a greeting may declare.
     """
 
+    fits: ClassVar[tuple[Speech, ...]] = (SERVED,)
+
     def __init__(self, address: Address) -> None:
+        self._address = address
         self._socket = Socket(address)
 
     def open(self) -> Any:
@@ -39,22 +53,32 @@ class OpenpiLink:
 
         Raises:
             AdapterError: They are those of a server for another robot.
+            OtherProtocol: They are those of a server that is asked in another protocol.
         """
         self._socket.open()
-        metadata = self._read()
+        metadata = self._read("the greeting of openpi's protocol")
+        speech = of_greeting(metadata)
+        if speech is not None and speech not in self.fits:
+            raise other_protocol(speech, self._address, self._address.protocol)
         _require_libero(metadata)
         return metadata
 
     def ask(self, request: Any) -> Any:
         """Send the map of an observation and return the reply's map."""
-        self._socket.send(pack(request, OPENPI))
-        return self._read()
+        reply = self._asked(request)
+        if is_starvla_reply(reply):
+            raise other_protocol(STARVLA, self._address, self._address.protocol)
+        return reply
 
     def close(self) -> None:
         self._socket.close()
 
-    def _read(self) -> dict[Any, Any]:
-        message = self._socket.receive()
+    def _asked(self, request: Any) -> dict[Any, Any]:
+        self._socket.send(pack(request, OPENPI))
+        return self._read()
+
+    def _read(self, awaited: str = "") -> dict[Any, Any]:
+        message = self._socket.receive(awaited)
         if isinstance(message, str):
             lines = message.strip().splitlines()
             raise reported(lines[-1] if lines else "")
@@ -69,6 +93,8 @@ class OpenpiProtocol(ServerProtocol):
 
     scheme = "openpi"
     port = 8000
+    secure_port = 443
+    recognised = True
 
     def link(self, opening: Opening) -> Link:
         return OpenpiLink(opening.address)
@@ -76,7 +102,7 @@ class OpenpiProtocol(ServerProtocol):
     def adapt(self, opening: Opening) -> Adapt:
         profile = opening.profile
         if not profile.get("policy", "declared_by_server", False):
-            return as_prepared
+            return as_prepared(profile)
         return as_declared(profile, opening.request, opening.horizon, opening.query_interval)
 
     def policy(self, greeting: Mapping[str, Any]) -> type[ServedPolicy]:

@@ -45,7 +45,7 @@ class VlaEvalLink:
         self._socket.open()
         greeting = {"harness_version": "pytest-libero-max", "protocol_version": PROTOCOL_VERSION}
         seq = self._send("hello", {**greeting, "benchmark": "libero-max"})
-        payload = self._read("hello", seq)
+        payload = self._read("hello", seq, "the answer to hello in vla-eval's protocol")
         version = payload.get("protocol_version")
         if not isinstance(version, int) or version != PROTOCOL_VERSION:
             raise ServerError(
@@ -84,8 +84,8 @@ class VlaEvalLink:
         self._socket.send(pack(message, VLA_EVAL))
         return self._seq
 
-    def _read(self, kind: str, seq: int) -> dict[Any, Any]:
-        message = unpack(self._socket.receive(), VLA_EVAL)
+    def _read(self, kind: str, seq: int, awaited: str = "") -> dict[Any, Any]:
+        message = unpack(self._socket.receive(awaited), VLA_EVAL)
         if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
             raise ServerError("a message is no map with a map as 'payload'")
         payload: dict[Any, Any] = message["payload"]
@@ -118,6 +118,8 @@ class VlaEvalProtocol(ServerProtocol):
 
     scheme = "vla-eval"
     port = 8000
+    secure_port = 443
+    recognised = True
 
     def link(self, opening: Opening) -> VlaEvalLink:
         return VlaEvalLink(opening.address)

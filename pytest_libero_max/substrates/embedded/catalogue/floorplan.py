@@ -29,14 +29,16 @@ _AREA = (-0.45, 0.36, -0.45, 0.45)
 
 _EDGE_M = 0.06
 
-_ROUND = {
-    "akita_black_bowl",
-    "alphabet_soup",
-    "glazed_rim_porcelain_ramekin",
-    "plate",
-    "tomato_sauce",
-    "wine_bottle",
-}
+_ROUND = frozenset(
+    {
+        "akita_black_bowl",
+        "alphabet_soup",
+        "glazed_rim_porcelain_ramekin",
+        "plate",
+        "tomato_sauce",
+        "wine_bottle",
+    }
+)
 
 # Half the width of agentview's picture at unit distance, less a margin.
 _HALF_VIEW = 0.94 * math.tan(math.radians(22.5))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes.poses import MoveObject, PutObject
@@ -35,40 +37,44 @@ CONFOUNDERS = (
 )
 """Categories that may be added to a scene that has nothing of them."""
 
-SHIFT_M_PER_LEVEL = {
-    "libero_spatial": 0.01,
-    "libero_object": 0.03,
-    "libero_goal": 0.02,
-    "libero_10": 0.01,
-}
+SHIFT_M_PER_LEVEL = MappingProxyType(
+    {
+        "libero_spatial": 0.01,
+        "libero_object": 0.03,
+        "libero_goal": 0.02,
+        "libero_10": 0.01,
+    }
+)
 """Radius of the disc in which things are shifted, for each level: LIBERO-Plus's own."""
 
 LEVELS = 5
 
 # Where LIBERO-Plus adds its objects, m, world.
-_SLOTS: dict[str, tuple[tuple[float, float], ...]] = {
-    "libero_spatial": ((-0.4, 0.4), (-0.4, 0.2), (0.25, -0.15), (0.25, 0.2), (0.25, 0.0)),
-    "libero_object": ((0.3, 0.2), (-0.3, 0.25), (0.3, 0.0), (-0.3, -0.25), (0.3, -0.2)),
-    "libero_goal": ((0.25, 0.2), (0.25, -0.15), (0.25, 0.0), (0.05, 0.3), (-0.3, 0.4)),
-    "libero_10": (
-        (0.2, 0.15),
-        (0.2, -0.05),
-        (-0.3, 0.2),
-        (-0.4, -0.2),
-        (-0.45, -0.3),
-        (0.2, -0.15),
-        (-0.25, -0.1),
-        (0.0, -0.2),
-        (-0.2, 0.3),
-        (0.2, -0.25),
-        (0.2, 0.2),
-        (0.0, 0.25),
-        (-0.3, -0.25),
-        (0.1, -0.2),
-        (-0.4, 0.25),
-        (-0.25, 0.15),
-    ),
-}
+_SLOTS: Mapping[str, tuple[tuple[float, float], ...]] = MappingProxyType(
+    {
+        "libero_spatial": ((-0.4, 0.4), (-0.4, 0.2), (0.25, -0.15), (0.25, 0.2), (0.25, 0.0)),
+        "libero_object": ((0.3, 0.2), (-0.3, 0.25), (0.3, 0.0), (-0.3, -0.25), (0.3, -0.2)),
+        "libero_goal": ((0.25, 0.2), (0.25, -0.15), (0.25, 0.0), (0.05, 0.3), (-0.3, 0.4)),
+        "libero_10": (
+            (0.2, 0.15),
+            (0.2, -0.05),
+            (-0.3, 0.2),
+            (-0.4, -0.2),
+            (-0.45, -0.3),
+            (0.2, -0.15),
+            (-0.25, -0.1),
+            (0.0, -0.2),
+            (-0.2, 0.3),
+            (0.2, -0.25),
+            (0.2, 0.2),
+            (0.0, 0.25),
+            (-0.3, -0.25),
+            (0.1, -0.2),
+            (-0.4, 0.25),
+            (-0.25, 0.15),
+        ),
+    }
+)
 # Where none of those is free: the nodes of a grid, m.
 _GRID = tuple((x / 100, y / 100) for x in range(-40, 36, 4) for y in range(-40, 44, 4))
 _ROOM_M = 0.03

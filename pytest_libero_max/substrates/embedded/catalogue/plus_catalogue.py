@@ -16,9 +16,10 @@ by kind and candidate. These indices are our own and not LIBERO-Plus's.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
+from types import MappingProxyType
 
 import numpy as np
 
@@ -44,15 +45,17 @@ from pytest_libero_max.worlds.contract import Image
 
 CAMERA = "agentview"
 
-KINDS_OF = {
-    "Background Textures": ("table", "table_and_wall"),
-    "Robot Initial States": ("robot",),
-    "Camera Viewpoints": ("spherical", "distance", "orientation"),
-    "Language Instructions": ("language",),
-    "Sensor Noise": ("noise",),
-    "Objects Layout": ("add", "level"),
-    "Light Conditions": ("light",),
-}
+KINDS_OF = MappingProxyType(
+    {
+        "Background Textures": ("table", "table_and_wall"),
+        "Robot Initial States": ("robot",),
+        "Camera Viewpoints": ("spherical", "distance", "orientation"),
+        "Language Instructions": ("language",),
+        "Sensor Noise": ("noise",),
+        "Objects Layout": ("add", "level"),
+        "Light Conditions": ("light",),
+    }
+)
 """Columns of the counts that make up a category."""
 
 # Published: start of each task's fifteen degrees of azimuth, and its yaw on the spot.
@@ -314,16 +317,18 @@ def _noise(task: Task) -> Iterator[_Candidate]:
             yield _Candidate("noise", level, (change,))
 
 
-_MAKERS: dict[str, Callable[[Task], Iterator[_Candidate]]] = {
-    "table": _table,
-    "table_and_wall": _table_and_wall,
-    "spherical": _spherical,
-    "distance": _distance,
-    "orientation": _orientation,
-    "language": _language,
-    "light": _light,
-    "add": _add,
-    "level": _level,
-    "robot": _robot,
-    "noise": _noise,
-}
+_MAKERS: Mapping[str, Callable[[Task], Iterator[_Candidate]]] = MappingProxyType(
+    {
+        "table": _table,
+        "table_and_wall": _table_and_wall,
+        "spherical": _spherical,
+        "distance": _distance,
+        "orientation": _orientation,
+        "language": _language,
+        "light": _light,
+        "add": _add,
+        "level": _level,
+        "robot": _robot,
+        "noise": _noise,
+    }
+)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
+from types import MappingProxyType
 from typing import NamedTuple
 
 from pytest_libero_max.benchmark.documents import Json
@@ -65,8 +66,8 @@ _POT, _POT_2, _PAN = "moka_pot_1", "moka_pot_2", "chefmate_8_frypan_1"
 _IN_BASKET = "basket_1_contain_region"
 
 
-def _both(one: str, other: str) -> dict[str, str]:
-    return {one: other, other: one}
+def _both(one: str, other: str) -> Mapping[str, str]:
+    return MappingProxyType({one: other, other: one})
 
 
 # The words for the place of the second bowl, and what changes places.
@@ -101,7 +102,7 @@ _BIG, _YELLOW_CABINET = "bigger_akita_black_bowl", "yellow_cabinet"
 _GOAL: tuple[_Row, ...] = (
     # Only fixtures change places; which ones is not published.
     _Row(
-        {"wooden_cabinet": _YELLOW_CABINET},
+        MappingProxyType({"wooden_cabinet": _YELLOW_CABINET}),
         _both(_CABINET, _RACK),
         "open the bottom drawer of the cabinet",
         (("open", "wooden_cabinet_1_bottom_region"),),
@@ -109,7 +110,7 @@ _GOAL: tuple[_Row, ...] = (
         (_CABINET,),
     ),
     _Row(
-        {"akita_black_bowl": _BIG, "flat_stove": "yellow_stove"},
+        MappingProxyType({"akita_black_bowl": _BIG, "flat_stove": "yellow_stove"}),
         _both(_BOWL, _BOTTLE),
         "put the plate on the stove",
         (("on", _PLATE, _COOK),),
@@ -117,7 +118,7 @@ _GOAL: tuple[_Row, ...] = (
         (_STOVE,),
     ),
     _Row(
-        {"wine_bottle": "white_bottle", "wooden_cabinet": _YELLOW_CABINET},
+        MappingProxyType({"wine_bottle": "white_bottle", "wooden_cabinet": _YELLOW_CABINET}),
         _both(_BOWL, _BOTTLE),
         "put the wine bottle in the bowl",
         (("on", _BOTTLE, _BOWL),),
@@ -125,7 +126,7 @@ _GOAL: tuple[_Row, ...] = (
         (_CABINET,),
     ),
     _Row(
-        {"akita_black_bowl": _BIG, "wooden_cabinet": _YELLOW_CABINET},
+        MappingProxyType({"akita_black_bowl": _BIG, "wooden_cabinet": _YELLOW_CABINET}),
         _both(_BOWL, _CHEESE),
         "open the top drawer and put the cream cheese inside",
         (("in", _CHEESE, "wooden_cabinet_1_top_region"),),
@@ -133,7 +134,7 @@ _GOAL: tuple[_Row, ...] = (
         (_CABINET,),
     ),
     _Row(
-        {"akita_black_bowl": _BIG, "wooden_cabinet": _YELLOW_CABINET},
+        MappingProxyType({"akita_black_bowl": _BIG, "wooden_cabinet": _YELLOW_CABINET}),
         _both(_BOWL, _CHEESE),
         "put the plate on top of the cabinet",
         (("on", _PLATE, _TOP),),
@@ -141,7 +142,7 @@ _GOAL: tuple[_Row, ...] = (
         (_CABINET,),
     ),
     _Row(
-        {"plate": "yellow_plate"},
+        MappingProxyType({"plate": "yellow_plate"}),
         _both(_PLATE, _BOTTLE),
         "push the cream cheese to the front of the stove",
         (("on", _CHEESE, "main_table_stove_front_region"),),
@@ -149,8 +150,8 @@ _GOAL: tuple[_Row, ...] = (
         (_PLATE,),
     ),
     _Row(
-        {"akita_black_bowl": _BIG, "cream_cheese": "red_cream_cheese"},
-        {_STOVE: _CHEESE, _CHEESE: _STOVE, _BOWL: _BOTTLE, _BOTTLE: _BOWL},
+        MappingProxyType({"akita_black_bowl": _BIG, "cream_cheese": "red_cream_cheese"}),
+        MappingProxyType({_STOVE: _CHEESE, _CHEESE: _STOVE, _BOWL: _BOTTLE, _BOTTLE: _BOWL}),
         "put the wine bottle in the bowl",
         (("on", _BOTTLE, _BOWL),),
         _CHEESE,
@@ -158,7 +159,7 @@ _GOAL: tuple[_Row, ...] = (
     ),
     # LIBERO-PRO's other task is to turn the stove off, which it is from the start.
     _Row(
-        {"flat_stove": "yellow_stove"},
+        MappingProxyType({"flat_stove": "yellow_stove"}),
         _both(_STOVE, _CHEESE),
         "put the cream cheese on the stove",
         (("on", _CHEESE, _COOK),),
@@ -166,15 +167,15 @@ _GOAL: tuple[_Row, ...] = (
         (_STOVE,),
     ),
     _Row(
-        {"akita_black_bowl": _BIG, "plate": "yellow_plate"},
-        {_BOWL: _CHEESE, _CHEESE: _BOWL, _PLATE: _BOTTLE, _BOTTLE: _PLATE},
+        MappingProxyType({"akita_black_bowl": _BIG, "plate": "yellow_plate"}),
+        MappingProxyType({_BOWL: _CHEESE, _CHEESE: _BOWL, _PLATE: _BOTTLE, _BOTTLE: _PLATE}),
         "put the wine bottle on the plate",
         (("on", _BOTTLE, _PLATE),),
         _BOWL,
         (_PLATE,),
     ),
     _Row(
-        {"wine_bottle": "white_bottle", "wine_rack": "brown_rack"},
+        MappingProxyType({"wine_bottle": "white_bottle", "wine_rack": "brown_rack"}),
         _both(_BOWL, _BOTTLE),
         "put the cream cheese on the rack",
         (("on", _CHEESE, "wine_rack_1_top_region"),),
@@ -185,27 +186,31 @@ _GOAL: tuple[_Row, ...] = (
 
 _TEN: tuple[_Row, ...] = (
     _Row(
-        {
-            "alphabet_soup": "bigger_alphabet_soup",
-            "basket": "red_basket",
-            "tomato_sauce": "yellow_tomato_sauce",
-        },
-        {_SOUP: _KETCHUP, _KETCHUP: _SOUP, _JUICE: _TOMATO, _TOMATO: _JUICE},
+        MappingProxyType(
+            {
+                "alphabet_soup": "bigger_alphabet_soup",
+                "basket": "red_basket",
+                "tomato_sauce": "yellow_tomato_sauce",
+            }
+        ),
+        MappingProxyType({_SOUP: _KETCHUP, _KETCHUP: _SOUP, _JUICE: _TOMATO, _TOMATO: _JUICE}),
         "put both the cream cheese and the tomato sauce in the basket",
         (("in", _CHEESE, _IN_BASKET), ("in", _TOMATO, _IN_BASKET)),
         _SOUP,
         (_BASKET,),
     ),
     _Row(
-        {"basket": "red_basket", "butter": "green_butter", "cream_cheese": "red_cream_cheese"},
-        {_BUTTER: _TOMATO, _TOMATO: _BUTTER, _CHEESE: _JUICE, _JUICE: _CHEESE},
+        MappingProxyType(
+            {"basket": "red_basket", "butter": "green_butter", "cream_cheese": "red_cream_cheese"}
+        ),
+        MappingProxyType({_BUTTER: _TOMATO, _TOMATO: _BUTTER, _CHEESE: _JUICE, _JUICE: _CHEESE}),
         "put both the alphabet soup and the butter in the basket",
         (("in", _SOUP, _IN_BASKET), ("in", _BUTTER, _IN_BASKET)),
         _CHEESE,
         (_BASKET,),
     ),
     _Row(
-        {"flat_stove": "yellow_stove", "moka_pot": "yellow_moka_pot"},
+        MappingProxyType({"flat_stove": "yellow_stove", "moka_pot": "yellow_moka_pot"}),
         _both(_PAN, _POT),
         "turn on the stove and put the pan on it",
         (("turnon", _STOVE), ("on", _PAN, _COOK)),
@@ -213,7 +218,7 @@ _TEN: tuple[_Row, ...] = (
         (_STOVE,),
     ),
     _Row(
-        {"akita_black_bowl": "black_bowl", "white_cabinet": "wooden_cabinet"},
+        MappingProxyType({"akita_black_bowl": "black_bowl", "white_cabinet": "wooden_cabinet"}),
         _both(_BOWL, _BOTTLE),
         "put the bottle in the bottom drawer of the cabinet and close it",
         (
@@ -224,7 +229,7 @@ _TEN: tuple[_Row, ...] = (
         ("white_cabinet_1",),
     ),
     _Row(
-        {"plate": "yellow_plate"},
+        MappingProxyType({"plate": "yellow_plate"}),
         _both(_RED, _YELLOW),
         "put the yellow and white mug on the left plate and put the white mug on the right plate",
         (("on", _YELLOW, "plate_1"), ("on", _WHITE, "plate_2")),
@@ -233,7 +238,7 @@ _TEN: tuple[_Row, ...] = (
     ),
     # LIBERO-PRO puts a bowl in the book's place, which the caddy has no room for.
     _Row(
-        {"black_book": "yellow_book"},
+        MappingProxyType({"black_book": "yellow_book"}),
         _both("black_book_1", _YELLOW),
         "pick up the cup and place it in the back compartment of the caddy",
         (("in", _YELLOW, "desk_caddy_1_back_contain_region"),),
@@ -241,11 +246,13 @@ _TEN: tuple[_Row, ...] = (
         ("desk_caddy_1",),
     ),
     _Row(
-        {
-            "chocolate_pudding": "green_chocolate_pudding",
-            "plate": "yellow_plate",
-            "porcelain_mug": "white_yellow_mug",
-        },
+        MappingProxyType(
+            {
+                "chocolate_pudding": "green_chocolate_pudding",
+                "plate": "yellow_plate",
+                "porcelain_mug": "white_yellow_mug",
+            }
+        ),
         _both(_PUDDING, _RED),
         "put the red mug on the plate and put the chocolate pudding to the right of the plate",
         (("on", _RED, _PLATE), ("on", _PUDDING, "living_room_table_plate_right_region")),
@@ -253,19 +260,21 @@ _TEN: tuple[_Row, ...] = (
         (_PLATE,),
     ),
     _Row(
-        {
-            "alphabet_soup": "bigger_alphabet_soup",
-            "basket": "red_basket",
-            "cream_cheese": "red_cream_cheese",
-        },
-        {_SOUP: _KETCHUP, _KETCHUP: _SOUP, _CHEESE: _TOMATO, _TOMATO: _CHEESE},
+        MappingProxyType(
+            {
+                "alphabet_soup": "bigger_alphabet_soup",
+                "basket": "red_basket",
+                "cream_cheese": "red_cream_cheese",
+            }
+        ),
+        MappingProxyType({_SOUP: _KETCHUP, _KETCHUP: _SOUP, _CHEESE: _TOMATO, _TOMATO: _CHEESE}),
         "put both the ketchup and the cream cheese box in the basket",
         (("in", _KETCHUP, _IN_BASKET), ("in", _CHEESE, _IN_BASKET)),
         _SOUP,
         (_BASKET,),
     ),
     _Row(
-        {"moka_pot": "yellow_moka_pot"},
+        MappingProxyType({"moka_pot": "yellow_moka_pot"}),
         _both(_POT_2, _STOVE),
         "put the left moka pot on the stove",
         (("on", _POT, _COOK), ("turnon", _STOVE)),
@@ -273,7 +282,7 @@ _TEN: tuple[_Row, ...] = (
         (_STOVE,),
     ),
     _Row(
-        {"white_yellow_mug": "red_coffee_mug"},
+        MappingProxyType({"white_yellow_mug": "red_coffee_mug"}),
         _both(_WHITE, "microwave_1"),
         "put the white mug in the microwave and close it",
         (("in", _WHITE, "microwave_1_heating_region"), ("close", "microwave_1")),
@@ -287,21 +296,25 @@ _VIEW_AIM = (-0.05, 0.02, 0.02)
 """LIBERO-PRO's camera position above the table's top, in every room above its own surface; it is aimed at the
 middle of the workspace, which LIBERO-PRO's own orientation leaves out of the picture."""
 
-_COVER = {
-    "tabletop": "wood_oak",
-    "kitchen": "wood_ash",
-    "living_room": "wood_ebony",
-    "study": "wood_cherry",
-    "floor": "concrete",
-}
+_COVER = MappingProxyType(
+    {
+        "tabletop": "wood_oak",
+        "kitchen": "wood_ash",
+        "living_room": "wood_ebony",
+        "study": "wood_cherry",
+        "floor": "concrete",
+    }
+)
 """Surface that looks like the work surface, by room."""
 
-_RESHAPED = {("libero_spatial", 5): "bigger_akita_black_bowl"}
+_RESHAPED = MappingProxyType({("libero_spatial", 5): "bigger_akita_black_bowl"})
 """Exceptions, for which the small relative will not do: a small bowl sinks into the ramekin up to its rim."""
 
-ANOTHER_GOAL: Mapping[tuple[str, str, int], str] = {
-    ("task", "libero_goal", 7): "to turn the stove off, which it is from the start",
-}
+ANOTHER_GOAL: Mapping[tuple[str, str, int], str] = MappingProxyType(
+    {
+        ("task", "libero_goal", 7): "to turn the stove off, which it is from the start",
+    }
+)
 """Goals of LIBERO-PRO that differ from those of the variations here, by category, suite and task."""
 
 _LEVELS = (0.020, 0.16, 0.010)
@@ -314,7 +327,7 @@ def _row(task: Task) -> _Row:
     if task.suite == "libero_spatial":
         words, places = _SPATIAL[task.index]
         return _Row(
-            {"akita_black_bowl": "black_bowl", "plate": "yellow_plate"},
+            MappingProxyType({"akita_black_bowl": "black_bowl", "plate": "yellow_plate"}),
             places,
             f"pick up the black bowl {words} and place it on the plate",
             (("on", _BOWL_2, _PLATE),),
@@ -325,7 +338,7 @@ def _row(task: Task) -> _Row:
         recast, other, target = _OBJECT[task.index]
         own = category_of(task.objects[0])
         return _Row(
-            {"basket": "red_basket", **({} if recast is None else {own: recast})},
+            MappingProxyType({"basket": "red_basket", **({} if recast is None else {own: recast})}),
             _both(task.objects[0], other),
             f"pick up the {target.replace('_', ' ')} and place it in the basket",
             (("in", f"{target}_1", _IN_BASKET),),
@@ -416,18 +429,20 @@ def _pose(task: Task) -> Parts:
     return "elsewhere", {}, swaps.started_elsewhere(task, _row(task).target)
 
 
-_MAKERS: Mapping[str, Callable[[Task], Parts]] = {
-    "semantic": _semantic,
-    "object": _object,
-    "position": _position,
-    "task": _task,
-    "visual_noise_glare": _glare,
-    "camera_view_angle": _view,
-    "object_texture": _texture,
-    "view_occlusion": _occlusion,
-    "object_shape": _shape,
-    "initial_pose_position_angle": _pose,
-}
+_MAKERS: Mapping[str, Callable[[Task], Parts]] = MappingProxyType(
+    {
+        "semantic": _semantic,
+        "object": _object,
+        "position": _position,
+        "task": _task,
+        "visual_noise_glare": _glare,
+        "camera_view_angle": _view,
+        "object_texture": _texture,
+        "view_occlusion": _occlusion,
+        "object_shape": _shape,
+        "initial_pose_position_angle": _pose,
+    }
+)
 
 
 @cache

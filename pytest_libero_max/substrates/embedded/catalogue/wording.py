@@ -7,8 +7,9 @@ depends on, or names, the variation they belong to.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.substrates.variation import pick
@@ -16,7 +17,7 @@ from pytest_libero_max.substrates.variation import pick
 STYLES = ("synonyms", "paraphrase", "distraction", "reasoning")
 """From the mildest to the hardest to follow."""
 
-PER_STYLE = {"synonyms": 8, "paraphrase": 8, "distraction": 18, "reasoning": 16}
+PER_STYLE = MappingProxyType({"synonyms": 8, "paraphrase": 8, "distraction": 18, "reasoning": 16})
 """Number of the fifty rewritings of a task in each style: LIBERO-Plus's own shares."""
 
 _PLACES = r"(?:on top of|on|in|to the right of|to the front of)"
@@ -236,9 +237,11 @@ def _thoughts(step: Step, seed: Sequence[object]) -> list[str]:
     return [found, reach.format(step.pronoun), _command(step, seed)]
 
 
-_SAYINGS: dict[str, Callable[[Sequence[Step], Sequence[object]], str]] = {
-    "synonyms": _say_synonyms,
-    "paraphrase": _say_paraphrase,
-    "distraction": _say_distraction,
-    "reasoning": _say_reasoning,
-}
+_SAYINGS: Mapping[str, Callable[[Sequence[Step], Sequence[object]], str]] = MappingProxyType(
+    {
+        "synonyms": _say_synonyms,
+        "paraphrase": _say_paraphrase,
+        "distraction": _say_distraction,
+        "reasoning": _say_reasoning,
+    }
+)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
+from types import MappingProxyType
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.substrates.embedded.objects import (
@@ -19,41 +20,43 @@ from pytest_libero_max.substrates.embedded.objects import (
 )
 from pytest_libero_max.substrates.embedded.objects.parts import Category
 
-_BUILDERS: dict[str, Callable[[], Category]] = {
-    build.__name__: build
-    for build in (
-        cookware.chefmate_8_frypan,
-        cookware.moka_pot,
-        desk.black_book,
-        desk.desk_caddy,
-        dishes.akita_black_bowl,
-        dishes.glazed_rim_porcelain_ramekin,
-        dishes.plate,
-        furniture.basket,
-        furniture.flat_stove,
-        furniture.white_cabinet,
-        furniture.wooden_cabinet,
-        groceries.alphabet_soup,
-        groceries.bbq_sauce,
-        groceries.butter,
-        groceries.chocolate_pudding,
-        groceries.cookies,
-        groceries.cream_cheese,
-        groceries.ketchup,
-        groceries.milk,
-        groceries.orange_juice,
-        groceries.salad_dressing,
-        groceries.tomato_sauce,
-        microwave.microwave,
-        mugs.porcelain_mug,
-        mugs.red_coffee_mug,
-        mugs.white_yellow_mug,
-        wine.wine_bottle,
-        wine.wine_rack,
-    )
-}
+_BUILDERS: Mapping[str, Callable[[], Category]] = MappingProxyType(
+    {
+        build.__name__: build
+        for build in (
+            cookware.chefmate_8_frypan,
+            cookware.moka_pot,
+            desk.black_book,
+            desk.desk_caddy,
+            dishes.akita_black_bowl,
+            dishes.glazed_rim_porcelain_ramekin,
+            dishes.plate,
+            furniture.basket,
+            furniture.flat_stove,
+            furniture.white_cabinet,
+            furniture.wooden_cabinet,
+            groceries.alphabet_soup,
+            groceries.bbq_sauce,
+            groceries.butter,
+            groceries.chocolate_pudding,
+            groceries.cookies,
+            groceries.cream_cheese,
+            groceries.ketchup,
+            groceries.milk,
+            groceries.orange_juice,
+            groceries.salad_dressing,
+            groceries.tomato_sauce,
+            microwave.microwave,
+            mugs.porcelain_mug,
+            mugs.red_coffee_mug,
+            mugs.white_yellow_mug,
+            wine.wine_bottle,
+            wine.wine_rack,
+        )
+    }
+)
 
-_OURS = {"occluder_book": desk.occluder_book}
+_OURS = MappingProxyType({"occluder_book": desk.occluder_book})
 """Objects that only source variations bring in; LIBERO does not have them."""
 
 CATEGORIES = tuple(sorted(_BUILDERS))

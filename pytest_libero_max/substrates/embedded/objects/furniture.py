@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from types import MappingProxyType
 
 from pytest_libero_max.substrates.embedded import textures
 from pytest_libero_max.substrates.embedded.meshes import box, join, panel, revolve
@@ -24,15 +25,19 @@ from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Image
 
 _HALF = math.sqrt(0.5)
-_DRAWER_STATES = {
-    "open": JointState(high=-0.14, start=(-0.16, -0.14)),
-    # A drawer that is merely flush is not closed: LIBERO wants it pushed in a little further.
-    "close": JointState(low=0.0, every=True),
-}
-_KNOB_STATES = {
-    "turnon": JointState(low=0.5, closed=True, start=(0.5, 2.1)),
-    "turnoff": JointState(high=0.0, every=True),
-}
+_DRAWER_STATES = MappingProxyType(
+    {
+        "open": JointState(high=-0.14, start=(-0.16, -0.14)),
+        # A drawer that is merely flush is not closed: LIBERO wants it pushed in a little further.
+        "close": JointState(low=0.0, every=True),
+    }
+)
+_KNOB_STATES = MappingProxyType(
+    {
+        "turnon": JointState(low=0.5, closed=True, start=(0.5, 2.1)),
+        "turnoff": JointState(high=0.0, every=True),
+    }
+)
 
 
 def wooden_cabinet() -> Category:

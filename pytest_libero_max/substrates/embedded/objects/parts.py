@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from operator import add
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -29,7 +30,9 @@ Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]
 
 # LIBERO's contact parameters: stiff, and rough enough for parallel fingers.
-_CONTACT = {"friction": "0.95 0.3 0.1", "solref": "0.001 1", "solimp": "0.998 0.998 0.001", "condim": "3"}
+_CONTACT = MappingProxyType(
+    {"friction": "0.95 0.3 0.1", "solref": "0.001 1", "solimp": "0.998 0.998 0.001", "condim": "3"}
+)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import cast
 
 import numpy as np
@@ -34,27 +35,29 @@ class Style:
     scale: Vector = (1.0, 1.0, 1.0)
 
 
-STYLES: Mapping[str, Style] = {
-    "bigger_akita_black_bowl": Style("akita_black_bowl", scale=(1.2, 1.2, 1.2)),
-    "bigger_alphabet_soup": Style("alphabet_soup", scale=(1.15, 1.15, 1.15)),
-    "black_bowl": Style("akita_black_bowl", (0.30, 0.33, 0.40), (0.92, 0.92, 0.92)),
-    "blue_ketchup": Style("ketchup", (0.12, 0.28, 0.80)),
-    "brown_rack": Style("wine_rack", (0.36, 0.20, 0.10)),
-    "green_bbq_sauce": Style("bbq_sauce", (0.16, 0.52, 0.20)),
-    "green_butter": Style("butter", (0.30, 0.70, 0.26)),
-    "green_chocolate_pudding": Style("chocolate_pudding", (0.22, 0.58, 0.28)),
-    "red_basket": Style("basket", (0.78, 0.14, 0.12)),
-    "red_cream_cheese": Style("cream_cheese", (0.84, 0.16, 0.16)),
-    "red_salad_dressing": Style("salad_dressing", (0.84, 0.18, 0.14)),
-    "white_bottle": Style("wine_bottle", (0.94, 0.94, 0.90)),
-    "yellow_book": Style("black_book", (0.92, 0.76, 0.14)),
-    "yellow_cabinet": Style("wooden_cabinet", (0.94, 0.78, 0.18)),
-    "yellow_milk": Style("milk", (0.98, 0.84, 0.22)),
-    "yellow_moka_pot": Style("moka_pot", (0.94, 0.78, 0.16)),
-    "yellow_plate": Style("plate", (0.98, 0.82, 0.16)),
-    "yellow_stove": Style("flat_stove", (0.92, 0.76, 0.16)),
-    "yellow_tomato_sauce": Style("tomato_sauce", (0.96, 0.80, 0.18)),
-}
+STYLES: Mapping[str, Style] = MappingProxyType(
+    {
+        "bigger_akita_black_bowl": Style("akita_black_bowl", scale=(1.2, 1.2, 1.2)),
+        "bigger_alphabet_soup": Style("alphabet_soup", scale=(1.15, 1.15, 1.15)),
+        "black_bowl": Style("akita_black_bowl", (0.30, 0.33, 0.40), (0.92, 0.92, 0.92)),
+        "blue_ketchup": Style("ketchup", (0.12, 0.28, 0.80)),
+        "brown_rack": Style("wine_rack", (0.36, 0.20, 0.10)),
+        "green_bbq_sauce": Style("bbq_sauce", (0.16, 0.52, 0.20)),
+        "green_butter": Style("butter", (0.30, 0.70, 0.26)),
+        "green_chocolate_pudding": Style("chocolate_pudding", (0.22, 0.58, 0.28)),
+        "red_basket": Style("basket", (0.78, 0.14, 0.12)),
+        "red_cream_cheese": Style("cream_cheese", (0.84, 0.16, 0.16)),
+        "red_salad_dressing": Style("salad_dressing", (0.84, 0.18, 0.14)),
+        "white_bottle": Style("wine_bottle", (0.94, 0.94, 0.90)),
+        "yellow_book": Style("black_book", (0.92, 0.76, 0.14)),
+        "yellow_cabinet": Style("wooden_cabinet", (0.94, 0.78, 0.18)),
+        "yellow_milk": Style("milk", (0.98, 0.84, 0.22)),
+        "yellow_moka_pot": Style("moka_pot", (0.94, 0.78, 0.16)),
+        "yellow_plate": Style("plate", (0.98, 0.82, 0.16)),
+        "yellow_stove": Style("flat_stove", (0.92, 0.76, 0.16)),
+        "yellow_tomato_sauce": Style("tomato_sauce", (0.96, 0.80, 0.18)),
+    }
+)
 """Relatives by name."""
 
 

@@ -1,0 +1,355 @@
+"""Recognises the protocol that a server speaks, where it is not the one that it is asked in.
+
+A few bytes tell: ZeroMQ greets first, a server of HTTP refuses to open a WebSocket, openpi's greets when it
+is open, starVLA's answers to a ping, and vla-eval's to a hello. Nothing is asked that a policy would compute.
+A server that is busy is silent, and is not recognised.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, replace
+from threading import Event, Timer
+from typing import Any
+
+from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients.address import Address, server_token
+from pytest_libero_max.policies.clients.codecs import OPENPI, VLA_EVAL, pack, unpack
+from pytest_libero_max.policies.clients.connection import connect, speaks_tls
+from pytest_libero_max.policies.clients.transport import LOG, OtherProtocol
+
+SILENT_S = 1.0
+"""Time after which a silent server is looked at, s."""
+
+LOOK_S = 2.5
+"""Longest time to look at a server, s; what is recognised is said within 5 s."""
+
+FIRST_S = 0.25
+"""Time for the first bytes of a server that greets before it is asked, s."""
+
+GREETING_S = 0.5
+"""Time for the greeting of openpi's protocol once the WebSocket is open, s."""
+
+_MOST_BYTES = 2**16
+_ZEROMQ = (b"\xff", 9, b"\x7f")
+_SSH = b"SSH-"
+_HTTP_SERVERS = (
+    "uvicorn",
+    "hypercorn",
+    "gunicorn",
+    "werkzeug",
+    "aiohttp",
+    "basehttp",
+    "simplehttp",
+    "waitress",
+)
+"""First words of the header ``Server`` of programs that answer themselves, as balancers do not."""
+
+
+@dataclass(frozen=True)
+class Speech:
+    """The protocol that a server speaks.
+
+    Attributes:
+        protocol: Scheme of its addresses; empty for one that this package does not speak.
+        name: What was recognised, for people.
+        profile: Words that name a fitting profile.
+        path: Path of the address; None for that of the address that was asked.
+        also: Another address of the same server, as protocol and path.
+    """
+
+    protocol: str
+    name: str
+    profile: str = ""
+    path: str | None = None
+    also: tuple[str, str] | None = None
+
+    def sentence(self, address: Address) -> str:
+        """Return what was recognised at an address, and how to ask it."""
+        if not self.protocol:
+            return f"{self.name} answers there."
+        ways = [f"{self._written(address, self.protocol, self.path)} {self.profile}".rstrip()]
+        if self.also is not None:
+            ways.append(self._written(address, *self.also))
+        return f"{self.name} answers there: ask {', or '.join(ways)}."
+
+    def _written(self, address: Address, protocol: str, path: str | None) -> str:
+        there = address.over(protocol, address.secure)
+        return str(replace(there, path=address.path if path is None else path))
+
+
+def _family(protocol: str) -> str:
+    return f"with a profile for {protocol}:// (`libero-max profiles` lists them)"
+
+
+SERVED = Speech(
+    "openpi",
+    "`libero-max serve`",
+    "with --libero-max-profile=served",
+    path="",
+    also=("vla-eval", "/vla-eval"),
+)
+OPENPI_SERVER = Speech("openpi", "A server in openpi's protocol", _family("openpi"))
+STARVLA = Speech("starvla", "A server of the starVLA family", _family("starvla"))
+VLA_EVAL_SERVER = Speech("vla-eval", "A model server of vla-eval", _family("vla-eval"))
+GR00T = Speech("gr00t", "A server over ZeroMQ, as GR00T's,", _family("gr00t"), path="")
+HTTP = Speech("http", "A server of HTTP", _family("http"), path="")
+SSH = Speech("", "An SSH server")
+GRPC = Speech("", "A server of gRPC, as LeRobot's asynchronous inference, whose pickles are never read,")
+
+
+def recognise(address: Address, own: str) -> str | None:
+    """Return a sentence about a server that speaks another protocol than it is asked in.
+
+    Args:
+        address: Address of the server.
+        own: Protocol in which it is asked.
+
+    Returns:
+        None where it speaks its own, is silent, or is not recognised.
+    """
+    speech = _tried(address, own)
+    if speech is not None:
+        return None if speech.protocol == own else speech.sentence(address)
+    other = address.over(own, not address.secure)
+    if not address.secure and not speaks_tls(address, GREETING_S):
+        return None
+    speech = _tried(other, own)  # with TLS only where the certificate is trusted
+    if speech is not None:
+        return f"{'Without' if address.secure else 'With'} TLS: {speech.sentence(other)}"
+    if address.secure:
+        return None
+    return f"A server with TLS answers there{'' if own == GR00T.protocol else f': write {other}'}."
+
+
+def _tried(address: Address, own: str) -> Speech | None:
+    try:
+        return _speech(address, own, time.monotonic() + LOOK_S)
+    except (ServerError, OSError):
+        return None
+
+
+def other_protocol(speech: Speech, address: Address, own: str) -> OtherProtocol:
+    """Return the error of a server that speaks another protocol than it is asked in."""
+    return OtherProtocol(f"is no server for {own}://. {speech.sentence(address)}")
+
+
+@contextmanager
+def watched(connection: socket.socket, address: Address, own: str, silence: str = "") -> Iterator[None]:
+    """Look at a server that is silent while the block waits, and end the wait if it speaks another protocol.
+
+    Args:
+        connection: The connection that waits; it is shut down.
+        address: Address of the server.
+        own: Protocol in which it is asked.
+        silence: What is waited for; logged where the server is not recognised.
+
+    Raises:
+        OtherProtocol: The server speaks another one.
+    """
+    sentences: list[str] = []
+    over = Event()
+
+    def look() -> None:
+        sentence = recognise(address, own)
+        if over.is_set():
+            return
+        if sentence is None:
+            LOG.log(logging.WARNING if silence else logging.DEBUG, "policy server %s: %s", address, silence)
+            return
+        sentences.append(sentence)
+        with suppress(OSError):
+            connection.shutdown(socket.SHUT_RDWR)
+
+    timer = Timer(SILENT_S, look)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    except ServerError as error:
+        if sentences:
+            raise OtherProtocol(f"is no server for {own}://. {sentences[0]}") from error
+        raise
+    finally:
+        over.set()
+        timer.cancel()
+
+
+def _speech(address: Address, own: str, until: float) -> Speech | None:
+    with closing(connect(address)) as connection:
+        if not address.secure:  # what is encrypted cannot be read without being taken
+            speech = _of_first_bytes(_peeked(connection))
+            if speech is not None:
+                return speech
+        talk = _Talk(connection, address, until)
+        status = talk.opened()
+        if status == 101:
+            return _of_websocket(talk, own)
+    return None if status is None or (status >= 500 and status != 501) else _of_http(address, until)
+
+
+def _peeked(connection: socket.socket) -> bytes:
+    connection.settimeout(FIRST_S)
+    until = time.monotonic() + FIRST_S
+    seen = b""
+    with suppress(OSError):
+        while len(seen) < 10 and time.monotonic() < until:
+            seen = connection.recv(64, socket.MSG_PEEK)
+            if not seen:
+                break
+            time.sleep(0.01)  # the rest of a greeting that came in parts
+    return seen
+
+
+def _of_first_bytes(seen: bytes) -> Speech | None:
+    first, place, last = _ZEROMQ
+    if seen[:1] == first and seen[place : place + 1] == last:
+        return GR00T
+    if seen.startswith(_SSH):
+        return SSH
+    return GRPC if len(seen) >= 9 and seen[3] == 4 and not any(seen[5:9]) else None
+
+
+def _of_websocket(talk: _Talk, own: str) -> Speech | None:
+    greeting = talk.message(GREETING_S)
+    if greeting is None:
+        seq = 1
+        payload = {"harness_version": "pytest-libero-max", "protocol_version": 1, "benchmark": "libero-max"}
+        talk.send(pack({"type": "hello", "payload": payload, "seq": seq, "timestamp": time.time()}, VLA_EVAL))
+        reply = talk.message(LOOK_S)
+        return VLA_EVAL_SERVER if isinstance(reply, Mapping) and reply.get("type") == "hello" else None
+    known = of_greeting(greeting)
+    if known is not None or own == "openpi":  # an openpi server would take the ping for an observation
+        return known or OPENPI_SERVER
+    talk.send(pack({"type": "ping", "request_id": "libero-max", "payload": {}}, OPENPI))
+    return STARVLA if is_starvla_reply(talk.message(LOOK_S)) else OPENPI_SERVER
+
+
+def of_greeting(greeting: Any) -> Speech | None:
+    """Return the kind of server that a greeting of openpi's protocol declares; None where it does not."""
+    if not isinstance(greeting, Mapping):
+        return None
+    if "libero_max" in greeting:
+        return SERVED
+    return STARVLA if greeting.get("env") == "starvla_policy_server" else None
+
+
+def is_starvla_reply(reply: Any) -> bool:
+    """Return True for a reply in the envelope of the starVLA family."""
+    return isinstance(reply, Mapping) and isinstance(reply.get("ok"), bool) and "request_id" in reply
+
+
+def _of_http(address: Address, until: float) -> Speech | None:
+    """Return the speech of a server that opened no WebSocket; None for a balancer and at a wrong path."""
+    from http.client import HTTPException
+
+    try:
+        program, content = _got(address, "/openapi.json", until)
+    except (HTTPException, ServerError, OSError):
+        return None
+    with suppress(ValueError, RecursionError, AttributeError, TypeError):
+        posts = [path for path, ways in json.loads(content)["paths"].items() if "post" in ways]
+        return replace(HTTP, name=f"A server of HTTP (POST {', '.join(posts[:4])})")
+    return replace(HTTP, name=f"A server of HTTP ({program})") if _answers_itself(program) else None
+
+
+def _answers_itself(program: str) -> bool:
+    return program.lower().startswith(_HTTP_SERVERS)
+
+
+def _got(address: Address, path: str, until: float) -> tuple[str, bytes]:
+    """Return the name of the program that answers a GET, and the body; empty where the status is not 200."""
+    from http.client import HTTPConnection
+
+    left_s = max(until - time.monotonic(), 0.1)
+    connection = HTTPConnection(address.host, address.port, timeout=left_s)
+    with closing(connect(address)) as connection.sock:
+        connection.sock.settimeout(left_s)
+        connection.request("GET", path)
+        response = connection.getresponse()
+        content = response.read(_MOST_BYTES) if response.status == 200 else b""
+        return response.getheader("Server", ""), content
+
+
+class _Talk:
+    """A WebSocket on which a few messages are exchanged within a time.
+
+    Args:
+        connection: An open connection.
+        address: Address of the server.
+        until: End, by ``time.monotonic``.
+    """
+
+    def __init__(self, connection: socket.socket, address: Address, until: float) -> None:
+        from websockets.client import ClientProtocol
+        from websockets.uri import parse_uri
+
+        self._connection = connection
+        self._until = until
+        self._address = address
+        self._protocol = ClientProtocol(
+            parse_uri(f"ws://{address.where}{address.path or '/'}"), max_size=_MOST_BYTES
+        )
+        self._messages: list[Any] = []
+
+    def opened(self) -> int | None:
+        """Return the status with which the server answers to the opening; None where it does not."""
+        from websockets.http11 import Response
+
+        request = self._protocol.connect()
+        token = server_token()
+        if token is not None:
+            request.headers["Authorization"] = f"Api-Key {token}"
+        self._protocol.send_request(request)
+        for event in self._events(LOOK_S):
+            if isinstance(event, Response):
+                return event.status_code
+        return None
+
+    def send(self, content: bytes) -> None:
+        """Send a binary message."""
+        if self._is_open():
+            self._protocol.send_binary(content)
+
+    def message(self, limit_s: float) -> Any:
+        """Return the value of the next message, text as it is; None where none comes in time."""
+        from websockets.frames import Frame, Opcode
+
+        for event in self._events(limit_s):
+            if isinstance(event, Frame) and event.opcode is Opcode.BINARY:
+                with suppress(ServerError):
+                    return unpack(bytes(event.data), OPENPI)
+                return b""
+            if isinstance(event, Frame) and event.opcode is Opcode.TEXT:
+                return bytes(event.data).decode("utf-8", "replace")
+        return None
+
+    def _is_open(self) -> bool:
+        return self._protocol.state.name == "OPEN"
+
+    def _events(self, limit_s: float) -> Iterator[Any]:
+        """Yield what comes within a time, after sending what is to be sent."""
+        until = min(self._until, time.monotonic() + limit_s)
+        while True:
+            for data in self._protocol.data_to_send():
+                if data:
+                    self._connection.sendall(data)
+            while self._messages:
+                yield self._messages.pop(0)
+            left_s = until - time.monotonic()
+            if left_s <= 0.0 or self._protocol.state.name == "CLOSED":
+                return
+            self._connection.settimeout(left_s)
+            try:
+                data = self._connection.recv(2**16)
+            except OSError:
+                return
+            if not data:
+                return
+            self._protocol.receive_data(data)
+            self._messages += self._protocol.events_received()

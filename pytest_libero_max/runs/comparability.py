@@ -1,0 +1,246 @@
+"""Comparability of runs: the settings in which runs differ, with the value of each.
+
+This is the one place that knows what a result depends on beside its cases. Gates against another run,
+``compare``, ``trend``, ``merge`` and resuming ask it, and say which kinds of differences they tolerate.
+
+======== ================================================= ============== =============================
+Kind     Fields                                            In comparisons Within one measurement
+======== ================================================= ============== =============================
+setting  protocol, substrate, case set, versions, scenes;  a difference   a difference
+         H, Q, repeatability and wrappers of the policy
+renderer what drew the images                              a difference   tolerated
+added    arms that are played beside Base and Dynamic      tolerated      a difference
+policy   the policy as asked for: code, revision, weights  tolerated      a difference
+address  addresses of its servers                          tolerated      tolerated if records name the
+                                                                          weights
+place    paths, whose content digests identify             tolerated      tolerated
+======== ================================================= ============== =============================
+
+A comparison is of policies, so these may differ. One measurement is what is merged or resumed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import shown
+from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.policies.clients.address import is_served
+from pytest_libero_max.policies.profile import declares_weights
+from pytest_libero_max.runs.plan import Run
+
+Kind = Literal["setting", "renderer", "added", "policy", "address", "place"]
+
+COMPARISON: frozenset[Kind] = frozenset({"added", "policy", "address", "place"})
+"""Kinds of differences that a comparison of runs tolerates."""
+
+ONE_MEASUREMENT: frozenset[Kind] = frozenset({"renderer", "place"})
+"""Kinds of differences that the pieces of one measurement may have."""
+
+_PARTS = ("policy", "substrate", "case_set", "protocol", "versions")
+"""Parts of the provenance that results depend on."""
+
+_KINDS: Mapping[str, Kind] = {
+    "case_set.path": "place",
+    "case_set.program": "place",
+    "policy.profile": "place",
+    "substrate.roots": "place",
+    "substrate.assets": "place",
+    "policy.reference": "address",
+    "policy.servers": "address",
+    "protocol.noise_floor": "added",
+    "protocol.sham": "added",
+}
+"""Kinds of single fields of the provenance; other fields of ``policy`` are of the kind ``policy``."""
+
+PLACES = tuple(field for field, kind in _KINDS.items() if kind == "place")
+"""Fields of the provenance that hold places on a machine."""
+
+_USUAL = {"protocol.strength": 1.0}
+"""Values of fields that are left out of the provenance where they are the usual ones."""
+
+_AS_PLAYED: Json = {"horizon": None, "query_interval": None, "repeatable": True, "wrappers": []}
+"""Declarations of a policy as it was played that a comparison looks at; values of records without them."""
+
+THERE, HERE = "there", "here"
+"""Names of another run and of this one."""
+
+SCENES, RENDERERS = "scenes", "renderers"
+
+_GROUPS = ("versions", "case_set")
+"""Parts whose fields are accepted together, by the name of the part."""
+
+NAMES = (
+    *("prefix", "strength", "latency", "study", "program"),
+    *("semantics", "instruction", "source_variations", "installations"),
+    *("horizon", "query_interval", "repeatable", "wrappers"),
+    *(SCENES, RENDERERS, *_GROUPS),
+)
+"""Names by which a difference can be accepted; ``PART.FIELD`` names others, such as ``versions.numpy``."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A field in which runs differ.
+
+    Attributes:
+        field: Place in the provenance, for example ``protocol.strength``; ``scenes`` or ``renderers``.
+        kind: What it is, for those who tolerate it.
+        values: Its value in each run, by the names of the runs; None where a run has none.
+    """
+
+    field: str
+    kind: Kind
+    values: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """Name by which the difference is accepted, for example ``strength``."""
+        part, _, rest = self.field.partition(".")
+        return part if part in _GROUPS or not rest else rest
+
+    def accepted(self, names: Iterable[str]) -> bool:
+        """Return True if one of the names accepts this difference."""
+        return not {self.name, self.field}.isdisjoint(names)
+
+    def __str__(self) -> str:
+        return f"{self.field}: {', '.join(shown(value) for value in self.values.values())}"
+
+
+@dataclass(frozen=True)
+class Side:
+    """A run as far as its comparability is concerned.
+
+    Attributes:
+        run: The plan and the provenance.
+        policy: Spec of the policy as played; None where no pair was.
+        scenes: Fingerprints of scene and start, by case; empty where a record of an earlier version has none.
+        renderers: What drew the images; empty where no record says so.
+    """
+
+    run: Run
+    policy: Json | None = None
+    scenes: Mapping[str, str] = field(default_factory=dict)
+    renderers: Sequence[str] = ()
+
+
+def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -> list[Difference]:
+    """Return what runs differ in beside what is tolerated, sorted by field; scenes and renderers come last.
+
+    Args:
+        sides: The runs by name. Scenes are compared on the cases that all of them have.
+        tolerated: Kinds that are left out.
+    """
+    by_run = {name: _fields(side) for name, side in sides.items()}
+    found = []
+    for key in sorted({key for fields in by_run.values() for key in fields}):
+        place, kind = key
+        values = {name: fields.get(key, _USUAL.get(place)) for name, fields in by_run.items()}
+        if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
+            found.append(Difference(place, kind, values))
+    found += [*_scene_differences(sides), *_renderer_differences(sides)]
+    return [one for one in found if one.kind not in tolerated]
+
+
+def listed(found: Iterable[Difference]) -> str:
+    """Return differences of two runs, named :data:`THERE` and :data:`HERE`, as words for a sentence."""
+    return ", ".join(
+        f"{one.field.removeprefix('protocol.')} ({shown(one.values[THERE])} there, "
+        f"{shown(one.values[HERE])} here)"
+        for one in found
+    )
+
+
+def _fields(side: Side) -> dict[tuple[str, Kind], Any]:
+    """Return what a run says of itself, by field and kind: as asked for, and of its policy as played."""
+    asked = {
+        f"{part}.{name}": value
+        for part in _PARTS
+        for name, value in side.run.provenance.get(part, {}).items()
+    }
+    fields: dict[tuple[str, Kind], Any] = {(place, _kind_of(place)): value for place, value in asked.items()}
+    if side.policy is not None:
+        for name, usual in _AS_PLAYED.items():
+            fields[f"policy.{name}", "setting"] = side.policy.get(name, usual)
+    return fields
+
+
+def _kind_of(place: str) -> Kind:
+    return _KINDS.get(place) or ("policy" if place.startswith("policy.") else "setting")
+
+
+def _scene_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Name the common cases that a run played in another scene, or from another start, than the first run.
+
+    Runs of earlier versions recorded a digest of source code for all scenes. That says nothing of a scene, so
+    such a run is compared like every other, with None here.
+    """
+    cases = sorted(set.intersection(*({*side.scenes} for side in sides.values())))
+    played = {name: side.scenes for name, side in sides.items()}
+    first = next((name for name, scenes in played.items() if any(scenes[case] for case in cases)), None)
+    if first is None:
+        return []
+    values: dict[str, str | None] = {}
+    for name, scenes in played.items():
+        other = [case for case in cases if scenes[case] != played[first][case]]
+        keys = sorted({played[first][case].partition(" ")[0] for case in other})
+        named = ", ".join(keys[:3]) + (", ..." if len(keys) > 3 else "")
+        if not any(scenes[case] for case in cases):
+            values[name] = None
+        elif other:
+            values[name] = f"{len(other)} of {len(cases)} cases differ from {first!r}: {named}"
+        else:
+            values[name] = "recorded"
+    return [Difference(SCENES, "setting", values)] if len({*values.values()}) > 1 else []
+
+
+def _renderer_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Name what drew the images of each run, where runs differ; None where a run had none or does not say."""
+    values = {name: "; ".join(side.renderers) or None for name, side in sides.items()}
+    different = len({*values.values()} - {None}) > 1
+    return [Difference(RENDERERS, "renderer", values)] if different else []
+
+
+def require_names(names: Iterable[str]) -> None:
+    """Check names by which differences are to be accepted.
+
+    Raises:
+        OptionError: One is unknown; says which are known.
+    """
+    for name in names:
+        part, dot, rest = name.partition(".")
+        if name not in NAMES and not (dot and rest and part in _PARTS):
+            raise OptionError(
+                f"{name!r} is no setting in which runs can differ. {did_you_mean(name, NAMES)} A single "
+                f"field is written PART.FIELD, with one of the parts {', '.join(_PARTS)}."
+            )
+
+
+def measurement_differences(one: Run, other: Run, *, declared: bool = False) -> list[str]:
+    """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``.
+
+    Args:
+        one: A run.
+        other: Another run.
+        declared: True if both say by which weights their pairs were played (:func:`declare_weights`). Then
+            the addresses of their servers may differ, because their records say whether the weights do.
+    """
+    served = all(is_served(run.provenance["policy"]["reference"]) for run in (one, other))
+    tolerated: frozenset[Kind] = ONE_MEASUREMENT | ({"address"} if served and declared else set())
+    found = differences_between({"one": Side(one), "other": Side(other)}, tolerated)
+    texts = [str(difference) for difference in found]
+    if served and found and not declared and all(difference.kind == "address" for difference in found):
+        texts[-1] += (
+            " (to play one measurement over other addresses, declare the weights: --libero-max-revision)"
+        )
+    return texts
+
+
+def declare_weights(records: Iterable[PairRecord]) -> bool:
+    """Return True if all records name the weights by which they were played, and not only a profile."""
+    return all(declares_weights(str(record.policy.get("revision"))) for record in records)

@@ -1,0 +1,73 @@
+"""Texts on one run of one pair of one case: no number is followed by a noun in the wrong number."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.compare import compare_runs
+from pytest_libero_max.report.comparison.compare_files import comparison_markdown
+from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.comparison.compare_text import comparison_lines, short_lines
+from pytest_libero_max.report.comparison.trend_html import trend_html
+from pytest_libero_max.report.page.index_page import index_html
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.run_index import IndexedRun, RunIndex
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import StoredRun
+from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.studies.studied import study_of
+from tests.report.studies.test_study_camera import cell
+
+_WRONG = re.compile(
+    r"(?<![\w.,/%+-])(?<!of )1 (?:common |published |planned |other |source )?"
+    r"(?:arms|cases|categories|events|games|groups|pairs|plays|regressions|runs|seeds|steps|suites|tasks)\b"
+)
+
+
+def words(text: str) -> str:
+    """The text that people see of a page."""
+    return re.sub(r"<(script|style)\b.*?</\1>|<[^>]*>", " ", text, flags=re.S)
+
+
+@pytest.mark.parametrize(("base", "dynamic"), [(True, False), (False, True), (True, True)])
+def test_a_run_of_one_pair(base: bool, dynamic: bool) -> None:
+    (pair, *_) = plan()
+    record = record_of(pair, base, dynamic)
+    report = build_report([record], [], [pair], PROVENANCE)
+    runs = {name: StoredRun(Run((pair,), PROVENANCE), (record,), (), torn=False) for name in ("a", "b")}
+    comparison = compare_runs(runs)
+    index = RunIndex({"cases": [IndexedRun(Path("a"), report, "0" * 64, "MuJoCo", True, None)]}, [])
+    texts = [
+        markdown(report),
+        words(html(report, [], ["pytest"])),
+        *(" ".join(lines(report)) for lines in (summary_lines, quiet_lines)),
+        *(" ".join(lines(comparison)) for lines in (comparison_lines, short_lines)),
+        comparison_markdown(comparison),
+        words(comparison_html(comparison)),
+        words(trend_html(comparison, [Counter(), Counter()])),
+        words(index_html(index, Path())),
+    ]
+    assert [
+        text[max(0, found.start() - 60) : found.end() + 30]
+        for text in texts
+        for found in _WRONG.finditer(text)
+    ] == []
+
+
+@pytest.mark.parametrize("name", ["camera-timing", "event-timing"])
+def test_a_study_of_one_case(name: str) -> None:
+    planned, records, provenance = study_of([cell("plus", "101", 1)], {"name": name})
+    report = build_report(records, [], planned, provenance)
+    texts = [markdown(report), " ".join(summary_lines(report)), words(html(report, [], ["pytest"]))]
+    assert [
+        text[max(0, found.start() - 60) : found.end() + 30]
+        for text in texts
+        for found in _WRONG.finditer(text)
+    ] == []

@@ -1,0 +1,89 @@
+"""Gates that the pages and the workflow recommend, on policies that solve nothing, little, half, and most."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pytest_libero_max.report.gate_results import decide, require_usable
+from pytest_libero_max.report.gates import parse_gates
+from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.store import PairStore
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("README.md", "AGENTS.md", "fixtures/README.md", "pytest_libero_max/runs/README.md")
+WORKFLOW = ROOT / "fixtures" / "github-action" / "workflow.yml"
+
+RATES = {
+    "nothing": (0.0, 0.0),
+    "little": (7 / 32, 3 / 32),
+    "little, and gains": (7 / 32, 7 / 32),
+    "half": (0.5, 0.5),
+    "most": (30 / 32, 30 / 32),
+    "most, and loses a third": (30 / 32, 20 / 32),
+}
+"""Base and Dynamic success; what Dynamic completes, Base completes too."""
+
+
+def recommended() -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield each set of gates with the place that recommends it."""
+    for page in PAGES:
+        text = (ROOT / page).read_text(encoding="utf-8")
+        for number, block in enumerate(re.findall(r"libero_max_gate =\n((?: +\S.*\n)+)", text)):
+            yield f"{page} {number}", tuple(line.strip() for line in block.splitlines())
+        for number, command in enumerate(re.findall(r"^pytest(?:.*\\\n)*.*$", text, re.M)):
+            gates = re.findall(r"--libero-max-gate=\"([^\"]+)\"", command)
+            if gates:
+                yield f"{page} command {number}", tuple(gates)
+    (job,) = yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))["jobs"].values()
+    yield "workflow", tuple(job["steps"][-1]["with"]["gates"].splitlines())
+
+
+SETS = dict(recommended())
+
+
+def store(folder: Path, planned: list[PlannedPair], base: float, dynamic: float) -> Path:
+    written = PairStore(folder, Run(tuple(planned), PROVENANCE))
+    for place, pair in enumerate(planned):
+        share = (place * 13 % 32) / 32  # spread over the events
+        written.append(record_of(pair, share < base, share < dynamic))
+    written.close()
+    return folder
+
+
+def test_the_pages_recommend_gates() -> None:
+    assert {place.partition(" ")[0] for place in SETS} == {
+        "README.md",
+        "pytest_libero_max/runs/README.md",
+        "workflow",
+    }
+
+
+@pytest.mark.parametrize("place", SETS)
+def test_recommended_gates_pass_what_solves_most_and_nothing_that_solves_less(
+    tmp_path: Path, place: str
+) -> None:
+    gates = parse_gates(SETS[place])
+    large = any(gate.end for gate in gates)  # an end of an interval needs the 800 pairs of lite
+    planned = plan(per_cell=25 if large else 1)
+    for run in {gate.run for gate in gates if gate.run is not None}:
+        store(tmp_path / run, planned, *RATES["most"])
+    passed = set()
+    for policy, rates in RATES.items():
+        folder = store(tmp_path / policy, planned, *rates)
+        require_usable(gates, planned, planned, folder, tmp_path)
+        if all(result.passed for result in decide(gates, folder, tmp_path)):
+            passed.add(policy)
+    assert passed == {"most"}
+
+
+@pytest.mark.parametrize("policy", ["nothing", "little", "half"])
+def test_a_first_run_that_solves_less_is_not_green(tmp_path: Path, policy: str) -> None:
+    gates = parse_gates(SETS["workflow"])
+    folder = store(tmp_path / policy, plan(), *RATES[policy])
+    assert not all(result.passed for result in decide(gates, folder, tmp_path))

@@ -1,0 +1,89 @@
+"""Reports of runs that a rule stopped: no interval but the rule's own, and the bias of their estimates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.exports import every_eval_ever
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.stopping_rule import BIAS
+from pytest_libero_max.report.studies.study_tables import study_csv
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
+from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.store import StoredRun, read_pairs
+from tests.report.made_up import plain
+
+REPORTS = Path(__file__).parents[2] / "reports"
+
+RUNS = (
+    "smoke/stale_expert",
+    "studies/camera-strength",
+    "studies/latency-expert",
+    "studies/cadence-servo",
+    "studies/event-timing-servo",
+    "studies/recovery-gated",
+    "beyond/compound-servo",
+    "monitors/servo",
+    "safety/expert",
+)
+"""A run without a study, one of each, and one of each probe that has a table."""
+
+_INTERVAL = re.compile(r"\[[+-]?\d+\.\d+, [+-]?\d+\.\d+\]")
+
+
+def stopped_run(name: str, rule: str = "first_regression") -> StoredRun:
+    stored = read_pairs(REPORTS / name)
+    planned = len(stored.run.planned)
+    stop = Stopped("it is a regression", planned, rule, len(stored.records) - 1)
+    return StoredRun(stored.run, stored.records[:-1], (), torn=False, stopped=stop)
+
+
+def numbers_of_intervals(value: Any) -> Iterator[float]:
+    if isinstance(value, dict):
+        for name, item in value.items():
+            if name in ("lower", "upper", "p_value", "log10_p_value") and item is not None:
+                yield item
+            yield from numbers_of_intervals(item)
+    if isinstance(value, list):
+        for item in value:
+            yield from numbers_of_intervals(item)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_stopped_report_prints_no_interval(name: str) -> None:
+    run = stopped_run(name)
+    report = build_report(run.records, (), run.run.planned, run.run.provenance, run.stopped)
+    document = plain(report)
+    assert [*numbers_of_intervals({**document, "pairs": None, "provenance": None})] == []
+    texts = [markdown(report), html(report, [], ["pytest"]), *summary_lines(report), *quiet_lines(report)]
+    texts += [] if report.study is None else [study_csv(report.study)]
+    assert [found for text in texts for found in _INTERVAL.findall(text)] == []
+    assert not any("the interval holds 0" in text for text in texts)
+
+
+def test_a_stopped_report_says_that_its_estimates_are_beyond_the_truth() -> None:
+    run = stopped_run("smoke/stale_expert")
+    report = build_report(run.records, (), run.run.planned, run.run.provenance, run.stopped)
+    assert report.pairs.stopped is not None
+    assert report.pairs.stopped.bias == BIAS
+    for text in (markdown(report), html(report, [], ["pytest"]), " ".join(summary_lines(report))):
+        assert "beyond the truth on average" in " ".join(text.split())
+
+
+@pytest.mark.parametrize(("rule", "bias"), [("errors:1", None), ("not_installed", BIAS)])
+def test_a_rule_that_does_not_look_at_outcomes_makes_no_bias(rule: str, bias: str | None) -> None:
+    run = stopped_run("smoke/stale_expert", rule)
+    report = build_report(run.records, (), run.run.planned, run.run.provenance, run.stopped)
+    assert report.pairs.stopped is not None
+    assert report.pairs.stopped.bias == bias
+
+
+def test_an_export_of_a_stopped_run_has_no_interval() -> None:
+    assert "confidence_interval" not in str(every_eval_ever.files(stopped_run("smoke/stale_expert")))

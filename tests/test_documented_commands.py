@@ -1,0 +1,176 @@
+"""Every command in a document is one that the program accepts; some are run as they are printed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+from tests.documented_commands import NOT_YET, ROOT, Documented, documented, fault_of
+from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
+from tests.short_episodes import short_episodes
+
+COMMANDS = documented()
+
+
+def test_every_documented_command_is_accepted(pytestconfig: pytest.Config) -> None:
+    faults = [
+        f"{command.document}: {command.text}\n    {fault}"
+        for command in dict.fromkeys(COMMANDS)
+        if (fault := fault_of(command, pytestconfig)) is not None
+    ]
+    assert not faults, "\n" + "\n".join(faults)
+    texts = {command.text for command in COMMANDS}
+    assert len(texts) > 300
+    assert {*NOT_YET} <= texts
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("libero-max powr --base 0.8", "there is no command"),
+        ("libero-max power --gate", "expected one argument"),
+        ("libero-max power --base", "expected one argument"),
+        ("libero-max bench --repeats -1", "whole number"),
+        ("libero-max film RUN --select=some", "invalid choice"),
+        ("pytest --libero-max-policy=expert --libero-max-trak=lite", "unrecognized arguments"),
+        ("pytest --libero-max-policy=expert --libero-max-track=light", "light"),
+        ("pytest --libero-max-policy=expert --libero-max-strict=gain", "gain"),
+        ('pytest --libero-max-policy=expert -k "camera_shift and nowhere"', "selects no case"),
+        ("pytest tests/nowhere", "there is no tests/nowhere"),
+        ("python -m tests.nowhere", "there is no module"),
+        ("python -m tests.scripts.profile_pairs --pears 8", "has no --pears"),
+        ("python fixtures/nowhere.py", "there is no nowhere.py"),
+        ("pip install 'pytest-libero-max[gym]'", "on no index"),
+        ("pip install -e '.[gim]'", "no extra"),
+        ("pip install -r .ci/nowhere.txt", "there is no .ci/nowhere.txt"),
+        ("curl example.org", "nobody says why"),
+    ],
+)
+def test_a_command_that_is_not_accepted_is_found(text: str, fault: str, pytestconfig: pytest.Config) -> None:
+    assert fault in str(fault_of(Documented("page.md", text), pytestconfig))
+
+
+def test_a_sentence_may_leave_out_what_has_to_be_given(pytestconfig: pytest.Config) -> None:
+    assert (
+        fault_of(Documented("page.md", "libero-max film --view=policy", mention=True), pytestconfig) is None
+    )
+    assert fault_of(Documented("page.md", "libero-max film --view=policy"), pytestconfig) is not None
+
+
+READ_ALONE = (
+    "libero-max claim --csv reports/claims.csv",
+    "libero-max claim 78/100 vs 74/100",
+    "libero-max claim 97.1% vs 96.9% --n 2000",
+    "libero-max claim 78/100 vs 70/100 --only-first 8 --only-second 0",
+    'libero-max power --base 0.84 --gate "delta >= -15%"',
+    "libero-max compare --published --tables published",
+    "libero-max programs",
+    "libero-max profiles",
+    "libero-max events",
+    "libero-max published",
+    "python -m tests.scripts.interaction reports/beyond/compound-servo",
+)
+"""Commands that read what is in the repository, and need no simulator."""
+
+
+@pytest.mark.parametrize("text", READ_ALONE)
+def test_what_reads_the_repository_runs_as_it_is_printed(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert text in {command.text.partition("#")[0].strip() for command in COMMANDS}
+    (tmp_path / "reports").symlink_to(ROOT / "reports")
+    monkeypatch.chdir(tmp_path)
+    program, *words = shlex.split(text)
+    if program == "libero-max":
+        assert main(words) == 0
+        assert capsys.readouterr().out
+    else:
+        subprocess.run([sys.executable, *words], check=True, capture_output=True, cwd=ROOT)
+
+
+ON_THE_TINY_SUBSTRATE = {
+    "pytest_libero_max/films/README.md": ("pytest ", "libero-max film", "libero-max report"),
+    "AGENTS.md": ("libero-max check", "pytest ", "libero-max film"),
+}
+"""Documents whose commands are run, and the beginnings of those that need no scene of the tracks."""
+
+NEEDED_HERE = {
+    "libero-max check": "--substrate=tiny",
+    "libero-max film": "--size=32",
+    "pytest ": "--libero-max-substrate=tiny --libero-max-manifest=tiny.json",
+}
+"""What a command is given beside what is printed, by its beginning: another substrate, smaller pictures."""
+
+SEEING = REACHER.replace("cameras=(), image_size=64", "cameras=('agentview',), image_size=32").replace(
+    "    def reset",
+    """
+    def model_inputs(self, observation, query):
+        return {"image": observation["agentview_image"][::-1, ::-1]}
+
+    def reset""",
+)
+
+
+@pytest.mark.parametrize("document", ON_THE_TINY_SUBSTRATE)
+def test_what_plays_and_looks_runs_as_it_is_printed(
+    document: str, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytester.makepyfile(adapter=SEEING)
+    manifest = tiny_manifest(events=("camera_shift",))
+    pytester.path.joinpath("tiny.json").write_text(json.dumps(manifest))
+    monkeypatch.setenv("PYTHONPATH", f"{pytester.path}{os.pathsep}{ROOT}")
+    monkeypatch.setenv("PYTEST_ADDOPTS", " ".join(short_episodes(pytester, BUDGET)))
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    played = [
+        command.text
+        for command in COMMANDS
+        if command.document == document
+        and not command.mention
+        and command.text.startswith(ON_THE_TINY_SUBSTRATE[document])
+    ]
+    assert len(played) > 2
+    for text in played:
+        line = text.partition("#")[0].strip().replace("NAME", manifest["cases"][0]["case_id"])
+        added = " ".join(more for begin, more in NEEDED_HERE.items() if line.startswith(begin))
+        result = subprocess.run(
+            f"{line} {added}", shell=True, cwd=pytester.path, capture_output=True, text=True, timeout=120
+        )
+        # `check` names the stand-in for a model, which looks at nothing.
+        assert result.returncode == int(line.startswith("libero-max check")), result.stdout + result.stderr
+
+
+def test_a_policy_is_served_with_what_the_page_names() -> None:
+    page = (ROOT / "pytest_libero_max" / "policies" / "README.md").read_text()
+    needed = re.search(r"environment only has to have ([^:]*): install", page)
+    assert needed is not None
+    assert [name.strip("`") for name in re.split(r", | and ", needed[1])] == [
+        "NumPy",
+        "Pillow",
+        "msgpack",
+        "msgspec",
+        "websockets",
+    ]
+    absent = (
+        "cv2",
+        "hypothesis",
+        "jinja2",
+        "mujoco",
+        "numba",
+        "pytest",
+        "robosuite",
+        "scipy",
+        "termcolor",
+        "xdist",
+    )
+    blocked = f"import sys; sys.modules.update(dict.fromkeys({absent!r}))"
+    serve = "from pytest_libero_max.cli import main; sys.exit(main(['serve', 'nowhere.py', '--port', '0']))"
+    result = subprocess.run([sys.executable, "-c", f"{blocked}; {serve}"], capture_output=True, text=True)
+    assert (result.returncode, "nowhere.py" in result.stderr) == (1, True), result.stderr
