@@ -27,6 +27,7 @@ from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import Observation
 
 from .pairing.actors import Approaching, make_case
+from .short_episodes import shorten_here
 
 pytest.importorskip("gymnasium", reason="the extra gym")
 
@@ -113,7 +114,7 @@ def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pair
 ) -> None:
     policy = load_policy("random")
     policy.spec = type(policy.spec)("mine", cameras=("agentview",))
-    monkeypatch.setattr(Case, "budget", 12)
+    shorten_here(monkeypatch, 12)
     with pytest.raises(
         OptionError, match=r"traces='every', but must be one of none, regressions, changed, all"
     ):

@@ -14,11 +14,23 @@ from datetime import date, datetime, time, timedelta
 from decimal import Decimal
 from functools import cache
 from types import NoneType, UnionType
-from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 from uuid import UUID
 
 import msgspec
 from msgspec import Meta, Struct
+from msgspec.structs import FieldInfo
 
 from pytest_libero_max.errors import LiberoMaxError, ReportError, did_you_mean
 
@@ -69,6 +81,30 @@ Object = Annotated[dict[str, Any], rule("an object")]
 Texts = Annotated[tuple[str, ...], rule("a list of texts")]
 NamedTexts = Annotated[dict[str, str], rule("an object of texts")]
 Counts = Annotated[dict[str, Count], rule("an object of integers of at least 0")]
+
+MOST_LEVELS = 8
+"""Most lists and objects in each other in a :data:`Plain` value; ours have five."""
+
+Whole = Annotated[int, Meta(ge=-LARGEST, le=LARGEST)]
+Finite = Annotated[float, Meta(ge=-LARGEST, le=LARGEST)]
+Scalar = bool | Whole | Finite | str | None
+"""A JSON value that is neither list nor object; sums and squares of its numbers stay finite."""
+
+if TYPE_CHECKING:
+    Plain = Any
+else:
+    Plain = Scalar
+    for _ in range(MOST_LEVELS - 1):  # msgspec has no recursive type; a decoder doubles with each level
+        Plain = Scalar | list[Plain] | dict[str, Plain]
+
+PlainObject = Annotated[
+    dict[str, Plain],
+    Meta(
+        extra={"rule": f"an object with numbers up to 2^63 - 1 and at most {MOST_LEVELS} levels"},
+        extra_json_schema={"plain": True},
+    ),
+]
+"""A stored object of no declared fields: a recursion over it ends, and no number of it overflows."""
 
 
 class Document(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -170,7 +206,7 @@ def _checked_inside(value: Any, kind: Any, where: str, error: type[LiberoMaxErro
 
 def _checked_struct(value: Any, kind: type[Struct], where: str, error: type[LiberoMaxError]) -> Any:
     require_fields(value, kind, where, error)
-    hints = get_type_hints(kind, include_extras=True)
+    hints = _hints(kind)
     at = where if where.endswith(": ") else f"{where}."
     found = {
         key: checked(value[key], hints[key], at + key, error)
@@ -201,7 +237,17 @@ def require_fields(value: Any, kind: type[Struct], where: str, error: type[Liber
 @cache
 def _names(kind: type[Struct]) -> dict[str, bool]:
     """Return the fields of a struct, True where they are required."""
-    return {field.name: field.required for field in msgspec.structs.fields(kind)}
+    return {field.name: field.required for field in _fields(kind)}
+
+
+@cache
+def _fields(kind: type[Struct]) -> tuple[FieldInfo, ...]:
+    return msgspec.structs.fields(kind)
+
+
+@cache
+def _hints(kind: type[Struct]) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
 
 
 def struct_of(kind: Any) -> type[Struct]:
@@ -276,7 +322,7 @@ def _explain(values: Any, kind: type[Document]) -> None:
     """
     if not isinstance(values, dict):
         raise ReportError(f"The {kind.NOUN} must be an object, but this is {shown(values)}.")
-    names = {name.encode_name: name for name in msgspec.structs.fields(kind)}
+    names = {name.encode_name: name for name in _fields(kind)}
     tag = kind.__struct_config__.tag_field
     if kind.__struct_config__.forbid_unknown_fields:
         for key in values:
@@ -289,14 +335,14 @@ def _explain(values: Any, kind: type[Document]) -> None:
     )
     if missing:
         raise ReportError(f"{kind.NOUN.capitalize()} {shown(values.get('case_id'))} lacks {missing}.")
-    hints = get_type_hints(kind, include_extras=True)
+    hints = _hints(kind)
     for name, field in names.items():
         if name in values:
             _explain_value(name, values[name], hints[field.name], kind)
 
 
 def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> None:
-    if fits(value, hint):
+    if fits({"value": value}, _holder(kind, name)):
         return
     inner = _document_in(hint)
     plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
@@ -311,7 +357,18 @@ def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> No
             convert(item, inner)
     elif inner is not None and isinstance(value, dict):
         convert(value, inner)
+    elif isinstance(value, dict):
+        wrong = [key for key in value if not fits({"value": {key: value[key]}}, _holder(kind, name))]
+        if wrong and fits({"value": {}}, _holder(kind, name)):
+            part = f"{name}.{wrong[0]}={shown(value[wrong[0]])}"
+            raise ReportError(f"{part} of the {kind.NOUN}, in what must be {words(hint)}.")
     raise ReportError(f"{name}={shown(value)} of the {kind.NOUN}, but must be {words(hint)}.")
+
+
+@cache
+def _holder(kind: type[Document], name: str) -> type[Struct]:
+    """Return a struct of one field: msgspec prepares the type of any other value at each call."""
+    return msgspec.defstruct(f"{kind.__name__}_{name}", [("value", _hints(kind)[name])])
 
 
 def _document_in(hint: Any) -> type[Document] | None:
@@ -320,6 +377,26 @@ def _document_in(hint: Any) -> type[Document] | None:
         return hint
     found = (_document_in(part) for part in get_args(hint) if part is not Ellipsis)
     return next((kind for kind in found if kind is not None), None)
+
+
+def require_plain(value: Any, where: str, levels: int) -> None:
+    """Check that a value of no declared form has numbers that do not overflow, and an end.
+
+    Args:
+        value: JSON.
+        where: Its name in a message.
+        levels: Most lists and objects in each other.
+
+    Raises:
+        ReportError: It has more levels, or a number beyond :data:`LARGEST`.
+    """
+    if isinstance(value, dict | list):
+        if not levels:
+            raise ReportError(f"{where} has too many lists and objects in each other.")
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            require_plain(part, f"{where}.{key}", levels - 1)
+    elif isinstance(value, int | float) and not -LARGEST <= value <= LARGEST:
+        raise ReportError(f"{where}={shown(value)}, but must be a number up to 2^63 - 1.")
 
 
 def fits(value: Any, kind: Any) -> bool:

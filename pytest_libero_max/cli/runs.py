@@ -13,6 +13,9 @@ from pytest_libero_max.errors import OptionError, ReportError
 if TYPE_CHECKING:
     from pytest_libero_max.runs.status import Seen
 
+_FLOOR = " *"
+"""Mark of a change where Base solves next to nothing."""
+
 _HEAD = ("run", "policy", "cases", "Base", "Dynamic", "change", "status", "began (UTC)")
 
 
@@ -44,6 +47,10 @@ def _runs(options: argparse.Namespace) -> int:
         except ReportError as error:
             unreadable.append(f"cannot be read: {error}")
     lines = aligned([_HEAD, *(row for _, row in sorted(found))]) if found else []
+    if any(_FLOOR in cell for _, row in found for cell in row):
+        from pytest_libero_max.report.writers.summary import FLOOR_NOTE
+
+        lines.append(FLOOR_NOTE)
     say([*lines, *unreadable] or [f"There is no run below {folder}."])
     return int(bool(unreadable))
 
@@ -74,12 +81,14 @@ def _began(seen: Seen) -> str:
 def _rates(seen: Seen) -> tuple[str, str, str]:
     from pytest_libero_max.report.formats import percent, points
     from pytest_libero_max.runs.outcomes import read_outcomes
+    from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 
     if seen.state != "ended" or not seen.complete or not seen.progress.done:
         return ("", "", "")
     pairs = read_outcomes(seen.folder).pairs
     base, dynamic = float(pairs.base.mean()), float(pairs.dynamic.mean())
-    return percent(base), percent(dynamic), f"{points(dynamic - base)} pp"
+    floor = _FLOOR if base < FLOOR_BASE_RATE else ""
+    return percent(base), percent(dynamic), f"{points(dynamic - base)} pp{floor}"
 
 
 def _status(seen: Seen) -> str:

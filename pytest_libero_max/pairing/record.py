@@ -10,13 +10,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import Meta, field
-from msgspec.structs import force_setattr, replace
+from msgspec.structs import force_setattr
 
-from pytest_libero_max.benchmark.cases import Case, step_budget
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.latency import CHANGED_BY, NO_LATENCY, PATTERN, Latency
+from pytest_libero_max.benchmark.latency import NO_LATENCY, PATTERN
 from pytest_libero_max.benchmark.structs import (
-    LARGEST,
     AnyText,
     Count,
     Counts,
@@ -27,7 +26,7 @@ from pytest_libero_max.benchmark.structs import (
     Flag,
     Name,
     NamedTexts,
-    Object,
+    PlainObject,
     Positive,
     Proof,
     Sha256,
@@ -45,6 +44,13 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.errors import ReportError, did_you_mean, is_refusal
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
+from pytest_libero_max.pairing.probe_columns import Columns
+from pytest_libero_max.pairing.record_rules import (
+    ACTION_DIM,
+    Timing,
+    require_consistent,
+    require_consistent_arm,
+)
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.rollout import RolloutResult
@@ -55,9 +61,6 @@ RECORD_VERSION = 3
 READABLE_VERSIONS = (2, 3)
 Version = Annotated[int, Meta(ge=2, le=3)]
 """Versions of the fields below; one that is read is a record of :data:`RECORD_VERSION` from then on."""
-
-ACTION_DIM = 7
-"""Components of an action; spelled here because records are read where no simulator is."""
 
 _OWN_FIELDS = ("approach", "clipping", "contacts", "response")
 """The probes whose columns are fields of an arm's record."""
@@ -71,15 +74,13 @@ FILES, RESET_FILES = "files", "reset_files"
 """Fields of a record's policy: the files that loading it read, and those that ``reset`` has read besides in
 the process so far, by name (:mod:`~pytest_libero_max.policies.files_read`)."""
 
-FileIdentities = dict[Name, dict[Name, Count | Text]]
-
-QUERY_MS = "query_ms"
-"""Among the timings of a pair: numbers of queries by their milliseconds, by arm."""
-
 LatencyText = Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=PATTERN)]
 
 ArmName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
 """Name of an arm."""
+
+ProbeName = Annotated[str, Meta(pattern="^[a-z][a-z0-9_]*$")]
+"""Name of a probe."""
 
 OUTCOMES = ("preserved_success", "change_associated_success", "regression", "persistent_failure")
 
@@ -102,7 +103,7 @@ class FiringRecord(Document, frozen=True, kw_only=True):
     queries: Count
     distance_m: Distance
     prefix_proof: Proof
-    evidence: Object
+    evidence: PlainObject
 
 
 class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
@@ -140,7 +141,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
 
     NOUN: ClassVar[str] = "arm"
 
-    schedule: tuple[Json, ...]
+    schedule: tuple[PlainObject, ...]
     repetition: Count
     success: Flag
     steps: Count
@@ -155,7 +156,10 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     shares: Text | None
     notes: Counts | None = None
     returned: Span | None = None
-    probes: dict[str, Object] = field(default_factory=dict)
+    probes: Annotated[
+        dict[ProbeName, Columns],
+        rule("columns by probe, both named in lower case: values or lists of values, up to 2^63 - 1"),
+    ] = field(default_factory=dict)
     latency: LatencyText | None = None
     held_steps: Count | None = None
 
@@ -216,7 +220,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one.
         """
         arm = convert(values, cls)
-        _require_consistent_arm(arm)
+        require_consistent_arm(arm)
         return arm
 
 
@@ -319,9 +323,12 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     trigger_entity: Name
     max_steps: Count
     arms: Annotated[dict[ArmName, ArmRecord], Meta(min_length=1)]
-    policy: Object
+    policy: PlainObject
     fingerprints: NamedTexts
-    timings: Object = field(default_factory=dict)
+    timings: Annotated[
+        dict[str, Timing],
+        rule("numbers of at least 0, an address, and numbers of queries by milliseconds, by arm"),
+    ] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         force_setattr(self, "schema_version", RECORD_VERSION)
@@ -524,30 +531,12 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
                 or the schema version is not one of :data:`READABLE_VERSIONS`.
         """
         require_version(values, "pair record")
-        return _consistent(convert(values, cls))
+        return require_consistent(convert(values, cls))
 
     @classmethod
     def from_json(cls, line: bytes) -> PairRecord:
         """Read a line of ``pairs.jsonl``; the errors are those of :meth:`from_dict`."""
-        return _consistent(decode(line, cls))
-
-
-def _consistent(record: PairRecord) -> PairRecord:
-    """Return a record whose fields agree.
-
-    Raises:
-        ReportError: They do not.
-    """
-    for name, arm in record.arms.items():
-        try:
-            _require_consistent_arm(arm)
-        except ReportError as error:
-            raise ReportError(f"arm {name!r} of {record.item_id!r}: {error}") from None
-    try:
-        _require_consistent_pair(record)
-    except ReportError as error:
-        raise ReportError(f"{record.item_id!r}: {error}") from None
-    return record
+        return require_consistent(decode(line, cls))
 
 
 def require_version(values: Json, what: str) -> None:
@@ -638,148 +627,3 @@ def result_from_dict(values: Json) -> PairRecord | PairError:
         ReportError: See the two ``from_dict``.
     """
     return PairError.from_dict(values) if is_error(values) else PairRecord.from_dict(values)
-
-
-# Values that contradict each other.
-
-
-def _require_consistent_arm(arm: ArmRecord) -> None:
-    """Check that the fields of an arm about its event agree.
-
-    Raises:
-        ReportError: It does not.
-    """
-    if not all(_is_entry(entry, arm.schedule[:index]) for index, entry in enumerate(arm.schedule)):
-        raise ReportError(
-            f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
-            "and a change or a reversal of an earlier one."
-        )
-    changes = [entry.get("change", {}) for entry in arm.schedule]
-    delayed = [one.get("latency") for one in changes if one.get("operation") == CHANGED_BY]
-    if (arm.latency is None and not delayed) != (arm.held_steps is None):
-        raise ReportError(
-            f"latency={shown(arm.latency)} and held_steps={arm.held_steps} of an arm, but it has both "
-            "or neither."
-        )
-    if len(arm.firings) > len(arm.schedule):
-        raise ReportError(
-            f"{len(arm.firings)} firings of an arm whose schedule has {len(arm.schedule)} entries."
-        )
-    if not arm.firings:
-        if arm.response_step is not None or arm.stale_actions is not None:
-            raise ReportError(
-                f"response_step={arm.response_step} and stale_actions={arm.stale_actions} of an arm in which "
-                "nothing happened, but must be null."
-            )
-        return
-    moments = [firing.step for firing in arm.firings]
-    if moments != sorted(moments) or moments[-1] > arm.steps:
-        raise ReportError(f"Firings at the steps {moments} of an arm of {arm.steps} steps, in this order.")
-    event = moments[0]
-    if arm.response_step is not None and not event <= arm.response_step <= arm.steps:
-        raise ReportError(
-            f"response_step={arm.response_step}, but the event was at step {event} and the arm took "
-            f"{arm.steps} steps: a response comes after the event."
-        )
-    texts = [text if fits(text, LatencyText) else str(NO_LATENCY) for text in (arm.latency, *delayed)]
-    delays = sorted({delay for text in texts for delay in Latency.parse(text).delays})
-    answered = arm.steps if arm.response_step is None else arm.response_step
-    ends = {min(arm.steps, answered + delay) for delay in delays}
-    stale = sorted(end - event for end in ends)
-    if arm.stale_actions not in stale:
-        late = f" of which the answer takes {_either(delays)} steps" if any(delays) else ""
-        raise ReportError(
-            f"stale_actions={arm.stale_actions}, but {_either(stale)} actions were executed between the "
-            f"event (step {event}) and the next query{late} (response_step={arm.response_step}, "
-            f"steps={arm.steps})."
-        )
-
-
-def _either(values: Sequence[int]) -> str:
-    return " or ".join(map(str, values))
-
-
-def _require_consistent_pair(record: PairRecord) -> None:
-    """Check that the arms of a record agree with each other.
-
-    Raises:
-        ReportError: It does not.
-    """
-    if not _is_policy(record.policy):
-        raise ReportError(
-            f"policy={shown(record.policy)} of a pair record, but must be a policy's spec with name, "
-            "horizon, query_interval (Q <= H) and privileged."
-        )
-    for part in (FILES, RESET_FILES):
-        if not fits(record.policy.get(part, {}), FileIdentities):
-            raise ReportError(
-                f"policy.{part}={shown(record.policy[part])} of a pair record, but must be files by name, "
-                "each with numbers and texts that identify it."
-            )
-    budget = step_budget(record.suite)
-    if budget is not None and record.max_steps != budget:
-        raise ReportError(
-            f"max_steps={record.max_steps}, but an episode of {record.suite} has {budget}. Something has "
-            "changed the budgets where the pair was played: look for it in the adapter."
-        )
-    for name, arm in record.arms.items():
-        if arm.steps > record.max_steps:
-            raise ReportError(f"steps={arm.steps} of arm {name!r}, but max_steps={record.max_steps}.")
-        if arm.shares is not None:
-            _require_shared(record, name, arm)
-    if BASE not in record.arms or DYNAMIC not in record.arms:
-        return
-    base, dynamic = record.arms[BASE], record.arms[DYNAMIC]
-    if base.schedule or base.firings:
-        raise ReportError(f"arm {BASE!r} has an event, but nothing happens in Base.")
-    event = record.trigger
-    if event is None:
-        if (base.success, base.proof) != (dynamic.success, dynamic.proof):
-            raise ReportError("the event never came, but Base and Dynamic differ.")
-    elif event.step > record.base_steps or event.queries > dynamic.queries:
-        raise ReportError(
-            f"the event came after {event.step} steps and {event.queries} queries, but Base took "
-            f"{record.base_steps} steps and Dynamic {dynamic.queries} queries."
-        )
-
-
-def _require_shared(record: PairRecord, name: str, arm: ArmRecord) -> None:
-    """Check that an arm that was not played is the earlier arm that it names."""
-    names = list(record.arms)
-    earlier = names[: names.index(name)]
-    if arm.shares not in earlier:
-        raise ReportError(f"shares={arm.shares!r} of arm {name!r}, but the arms before it are {earlier}.")
-    if arm != replace(record.arms[arm.shares], schedule=arm.schedule, shares=arm.shares):
-        raise ReportError(f"arm {name!r} differs from {arm.shares!r}, which it says it shares.")
-
-
-def _is_entry(value: Json, earlier: Sequence[Json]) -> bool:
-    """Return True if this is an entry of a schedule after others, as ``Entry.to_dict`` writes it."""
-    if not _named(value.get("trigger"), "type"):
-        return False
-    if value.keys() == {"trigger", "change"}:
-        return _named(value["change"], "operation")
-    if value.keys() != {"trigger", "reverts"} or not _is_count(value["reverts"]):
-        return False
-    return value["reverts"] < len(earlier) and "change" in earlier[value["reverts"]]
-
-
-def _named(value: Any, key: str) -> bool:
-    return type(value) is dict and type(value.get(key)) is str
-
-
-def _is_count(value: Any, least: int = 0) -> bool:
-    return type(value) is int and least <= value <= LARGEST
-
-
-def _is_policy(policy: Json) -> bool:
-    horizon: Any = policy.get("horizon")
-    query_interval: Any = policy.get("query_interval")
-    return (
-        type(policy.get("name")) is str
-        and policy["name"] != ""
-        and _is_count(horizon, 1)
-        and _is_count(query_interval, 1)
-        and query_interval <= horizon
-        and type(policy.get("privileged")) is bool
-    )

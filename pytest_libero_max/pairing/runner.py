@@ -28,7 +28,8 @@ from pytest_libero_max.pairing.changing import apply_change
 from pytest_libero_max.pairing.prefix import BranchPoint, PrefixMode, return_to_branch, way_back
 from pytest_libero_max.pairing.probes.probe import Probes
 from pytest_libero_max.pairing.probes.standard import STANDARD
-from pytest_libero_max.pairing.record import QUERY_MS, ArmRecord, PairRecord, query_times
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord, query_times
+from pytest_libero_max.pairing.record_rules import QUERY_MS
 from pytest_libero_max.pairing.rollout import Parted, Rollout, RolloutResult
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch

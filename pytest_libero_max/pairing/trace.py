@@ -114,14 +114,32 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
                 f"{path}: {name}_{part} {found}, but the record of the pair says {shape}. The trace is of "
                 "another run; play the pair again with --libero-max-traces=all."
             )
-    if parts["joints"] is not None and len(parts["joints"]) != steps:
-        raise ReportError(f"{path}: {name}_joints has {len(parts['joints'])} steps, but the record {steps}.")
+    joints = parts["joints"]
+    if joints is not None and (len(joints) != steps or (steps and joints.ndim != 2)):
+        raise ReportError(f"{path}: {name}_joints has shape {joints.shape}, but the record {steps} steps.")
     if parts["query_steps"] is None:
         raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")
     answers, queries = parts["answers"], parts["query_steps"].shape
     if answers is not None and (answers.ndim != 3 or answers.shape[::2] != (*queries, 7)):
         raise ReportError(f"{path}: {name}_answers has shape {answers.shape}, but of queries {queries}.")
+    for part, values in parts.items():
+        if values is not None and not _is_numbers(
+            values, whole=part == "query_steps", gaps=part == "answers"
+        ):
+            raise ReportError(
+                f"{path}: {name}_{part} has {values.dtype} values that are no finite numbers, or no list of "
+                "steps. Play the pair again with --libero-max-traces=all."
+            )
     return ArmTrace(**{part: values for part, values in parts.items() if values is not None})
+
+
+def _is_numbers(values: NDArray[Any], *, whole: bool, gaps: bool) -> bool:
+    """Return True if an array holds finite numbers; the gaps behind short answers are NaN."""
+    if whole:
+        return values.dtype.kind in "iu" and values.ndim == 1
+    if values.dtype.kind not in "fiu":
+        return False
+    return not bool(np.isinf(values).any()) and (gaps or not bool(np.isnan(values).any()))
 
 
 def _trace(rollout: RolloutResult) -> ArmTrace:

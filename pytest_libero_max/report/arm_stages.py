@@ -1,4 +1,4 @@
-"""A failed arm as the rules for causes see it: how far it came at each stage, beside Base at the same stage."""
+"""A failed arm as the rules for causes see it: how far it came at each stage, beside Base."""
 
 from __future__ import annotations
 

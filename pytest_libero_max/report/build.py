@@ -16,6 +16,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.base_failures import base_failures
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
@@ -170,6 +171,7 @@ def build_report(
         returned=_returned(played.values()),
         clipped_actions=_clipped_actions(played.values()),
         changed_pairs=changed_pairs(played.values()),
+        base_failures=base_failures([*played.values()]),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
         by={
             name: {label: result_of(result, total) for label, (result, total) in group.items()}

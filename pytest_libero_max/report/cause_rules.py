@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from pytest_libero_max.report.arm_stages import BLOCKED_STEPS, FailedArm, cm, is_at
+from pytest_libero_max.report.arm_stages import FailedArm, cm, is_at
 from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words, name_in_words
 
 _CANCELS = "cancel_instruction"
@@ -56,8 +56,8 @@ def _not_stopped(arm: FailedArm) -> str | None:
         return f"The task was cancelled at step {last.step}, and the policy was not asked again."
     end = " The cancelled goal holds at the end." if len(arm.done) == len(arm.rows) else ""
     return (
-        f"The task was cancelled at step {last.step}. The policy was told at step {arm.played.response_step}, "
-        f"and did not stand still from then on, or completed the task.{end}"
+        f"The task was cancelled at step {last.step}. The policy was told at step "
+        f"{arm.played.response_step}, and did not stand still from then on, or completed the task.{end}"
     )
 
 
@@ -96,7 +96,10 @@ def _is_old_goal(old_m: float | None, new_m: float | None) -> bool:
 
 
 def _blocked_by_obstacle(arm: FailedArm) -> str | None:
-    """The hand was told to move for 2 s or more, most of the time from then on, and did not; it touched what has no part in the task."""
+    """The hand was told to move and did not, for 2 s or more and half of the time from then on.
+
+    It touched what has no part in the task.
+    """
     number, first = int(arm.stages["blocked_steps"]), arm.stages["blocked_step"]
     names = [
         name
@@ -156,7 +159,7 @@ def _moved_goal(arm: FailedArm) -> str | None:
 
 def _pushes(stages: Mapping[str, list[str | int | float]]) -> Iterator[tuple[str, int, float]]:
     """Other objects that moved: name, step, and distance in m."""
-    yield from zip(*(stages[key] for key in ("moved", "moved_step", "moved_m")), strict=True)  # type: ignore[misc]
+    yield from zip(*(stages[key] for key in ("moved", "moved_step", "moved_m")), strict=True)
 
 
 def _undone(arm: FailedArm) -> str | None:
@@ -185,7 +188,7 @@ def _grasp_slipped(arm: FailedArm) -> str | None:
 
 
 def _dropped(arm: FailedArm) -> str | None:
-    """The fingers opened on the way: 3 cm or more above where the object ended, or where it had been lifted."""
+    """The fingers opened on the way: 3 cm or more above where the object ended, or where it was lifted."""
     row = arm.row
     if not arm.lifted or not row.lost_open or row.lost_step is None:
         return None
@@ -313,17 +316,17 @@ def _missed_moved_target(arm: FailedArm) -> str | None:
     if off > min(_SAME_PLACE_M, _CLEARLY[0] * off_new):
         return None
     return (
-        f"{arm.thing.capitalize()} moved {cm(arm.moved[row.entity])} at step {event.step}; the hand closed at "
-        f"step {row.close_step}, {cm(row.close_m)} from it and {cm(row.close_old_m)} from where it had been"
-        f"{arm.in_base(usual)}."
+        f"{arm.thing.capitalize()} moved {cm(arm.moved[row.entity])} at step {event.step}; the hand closed "
+        f"at step {row.close_step}, {cm(row.close_m)} from it and {cm(row.close_old_m)} from where it had "
+        f"been{arm.in_base(usual)}."
     )
 
 
 def _wrong_object(arm: FailedArm) -> str | None:
     """The fingers lifted another object, as Base did not, and not the one of the task."""
     usual = () if arm.base is None else arm.base.probes["stages"]["wrong"]
-    lifts = [pair for pair in zip(arm.stages["wrong"], arm.stages["wrong_step"], strict=True)]
-    lifts = [(name, step) for name, step in lifts if name not in usual]
+    every = zip(arm.stages["wrong"], arm.stages["wrong_step"], strict=True)
+    lifts = [(name, step) for name, step in every if name not in usual]
     if arm.lifted or not lifts:
         return None
     name, step = lifts[0]
@@ -370,7 +373,7 @@ def _pushed_target(arm: FailedArm) -> str | None:
 
 
 def _closed_near(arm: FailedArm) -> bool:
-    """Return True if the hand closed around or beside the object, 6 cm farther than a hand that reached it."""
+    """Return True if the hand closed at most 6 cm farther from the object than one that has reached it."""
     row = arm.row
     if row.close_m is None or row.closest_m is None or arm.farther_m is None:
         return False
@@ -416,7 +419,7 @@ def _timed_out(arm: FailedArm) -> str | None:
     stopped = arm.stopped and not _creeps(arm)
     if stopped or closed or row.touch_step is not None or arm.held_up:
         return None
-    nearing = (row.closest_step or 0) >= arm.steps - _UNNOTICED_STEPS
+    nearing = arm.base is not None and (row.closest_step or 0) >= arm.steps - _UNNOTICED_STEPS
     short = _was_short(arm)
     if not (nearing or short):
         return None
@@ -436,7 +439,7 @@ def _no_time(arm: FailedArm, what: str, step: int, usual: int | None) -> str | N
 
 
 def _was_short(arm: FailedArm) -> str:
-    """Return a clause if fewer steps were left after what was done than Base took from there; else nothing."""
+    """Return a clause if fewer steps were left after what was done than Base took then; else nothing."""
     if not arm.done or arm.base is None:
         return ""
     last = max(row.satisfied_step or 0 for row in arm.done)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Final, Literal
 
+from msgspec import field
+
 from pytest_libero_max.report.blocks import (
     Block,
     Change,
@@ -395,6 +397,22 @@ class ChangedPair(Block, frozen=True, kw_only=True):
         return self.item_id.partition(f"-{self.event}-v")[2].partition("-")[2]
 
 
+class BaseFailures(Block, frozen=True, kw_only=True):
+    """Failures of Base of one cause.
+
+    Attributes:
+        cause: The cause; see the list of causes.
+        pairs: Number of pairs.
+        item_ids: Names of the first of them, by name.
+        sentence: The cause with the numbers of the first pair.
+    """
+
+    cause: Text
+    pairs: Positive
+    item_ids: list[Text]
+    sentence: Text
+
+
 class SuccessCurves(Block, frozen=True, kw_only=True):
     """Survival curves of Base and Dynamic over the same pairs: nothing is censored before an episode's end.
 
@@ -436,6 +454,7 @@ class Report(Block, frozen=True, kw_only=True):
             was played.
         changed_pairs: Played pairs of which one arm succeeded and the other failed, by item id.
         causes: Number of failed arms of Base and of Dynamic, by cause.
+        base_failures: Failures of Base by cause, the most frequent first, where Base solves less than half.
         by: Results by group, for nine ways of grouping: event, family, suite, source, category (source and
             source category), severity, variant (event and parameter variant), difficulty and program (no
             group where no case has one). Groups hold different cases: differences between groups are
@@ -471,6 +490,7 @@ class Report(Block, frozen=True, kw_only=True):
     clipped_actions: ClippedActions | None
     changed_pairs: list[ChangedPair]
     causes: dict[str, dict[str, Count]]
+    base_failures: list[BaseFailures] = field(default_factory=list)
     by: dict[str, dict[str, Result]]
     category_by_event: dict[str, dict[str, Cell]]
     macro: Macros

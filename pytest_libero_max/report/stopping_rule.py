@@ -16,15 +16,13 @@ from typing import ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.order import Order
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.registry import Registry, modules_in
 from pytest_libero_max.report.gates import Gate, parse_gates
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.stopped import Stopped
-
-ENTRY_POINT_GROUP = "pytest_libero_max.stopping_rules"
+from pytest_libero_max.runs.stopped import RULES, RULES_GROUP, Stopped
 
 BIAS = (
     "The estimates of a stopped run lie beyond the truth on average, on the side that stopped it. Simulated "
@@ -32,8 +30,6 @@ BIAS = (
     "points: -7.6 and -12.6 on average."
 )
 """What rules that look at outcomes do to estimates; the numbers are those of ``reports/sequential.md``."""
-
-_RULES = "pytest_libero_max.report.stopping_rules"
 
 
 @dataclass(frozen=True)
@@ -126,11 +122,11 @@ class StoppingRule(ABC):
 
 
 def _own() -> Mapping[str, Callable[[], type[StoppingRule]]]:
-    return {name: partial(_load, name) for name in modules_in(_RULES)}
+    return {name: partial(_load, name) for name in modules_in(RULES)}
 
 
 def _load(name: str) -> type[StoppingRule]:
-    module = importlib.import_module(f"{_RULES}.{name}")
+    module = importlib.import_module(f"{RULES}.{name}")
     (rule,) = (
         value
         for value in vars(module).values()
@@ -146,7 +142,7 @@ def _accept(name: str, rule: object) -> type[StoppingRule]:
 
 
 STOPPING_RULES: Registry[type[StoppingRule]] = Registry(
-    "stopping rule", ENTRY_POINT_GROUP, _own, _accept, OptionError
+    "stopping rule", RULES_GROUP, _own, _accept, OptionError
 )
 """Every stopping rule by name."""
 
@@ -230,6 +226,9 @@ def watched_by(
     Returns:
         What the rule knew after the pairs on which it decided; empty where there was no rule, or where the
         package that has it is not installed.
+
+    Raises:
+        ReportError: The rule takes no such arguments, or a gate is none.
     """
     if stopped.rule is None or stopped.at is None:
         return []
@@ -238,8 +237,10 @@ def watched_by(
         if type(rule).watched is StoppingRule.watched:
             return []
         declared = parse_gates(gates)
-    except (LiberoMaxError, ValueError):
+    except LiberoMaxError:
         return []
+    except ValueError as error:
+        raise ReportError(f"rule={stopped.rule!r} of a stop, or a gate of the run: {error}.") from None
     found: dict[str, PairRecord | PairError] = {}
     for pair in pairs:
         found.setdefault(pair.item_id, pair)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from datetime import datetime
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
@@ -27,12 +28,25 @@ from pytest_libero_max.benchmark.structs import (
     Texts,
     Variant,
     convert,
+    require_plain,
+    rule,
     to_builtins,
 )
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, require_version
+
+Moment = Annotated[
+    str,
+    rule(
+        "a time such as 2026-11-25T10:00:00+00:00",
+        pattern=r"^20[0-9]{2}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\+00:00$(?!\n)",
+    ),
+]
+
+_MOST_LEVELS = 16
+"""Most lists and objects in each other in the provenance: it holds programs, and these changes."""
 
 _UNKNOWN = "?"
 """The number of a task that is not known."""
@@ -126,24 +140,29 @@ def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> li
 
 
 class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
-    """The substrate of a run, as far as every run says it."""
+    """The substrate of a run, as far as it is read again."""
 
     NOUN: ClassVar[str] = "provenance.substrate"
 
     name: Text
     roots: Texts = ()
     assets: Text | None = None
+    semantics: Text | None = None
+    instruction_source: Text | None = None
+    source_variations: Text | None = None
 
 
 class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
-    """The case set of a run, as far as every run says it."""
+    """The case set of a run, as far as it is read again."""
 
     NOUN: ClassVar[str] = "provenance.case_set"
 
     name: Text
     digest: Text
+    limit: Positive | None = None
     path: Text | None = None
     program: Text | None = None
+    released_as: Text | None = None
 
 
 class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -154,7 +173,9 @@ class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fal
     reference: Text
     horizon: Positive | None = None
     query_interval: Positive | None = None
+    code: Text | None = None
     profile: Text | None = None
+    revision: Text | None = None
     restore: Text | None = None
     adaptive: Text | None = None
 
@@ -164,6 +185,7 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
 
     NOUN: ClassVar[str] = "provenance.protocol"
 
+    prefix: Text | None = None
     noise_floor: Positive | None = None
     sham: Share | None = None
     strength: Share | None = None
@@ -177,8 +199,8 @@ class Scores(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
 
     NOUN: ClassVar[str] = "provenance.scores"
 
-    comparable_with_published: Flag | None = None
-    note: Text | None = None
+    comparable_with_published: Flag | None
+    note: Text | None
 
 
 class Git(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -195,14 +217,14 @@ class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fals
 
     NOUN: ClassVar[str] = "provenance"
 
-    versions: Object
+    versions: dict[str, Text | None]
     platform: Object
     substrate: Substrate
     case_set: CaseSet
     policy: AskedPolicy
     protocol: Protocol
     command: Texts
-    started: Text | None = None
+    started: Moment | None = None
     git: Git | None = None
     gl_backend: AnyText | None = None
     fingerprint: Text | None = None
@@ -252,7 +274,12 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
         """
         require_version(values, "run")
         run = convert(values, cls)
-        convert(run.provenance, Provenance)
+        require_plain(run.provenance, "provenance", _MOST_LEVELS)
+        started = convert(run.provenance, Provenance).started
+        try:
+            datetime.fromisoformat(started or "2000-01-01")
+        except ValueError as error:
+            raise ReportError.seen("provenance.started", started, f" is no time: {error}.") from None
         if "selection" in run.provenance:
             Selection.from_dict(run.provenance["selection"]).require(pair.case_id for pair in run.planned)
         return run

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.latency import Latency, Runner
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.pairing.record import QUERY_MS, PairRecord
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record_rules import QUERY_MS
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.worlds.contract import CONTROL_HZ

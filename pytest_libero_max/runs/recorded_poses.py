@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.array_files import read_arrays
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.structs import decode_json, require_plain, shown
 from pytest_libero_max.errors import ReportError
 
 POSITION_M = 1e-4
@@ -29,6 +30,7 @@ TURN = 1 / 32767
 
 _HEADER, _MOVES, _PART = "header", "moves", "part_"
 _DIGITS = 16
+_LEVELS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +118,12 @@ def read_poses(path: Path) -> RecordedPoses:
     try:
         contents = {name: values.tobytes() for name, values in read_arrays(path).items()}
         parts = {name.removeprefix(_PART): content for name, content in contents.items() if _PART in name}
-        return RecordedPoses(json.loads(contents[_HEADER]), parts, contents[_MOVES])
-    except (OSError, ValueError, KeyError) as error:
+        header = decode_json(contents[_HEADER], "The header is damaged.")
+        if not isinstance(header, dict):
+            raise ReportError(f"the header is {shown(header)}, but must be an object")
+        require_plain(header, "header", _LEVELS)
+        return RecordedPoses(header, parts, contents[_MOVES])
+    except (OSError, ValueError, KeyError, ReportError) as error:
         raise ReportError(
             f"Cannot read the poses in {path}: {error}. Write them again with libero-max poses."
         ) from error

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from importlib.metadata import entry_points
+from typing import Annotated, ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.structs import Count, Document, Positive, Text, convert, to_builtins
+from pytest_libero_max.benchmark.structs import Document, Positive, Text, convert, rule, shown, to_builtins
+from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.registry import modules_in
+from pytest_libero_max.runs.plan import Run
+
+RULES = "pytest_libero_max.report.stopping_rules"
+"""Package whose modules are the stopping rules; their names are needed where no report is computed."""
+
+RULES_GROUP = "pytest_libero_max.stopping_rules"
+"""Entry-point group of those of other packages."""
+
+RuleText = Annotated[str, rule("NAME or NAME:ARGUMENTS", pattern=r"^[^:\s]+(:.+)?$(?!\n)")]
 
 
 class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
@@ -24,8 +36,31 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
 
     reason: Text
     of: Positive
-    rule: Text | None = None
-    at: Count | None = None
+    rule: RuleText | None = None
+    at: Positive | None = None
+
+    def require_of(self, run: Run) -> None:
+        """Check that a run may have been stopped like this.
+
+        A rule of a package that is not installed here is known where the run declared it.
+
+        Raises:
+            ReportError: It has another number of pairs, or there is no such rule.
+        """
+        if self.of != len(run.planned):
+            raise ReportError(f"of={self.of}, but the run has {len(run.planned)} planned pairs.")
+        if (self.rule is None) != (self.at is None):
+            raise ReportError(
+                f"rule={shown(self.rule)} and at={self.at} of a stop, but it has both or neither."
+            )
+        if self.at is not None and self.at > self.of:
+            raise ReportError(f"at={self.at} of a stop, but of={self.of} pairs.")
+        if self.rule is None or self.rule == run.provenance.get("stopping_rule"):
+            return
+        known = [*modules_in(RULES), *(point.name for point in entry_points(group=RULES_GROUP))]
+        name = self.rule.partition(":")[0]
+        if name not in known:
+            raise ReportError(f"rule={shown(self.rule)} of a stop is no rule. {did_you_mean(name, known)}")
 
     @property
     def text(self) -> str:

@@ -9,10 +9,13 @@ process that is killed loses none, and the disk has it within :data:`SYNC_S`.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import FileIO
 from pathlib import Path
@@ -410,6 +413,23 @@ def _read(path: Path) -> StoredRun:
         ReportError: The file cannot be read, or its first line is damaged.
         OtherRunError: A line is of another run.
     """
+    with _collector_paused():
+        return _decoded(path)
+
+
+@contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Pause Python's collector, which walks over all records again and again and finds nothing to free."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _decoded(path: Path) -> StoredRun:
     try:
         content = read_content(path)
     except (OSError, ValueError) as error:
@@ -434,6 +454,7 @@ def _read(path: Path) -> StoredRun:
                 run, agreement = value, Agreement(value)
                 continue
             if isinstance(value, Stopped):
+                value.require_of(run)
                 stopped = value
                 continue
             agreement.add(value, f"line {number}")

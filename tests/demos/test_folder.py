@@ -271,6 +271,7 @@ def test_pairs_of_a_run_are_written_in_the_same_format(
     store.close()
     write_trace(tmp_path / "run" / "traces", pairs[0])
     command = ["demos", str(tmp_path / "out"), "--run", str(tmp_path / "run"), "--image-size", "16"]
+    command.append(f"--cases={manifest}")
     assert main(command) == 0
     assert "Episodes in" in (said := capsys.readouterr().out)
     assert ": 2. Pairs without traces: 1." in said

@@ -57,7 +57,7 @@ def without(record: PairRecord) -> PairRecord:
 
 def test_scores_are_those_of_the_played_pair(watched: tuple[Played, Path]) -> None:
     played, folder = watched
-    with open_recorded(folder) as run:
+    with open_recorded(folder, str(folder.parent / "tiny.json")) as run:
         again = scored(run, without(played.record), MONITORS)
     assert played.record.arms["dynamic"].probes["image_change"]["score"][-1] > 0
     for monitor in NAMES:
@@ -75,7 +75,7 @@ def test_monitors_of_answers_need_no_world(
     watched: tuple[Played, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     played, folder = watched
-    with open_recorded(folder) as run:
+    with open_recorded(folder, str(folder.parent / "tiny.json")) as run:
         monkeypatch.setattr(type(run), "again", lambda *_: pytest.fail("a world was built"))
         again = scored(run, without(played.record), MONITORS[:2])
     assert {*again.arms["base"].probes} == {"action_spread", "chunk_change"}
@@ -84,13 +84,14 @@ def test_monitors_of_answers_need_no_world(
 def test_the_tables_are_printed_and_say_what_is_looked_at(
     watched: tuple[Played, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["monitors", str(watched[1]), "chunk_change", "image_change"]) == 0
+    cases = f"--cases={watched[1].parent / 'tiny.json'}"
+    assert main(["monitors", str(watched[1]), "chunk_change", "image_change", cases]) == 0
     told = capsys.readouterr().out
     assert "Monitor chunk_change\n  Looks at: recorded answers alone\n  Pairs watched: 1\n" in told
     assert "Monitor image_change\n  Looks at: images of agentview, drawn again\n" in told
     assert "a threshold needs 9 pairs" in told
     assert "action_spread" not in told
-    assert main(["monitors", str(watched[1]), "motion"]) == 1
+    assert main(["monitors", str(watched[1]), "motion", cases]) == 1
     assert "'motion' is a probe that gives no scores, and no monitor." in capsys.readouterr().err
 
 
@@ -102,7 +103,7 @@ def test_a_trace_without_answers_is_refused_with_the_cure(tmp_path: Path) -> Non
         kept = {name: arrays[name] for name in arrays.files if not name.endswith("_answers")}
     np.savez_compressed(path, allow_pickle=False, **kept)
     with (
-        open_recorded(folder) as run,
+        open_recorded(folder, str(folder.parent / "tiny.json")) as run,
         pytest.raises(ReportError, match=r"early version and has no answers.*--libero-max-traces=all"),
     ):
         scored(run, played.record, MONITORS)

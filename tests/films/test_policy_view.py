@@ -100,9 +100,11 @@ def test_a_profile_tells_what_the_server_is_sent(seeing: tuple[Played, Approachi
     own = tmp_path / "own.toml"
     own.write_text('extends = "pi05_libero"\n[policy]\nname = "mine"\n')
     mine = {**ran, "code": load_profile(str(own)).digest, "profile": str(own)}
-    assert shown_by(mine).words == "the images as profile own sends them"
+    assert "the profile is not known" in shown_by(mine).words  # a file that results name is not opened
+    assert shown_by(mine, profile=str(own)).words == "the images as profile own sends them"
     own.write_text('extends = "pi05_libero"\n[policy]\nname = "other"\n')
-    assert "the profile is not known" in shown_by(mine).words
+    with pytest.raises(AdapterError, match="is not what the run was played with"):
+        shown_by(mine, profile=str(own))
     with pytest.raises(AdapterError, match="is no server's address"):
         shown_by(ADAPTER, profile="served")
 
@@ -155,7 +157,8 @@ def test_what_was_seen_is_filmed_beside_the_film_of_the_pair(
 ) -> None:
     played = seeing[0]
     run = store(played, tmp_path / "run", tmp_path / "tiny.json")
-    film = ["film", str(run), "--select=all", f"--size={SIZE}", "--format=webp"]
+    cases = f"--cases={tmp_path / 'tiny.json'}"
+    film = ["film", str(run), "--select=all", f"--size={SIZE}", "--format=webp", cases]
     assert main([*film, "--view=policy"]) == 0
     assert main(film) == 0
     item = played.record.item_id

@@ -42,7 +42,8 @@ def run(played: Played, tmp_path: Path) -> Path:
 
 
 def _film(*arguments: object) -> int:
-    return main(["film", *map(str, arguments), "--size", str(SIZE), "--format", "webp"])
+    cases = [] if "--cases" in arguments else [f"--cases={Path(str(arguments[0])).parent / 'tiny.json'}"]
+    return main(["film", *map(str, arguments), *cases, "--size", str(SIZE), "--format", "webp"])
 
 
 def test_a_run_is_filmed_by_the_names_of_its_pairs(
@@ -65,7 +66,8 @@ def test_another_process_and_folder_make_the_same_film(run: Path, tmp_path: Path
     assert _film(run, "--select=all") == 0
     elsewhere = tmp_path / "elsewhere"
     shutil.copytree(run, elsewhere / "copied", ignore=shutil.ignore_patterns("films"))
-    command = [sys.executable, "-c", ELSEWHERE, "film", "copied", "--select=all", f"--size={SIZE}"]
+    cases = f"--cases={tmp_path / 'tiny.json'}"
+    command = [sys.executable, "-c", ELSEWHERE, "film", "copied", "--select=all", f"--size={SIZE}", cases]
     subprocess.run(
         [*command, "--format=webp"],
         cwd=elsewhere,
@@ -96,7 +98,7 @@ def test_the_cases_of_a_run_can_be_named_where_they_are_now(
 ) -> None:
     moved = tmp_path / "moved.json"
     (tmp_path / "tiny.json").rename(moved)
-    assert _film(run, "--select=all") == 1
+    assert main(["film", str(run), "--select=all"]) == 1
     assert "with --cases" in capsys.readouterr().err
     assert _film(run, "--select=all", "--cases", moved) == 0
     assert _film(run, "--select=all", "--cases", "smoke", "--overwrite") == 1
@@ -106,11 +108,11 @@ def test_the_cases_of_a_run_can_be_named_where_they_are_now(
 def test_the_substrate_is_opened_as_the_run_opened_it(
     run: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    told = SubstrateOptions((Path("here"),), Path("models"), "corrected", "clean", "own")
+    told = SubstrateOptions((), None, "corrected", "clean", "own")
     described = {
         "name": "libero",
-        "roots": ["here"],
-        "assets": "models",
+        "roots": ["/a/here"],
+        "assets": "/a/models",
         "semantics": "corrected",
         "instruction_source": "clean",
         "source_variations": "own",
@@ -125,9 +127,11 @@ def test_the_substrate_is_opened_as_the_run_opened_it(
         return TinySubstrate()
 
     monkeypatch.setattr("pytest_libero_max.films.recorded.open_substrate", opened)
-    with open_recorded(run):
-        pass
-    with open_recorded(run, installations=(tmp_path,), assets=tmp_path):
+    cases = str(tmp_path / "tiny.json")
+    with open_recorded(run, cases) as recorded:
+        assert recorded.outside is not None
+        assert "substrate.assets=/a/models" in recorded.outside
+    with open_recorded(run, cases, installations=(tmp_path,), assets=tmp_path):
         pass
     elsewhere = replace(told, installations=(tmp_path,), assets=tmp_path)
     assert asked == [("libero", told), ("libero", elsewhere)]

@@ -143,16 +143,17 @@ def test_the_command_writes_poses_and_the_page_takes_them_in(
     played: Played, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, item = store(played, tmp_path / "run", tmp_path / "tiny.json"), played.record.item_id
+    cases = f"--cases={tmp_path / 'tiny.json'}"
     assert main(["report", str(run)]) == 0
     before = (run / "report.html").read_text()
     assert "class SceneView" not in before
-    assert main(["poses", str(run), item]) == 0
+    assert main(["poses", str(run), item, cases]) == 0
     assert f"1/1 {run / 'poses' / item}.npz (" in capsys.readouterr().out
     assert main(["report", str(run)]) == 0
     page = (run / "report.html").read_text()
     assert "class SceneView" in page
     assert "data-name='pair-0'" in page
-    assert main(["poses", str(run), item]) == 0
+    assert main(["poses", str(run), item, cases]) == 0
     assert "is there already" in capsys.readouterr().out
     (run / "poses" / f"{item}.npz").write_bytes(b"damaged")
     assert main(["report", str(run)]) == 0
@@ -162,6 +163,19 @@ def test_the_command_writes_poses_and_the_page_takes_them_in(
 def test_scenes_of_others_are_refused_and_another_way_is_named() -> None:
     with pytest.raises(ReportError, match="substrate 'libero', whose models are not this package's own"):
         _writer({"substrate": {"name": "libero"}})
+
+
+@pytest.mark.parametrize(
+    "header", [b"[]", b'{"scale": NaN}', b'{"scale": 1e999}', b'{"a": 18446744073709551616}', b"[" * 5000]
+)
+def test_poses_whose_header_no_page_can_hold_are_left_out(tmp_path: Path, header: bytes) -> None:
+    path = tmp_path / "poses" / "a.npz"
+    path.parent.mkdir()
+    arrays = {"header": np.frombuffer(header, np.uint8), "moves": np.zeros(4, np.uint8)}
+    np.savez_compressed(path, allow_pickle=False, **arrays)
+    with pytest.raises(ReportError, match="Cannot read the poses"):
+        read_poses(path)
+    assert scenes_of(tmp_path, ["a"]).named == {}
 
 
 def test_a_page_holds_what_it_may_and_no_shape_twice(poses: RecordedPoses, tmp_path: Path) -> None:

@@ -263,6 +263,28 @@ def test_columns_are_what_the_probe_declares(world: TinyWorld, yielded: Any, mes
         played(world, Probes(STANDARD.standard, (Lying(),)))
 
 
+def test_columns_that_belong_together_have_as_many_values(world: TinyWorld) -> None:
+    class Uneven(Breaking):
+        schema = (
+            Column("step", "int", "steps", many=True),
+            Column("score", "float", "scores", many=True, along="step"),
+        )
+
+        def columns(self, state: Any, view: View) -> Mapping[str, Any]:
+            return {"step": [1, 2], "score": [0.5]}
+
+    with pytest.raises(ProbeError, match="score has 1 values, but must have one for each of the 2 of step"):
+        played(world, Probes(STANDARD.standard, (Uneven(),)))
+
+
+def test_columns_keep_their_least_value_and_what_a_record_can_hold() -> None:
+    count = Column("x", "int", "a number", least=0)
+    assert count.checked(0) == 0
+    for value in (-1, 2**63):
+        with pytest.raises(ValueError, match=f"x={value}, but must be int, at least 0"):
+            count.checked(value)
+
+
 def test_columns_take_numpys_scalars_and_nothing_that_is_not_finite() -> None:
     number = Column("x", "float", "a number", optional=True)
     assert number.checked(np.float32(0.5)) == 0.5
@@ -328,6 +350,9 @@ def test_a_probe_declares_itself() -> None:
     class Empty(Breaking):
         schema = ()  # type: ignore[assignment]
 
+    class Alone(Breaking):
+        schema = (Column("number", "int", "a number", along="others"),)
+
     class Odd(Breaking):
         every = "frame"  # type: ignore[assignment]
 
@@ -336,6 +361,7 @@ def test_a_probe_declares_itself() -> None:
         (3, "3 is no subclass of Probe"),
         (Unnamed, "its name is 'Other', but must be 'breaking'"),
         (Empty, r"its columns are \[\]"),
+        (Alone, "number is declared along 'others', but"),
         (Odd, "every='frame', but must be"),
     ):
         with pytest.raises(ValueError, match=message):

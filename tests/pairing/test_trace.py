@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
+from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
@@ -58,4 +59,29 @@ def test_a_trace_of_another_run_or_none_at_all_is_refused(tmp_path: Path) -> Non
         read_trace(path, replace(pair.record, arms=arms))
     path.write_bytes(path.read_bytes()[:100])
     with pytest.raises(ReportError, match="Cannot read the trace"):
+        read_trace(path, pair.record)
+
+
+@pytest.mark.parametrize(
+    ("part", "values"),
+    [
+        ("actions", np.full((BUDGET, 7), "1")),
+        ("actions", np.full((BUDGET, 7), np.nan)),
+        ("query_steps", np.zeros(13)),
+        ("query_steps", np.zeros((13, 1), np.int64)),
+        ("entity", np.full((BUDGET, 3), np.inf)),
+        ("answers", np.zeros((13, 5, 7), np.complex128)),
+        ("joints", np.zeros(BUDGET)),
+    ],
+)
+def test_a_trace_of_what_no_film_can_show_is_refused(
+    tmp_path: Path, part: str, values: NDArray[np.generic]
+) -> None:
+    settings = PairSettings(films=True)
+    pair = measure_pair(make_case(), TinyWorld(), Approaching(wait=2, horizon=5, interval=4), settings)
+    path = write_trace(tmp_path, pair)
+    with np.load(path) as arrays:
+        damaged = {**arrays, f"base_{part}": values}
+    np.savez_compressed(path, allow_pickle=False, **damaged)
+    with pytest.raises(ReportError, match=r"base_\w+ has"):
         read_trace(path, pair.record)

@@ -70,7 +70,7 @@ def test_gates_come_from_the_ini_file_too(run: Run, pytester: pytest.Pytester) -
 
 def test_an_incomplete_run_is_not_excused_by_its_gates(run: Run, pytester: pytest.Pytester) -> None:
     pytester.makepyfile(broken="def policy():\n    raise OSError('no weights')\n")
-    result = run("-k", "camera_shift", "--libero-max-gate=regressions <= 3", policy="broken.py")
+    result = run("-k", "camera_shift", "--libero-max-gate=regressions <= 1", policy="broken.py")
     assert result.ret == 11
     result.stdout.fnmatch_lines(
         ["gate open*", "Exit status 11: the run is incomplete (1 invalid, 1 missing)*"]
@@ -165,9 +165,9 @@ def test_an_incomplete_stored_run_has_its_own_status(
     run("-k", "camera_shift")
     pairs = Path("libero-max-results", "pairs.jsonl")
     pairs.write_bytes(b"".join(pairs.read_bytes().splitlines(keepends=True)[:2]))
-    assert main(["gate", "libero-max-results", "--gate=regressions <= 2"]) == 11
+    assert main(["gate", "libero-max-results", "--gate=regressions <= 1"]) == 11
     out = capsys.readouterr().out
-    assert "gate open  regressions <= 2: undecidable" in out
+    assert "gate open  regressions <= 1: undecidable" in out
     assert "INCOMPLETE: 1 of 2 planned pairs played" in out
 
 
@@ -185,9 +185,7 @@ def test_on_github_failed_gates_are_annotated_and_summarised(
 
 def test_a_run_is_gated_against_an_earlier_one(run: Run) -> None:
     run("-k", "camera_shift", "--libero-max-output=before")
-    result = run(
-        "-k", "camera_shift", "--libero-max-output=after", "--libero-max-gate=regressions_vs(before) <= 0"
-    )
+    result = run("-k", "camera_shift", "--libero-max-output=after", "--libero-max-gate=gains_vs(before) <= 1")
     assert result.ret == 10
     result.stdout.fnmatch_lines(["gate open*undecidable, Base succeeds in 0/2 pairs, and below 20%*"])
 

@@ -39,18 +39,29 @@ def test_pairs_end_alike_in_a_process_of_their_own(run: Run, results: Results, s
     result = run("--libero-max-verify=2")
     result.assert_outcomes(passed=4)
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["Played again: 2 of 2 pairs end alike in processes of their own*"])
+    result.stdout.fnmatch_lines(
+        ["Played again: 2 of 2 pairs end alike in processes and folders of their own*"]
+    )
     table = results()[1]["sections"]["Pairs played again"]
     assert list(table.values()) == ["alike", "alike"]
 
 
 def test_a_published_run_is_played_again_by_those_who_check_it(
-    pytester: pytest.Pytester, run: Run, suites: None, capfd: pytest.CaptureFixture[str]
+    pytester: pytest.Pytester,
+    run: Run,
+    suites: None,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A success that is altered everywhere agrees with itself, and is found by playing the pair."""
+    monkeypatch.setenv("PYTHONPATH", str(pytester.path))  # of the plugin that shortens episodes
     run().assert_outcomes(passed=4)
     assert main(["publish", "libero-max-results", "published"]) == 0
-    assert main(["verify-run", "published", "--pairs=1", "--seed=7"]) == 0
+    check = ["verify-run", "published", "--pairs=1", "--seed=7"]
+    given = ["--policy=adapter.py", "--cases=tiny.json"]
+    assert main(check) == 1
+    assert "--policy=adapter.py" in capfd.readouterr().err
+    assert main([*check, *given]) == 0
     out = capfd.readouterr().out
     assert "drawn by --seed=7" in out
     assert "Played again: 1 of 1 pairs end alike" in out
@@ -62,7 +73,7 @@ def test_a_published_run_is_played_again_by_those_who_check_it(
     altered["arms"]["dynamic"]["success"] ^= True
     pairs.write_text("".join(json.dumps(line) + "\n" for line in (head, *rest)))
     assert main(["publish", "libero-max-results", "published"]) == 0
-    assert main(["verify-run", "published", "--pairs=1", "--seed=7"]) == 1
+    assert main([*check, *given]) == 1
     assert "dynamic: success" in capfd.readouterr().out
 
 
@@ -73,7 +84,7 @@ def test_recorded_actions_are_replayed_where_the_policy_is_not_at_hand(
     assert main(["publish", "libero-max-results", "published", "--actions"]) == 0
     for path in pytester.path.glob("*.py"):
         path.unlink()
-    check = ["verify-run", "published", "--pairs=2", "--seed=7", "--actions"]
+    check = ["verify-run", "published", "--pairs=2", "--seed=7", "--actions", "--cases=tiny.json"]
     assert main([*check, "--record=verified.json"]) == 0
     out = capfd.readouterr().out
     assert "policy:" not in out
@@ -113,13 +124,77 @@ def test_a_policy_that_keeps_what_it_saw_first_of_a_suite_is_found(
     assert "other proof" in (pytester.path / "libero-max-results" / "report.md").read_text()
 
 
+REMEMBERING = ANCHORED.replace(
+    "import numpy as np", "import json\nfrom pathlib import Path\nimport numpy as np"
+)
+REMEMBERING = REMEMBERING.replace(
+    "        self.turn = self.first.setdefault(episode.suite, len(self.first))",
+    """        kept = PLACE / "kept.json"
+        first = json.loads(kept.read_text()) if kept.exists() else {}
+        self.turn = first.setdefault(episode.suite, len(first))
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        kept.write_text(json.dumps(first))""",
+)
+"""Keeps the same on the disk, where a new process finds it."""
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        "Path.cwd()",
+        "Path.home() / 'mine'",
+        "Path(__import__('tempfile').gettempdir())",
+        "Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')",
+    ],
+)
+def test_a_policy_that_keeps_it_on_the_disk_is_found(
+    place: str, pytester: pytest.Pytester, run: Run, suites: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(pytester.path / "home"))
+    monkeypatch.setenv("TMPDIR", str(pytester.mkdir("temporary")))
+    pytester.makepyfile(
+        remembering=REMEMBERING.replace("PLACE", place).replace("import json", "import json, os")
+    )
+    result = run("--libero-max-verify=2", policy="remembering.py", subprocess=True)
+    assert result.ret == 11
+    result.stdout.fnmatch_lines(
+        ["NOT REPEATED: 1 of 2 pairs *spatial*other proof*temporary and working folder*"]
+    )
+
+
+def test_plugins_conftest_files_and_weights_are_found_in_the_new_folders(
+    pytester: pytest.Pytester, run: Run, suites: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hub = pytester.mkdir("hub")
+    (hub / "gain.txt").write_text("0.03")
+    monkeypatch.setenv("HF_HOME", str(hub))
+    pytester.makepyfile(my_plugin="loaded = True")
+    pytester.makeconftest("here = True")
+    pytester.makepyfile(
+        needing=ANCHORED.replace(
+            "        self.turn = self.first.setdefault(episode.suite, len(self.first))",
+            """        import conftest, my_plugin, os, sys
+        assert conftest.here and "my_plugin" in sys.modules
+        self.turn = float(open(os.environ["HF_HOME"] + "/gain.txt").read())""",
+        ).replace("import conftest, my_plugin", "import conftest")
+    )
+    result = run("--libero-max-verify=1", "-p", "my_plugin", policy="needing.py", subprocess=True)
+    result.stdout.fnmatch_lines(["Played again: 1 of 1 pairs end alike *"])
+    assert result.ret == 0
+
+
+def test_a_pair_of_a_program_is_played_again(run: Run, suites: None) -> None:
+    result = run("--libero-max-verify=1", "--libero-max-program=transient")
+    result.stdout.fnmatch_lines(["Played again: 1 of 1 pairs end alike *"])
+
+
 def test_a_policy_that_is_not_repeatable_is_not_played_again(
     pytester: pytest.Pytester, run: Run, suites: None
 ) -> None:
     pytester.makepyfile(other=ANCHORED.replace("image_size=64", "image_size=64, repeatable=False"))
     result = run("--libero-max-verify=2", policy="other.py")
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["Played again: no pair, because the policy is not repeatable."])
+    result.stdout.fnmatch_lines(["Played again: no pair. The policy is not repeatable*cannot be judged."])
 
 
 def test_each_suite_has_its_turn() -> None:

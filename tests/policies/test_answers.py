@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from typing import Any
 
@@ -20,16 +21,17 @@ SPEC = PolicySpec("p", horizon=4, query_interval=1, cameras=())
 
 def both(value: Any) -> tuple[Any, Any]:
     """The actions of an answer in process and from a server, or the two errors."""
-    results: list[Any] = []
-    for read in (
-        lambda: check_actions(value, SPEC),
-        lambda: Reply(load_profile("pi05_libero")).read({"actions": value}, 1, 4),
-    ):
-        try:
-            results.append(read())
-        except (ActionError, ServerError) as error:
-            results.append(error)
-    return results[0], results[1]
+    own: Any
+    served: Any
+    try:
+        own = check_actions(value, SPEC)
+    except ActionError as error:
+        own = error
+    try:
+        served = Reply(load_profile("pi05_libero")).read({"actions": value}, 1, 4)
+    except ServerError as error:
+        served = error
+    return own, served
 
 
 def masked(*rows: int) -> Any:
@@ -100,6 +102,18 @@ def test_the_place_of_actions_in_a_dict_is_named_for_who_has_to_mend_it() -> Non
         Reply(load_profile("pi05_libero")).read({"action": ROWS}, 1, 4)
     with pytest.raises(ServerError, match=r"reply\.at = \[\]"):
         Reply(load_profile("pi05_libero")).read(ROWS, 1, 4)
+
+
+def test_the_bytes_of_a_numpy_file_are_read_and_nothing_is_unpickled() -> None:
+    reply = Reply(load_profile("pi05_libero"))
+    for array, allowed in ((ROWS, True), (np.array([[object()] * 7] * 4), False)):
+        file = io.BytesIO()
+        np.save(file, array, allow_pickle=not allowed)
+        if allowed:
+            assert np.array_equal(reply.read({"actions": file.getvalue()}, 1, 4), ROWS)
+        else:
+            with pytest.raises(ServerError, match="plain real numbers"):
+                reply.read({"actions": file.getvalue()}, 1, 4)
 
 
 def test_an_error_in_a_reply_is_that_of_the_server() -> None:

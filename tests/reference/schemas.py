@@ -32,7 +32,7 @@ def schema_of(kind: Any, title: str, text: str) -> Json:
         title: Of the schema.
         text: Its description.
     """
-    schema: Json = msgspec.json.schema(kind)
+    schema: Json = _without_levels(msgspec.json.schema(kind))
     definitions = {cls.__name__: cls for cls in _structs(msgspec.inspect.type_info(kind))}
     for name, node in schema["$defs"].items():
         cls = definitions[name]
@@ -44,6 +44,16 @@ def schema_of(kind: Any, title: str, text: str) -> Json:
                 field["description"] = json_words(texts[key])
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title, "description": text}
     return head | schema
+
+
+def _without_levels(node: Any) -> Any:
+    """A schema in which an object of no declared fields is one, and not its levels one by one."""
+    if isinstance(node, list):
+        return [_without_levels(part) for part in node]
+    if not isinstance(node, dict):
+        return node
+    left_out = {"plain", "additionalProperties"} if "plain" in node else set()
+    return {key: _without_levels(part) for key, part in node.items() if key not in left_out}
 
 
 @cache

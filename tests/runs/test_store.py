@@ -8,15 +8,17 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.runs import store as store_module
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import PairStore, read_pairs
+from pytest_libero_max.runs.store import PairStore, read_pairs, read_to_resume
 from tests.report.made_up import POLICY, PROVENANCE, error_of, plan, record_of
 
 
@@ -249,8 +251,9 @@ def test_a_pair_that_is_no_json_is_refused_and_harms_no_other(
 ) -> None:
     store = PairStore(tmp_path, run)
     store.append(record_of(run.planned[0], True, True))
+    record = structs.replace(record_of(run.planned[1], True, True), timings={"moved_m": value})
     with pytest.raises(ReportError, match=f"{run.planned[1].case_id}.*a value JSON does not know"):
-        store.append(record_of(run.planned[1], True, True, evidence={"moved_m": value}))
+        store.append(record)
     store.append(record_of(run.planned[2], True, True))
     store.close()
     assert [record.case_id for record in read_pairs(tmp_path).records] == [
@@ -307,6 +310,24 @@ def _dynamic(values: Json) -> Json:
     return dynamic
 
 
+def _evidence(values: Json) -> Json:
+    evidence: Json = _dynamic(values)["firings"][0]["evidence"]
+    return evidence
+
+
+def _nested(levels: int) -> Any:
+    return [_nested(levels - 1)] if levels else 1
+
+
+def _motion(values: Json, **columns: object) -> None:
+    motion = {"path_m": 1.0, "jerk_m_s3": None, "step_m": [0.1], "step_jerk_m_s3": []}
+    _base(values)["probes"] = {"motion": motion | columns}
+
+
+def _watched(values: Json, steps: list[int], scores: list[float]) -> None:
+    _base(values)["probes"] = {"chunk_change": {"step": steps, "score": scores}}
+
+
 def _never_triggered(values: Json) -> None:
     _dynamic(values).update(firings=[], response_step=None, stale_actions=None)
 
@@ -335,7 +356,31 @@ def _never_triggered(values: Json) -> None:
         (lambda values: values.update(source="libero"), "source='libero' .* planned was 'plus'"),
         (lambda values: values.update(case_id="another"), "case_id='another' was played but not planned"),
         (lambda values: values["policy"].update(revision="b"), "policy.revision: None, 'b'"),
-        (lambda values: values["policy"].update(horizon=0), "but must be a policy's spec"),
+        (lambda values: values["policy"].update(horizon=0), "horizon=0 of the policy .* at least 1"),
+        (lambda values: values["policy"].update(query_interval=11), "query_interval=11 .* horizon=10"),
+        (lambda values: values["policy"].update(suites=["libero_10"]), "suite='libero_spatial', but"),
+        (lambda values: values["policy"].update(cameras="agentview"), "cameras='agentview' of the policy"),
+        (lambda values: values["timings"].update(pair_s="1.25"), "timings.pair_s='1.25', but must be"),
+        (lambda values: values["timings"].update(query_ms={"base": {"x": 1}}), "timings.query_ms=.* in what"),
+        (lambda values: values["arms"].pop("dynamic"), "a pair has 'dynamic' as well"),
+        (lambda values: _base(values).update(queries=92), "queries=92.* of an arm of 90 steps"),
+        (lambda values: _base(values).update(returned=[3, 2]), "returned=.3, 2. of an arm"),
+        (
+            lambda values: _evidence(values).update(before={"position_m": {"a": [1, 2]}}),
+            "position_m.a=.1, 2.",
+        ),
+        (lambda values: _evidence(values).update(deep=_nested(9)), "evidence.deep=.* at most 8 levels"),
+        (lambda values: _evidence(values).update(large=2**63), "evidence.large=9223372036854775808"),
+        (
+            lambda values: _base(values).update(probes={"mine": {"a": {"b": 1}}}),
+            "probes.mine=.* in what must",
+        ),
+        (lambda values: _base(values).update(probes={"stages": {"goal": []}}), "'stages': .* entity is miss"),
+        (lambda values: _motion(values, step_m=["x"]), "probe 'motion': step_m='x', but must be finite"),
+        (lambda values: _motion(values, path_m=-1.0), "probe 'motion': path_m=-1.0, .* at least 0"),
+        (lambda values: _motion(values, pathm=1.0), "probe 'motion': the unknown column 'pathm'"),
+        (lambda values: _watched(values, [5, 10], [0.5]), "score has 1 values, but must have one for each"),
+        (lambda values: _watched(values, [5, 91], [0.5, 1.0]), "step 91, but the arm took 90 steps"),
         (lambda values: values["fingerprints"].update(mujoco="3.4"), "fingerprints.mujoco: None, '3.4'"),
     ],
 )
@@ -345,6 +390,75 @@ def test_a_record_that_contradicts_itself_or_its_run_is_refused_with_its_line(
     path = _copies(tmp_path, run, change)
     with pytest.raises(ReportError, match=rf"pairs\.jsonl, line 3: .*{message}"):
         read_pairs(path)
+
+
+STOP: Json = {"line": "stopped", "reason": "3 regressions", "of": 32, "rule": "errors:3", "at": 3}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rule": "luck:3"}, "rule='luck:3' of a stop is no rule"),
+        ({"rule": None}, "rule=None and at=3"),
+        ({"at": None}, "rule='errors:3' and at=None"),
+        ({"at": 33}, "at=33 of a stop, but of=32"),
+        ({"of": 31}, "of=31, but the run has 32"),
+        ({"rule": "errors\n"}, "must be NAME or NAME:ARGUMENTS"),
+    ],
+)
+def test_a_stop_that_cannot_be_is_refused_with_its_line(
+    tmp_path: Path, run: Run, change: Json, message: str
+) -> None:
+    path = _copies(tmp_path, run, lambda values: None)
+    sound = path.read_text()
+    path.write_text(f"{sound}{json.dumps(STOP)}\n")
+    stopped = read_pairs(path).stopped
+    assert stopped is not None
+    assert stopped.at == 3
+    path.write_text(f"{sound}{json.dumps(STOP | change)}\n")
+    with pytest.raises(ReportError, match=rf"pairs\.jsonl, line 4: .*{message}"):
+        read_pairs(path)
+    resumed = read_to_resume(tmp_path)
+    assert resumed is not None
+    assert [line.number for line in resumed.damaged] == [4]
+    assert len(resumed.records) == 2
+
+
+def test_a_rule_that_the_run_declared_need_not_be_installed(tmp_path: Path, run: Run) -> None:
+    declared = Run(run.planned, run.provenance | {"stopping_rule": "luck:3"})
+    path = _copies(tmp_path, declared, lambda values: None)
+    path.write_text(f"{path.read_text()}{json.dumps(STOP | {'rule': 'luck:3'})}\n")
+    stopped = read_pairs(path).stopped
+    assert stopped is not None
+    assert stopped.rule == "luck:3"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"versions": {"mujoco": 3}}, "versions.mujoco=3 of the provenance"),
+        ({"scores": {"note": None}}, "lacks comparable_with_published"),
+        ({"started": "yesterday"}, "started='yesterday' of the provenance, but must be a time"),
+        ({"started": "2026-13-25T10:00:00+00:00"}, "started='2026-13-25.* is no time"),
+        ({"substrate": {"name": "embedded", "roots": "/opt"}}, "roots='/opt' of the provenance.substrate"),
+        (
+            {"case_set": {"name": "track smoke", "digest": "0", "path": 3}},
+            "path=3 of the provenance.case_set",
+        ),
+        ({"platform": {"cores": 2**63}}, "provenance.platform.cores=9223372036854775808"),
+        ({"protocol": {"deep": _nested(20)}}, "too many lists and objects in each other"),
+    ],
+)
+def test_a_first_line_that_cannot_be_is_refused(tmp_path: Path, run: Run, change: Json, message: str) -> None:
+    path = _copies(tmp_path, Run(run.planned, run.provenance | change), lambda values: None)
+    with pytest.raises(ReportError, match=rf"pairs\.jsonl, line 1: .*{message}"):
+        read_pairs(path)
+
+
+def test_columns_of_other_packages_are_kept_as_they_are(tmp_path: Path, run: Run) -> None:
+    columns = {"height_m": 0.25, "touched": ["a", None, True], "steps": []}
+    path = _copies(tmp_path, run, lambda values: _base(values).update(probes={"mine": columns}))
+    assert read_pairs(path).records[1].arms["base"].probes == {"mine": columns}
 
 
 def test_what_draws_and_the_kind_of_processor_may_differ(tmp_path: Path, run: Run) -> None:
@@ -418,3 +532,24 @@ def test_pairs_of_a_resumed_run_are_played_like_the_others(
         resumed.append(record_of(run.planned[1], True, True, **changes))
     resumed.close()
     assert len(read_pairs(tmp_path).records) == 1
+
+
+@pytest.mark.parametrize("kind", ["RefusalError", "ActionError"])
+def test_a_pair_that_was_refused_stays_refused(tmp_path: Path, run: Run, kind: str) -> None:
+    refused, fault, measured = run.planned[:3]
+    store = PairStore(tmp_path, run)
+    store.append(structs.replace(error_of(refused), kind=kind))
+    store.append(error_of(fault))
+    store.append(record_of(measured, True, True))
+    with pytest.raises(ReportError, match=r"was refused before .* stays refused"):
+        store.append(record_of(refused, True, True))
+    store.close()
+    again, stored = PairStore.resume(tmp_path, run)
+    assert stored is not None
+    assert stored.settled == {refused.case_id, measured.case_id}
+    again.begin()
+    again.append(record_of(fault, True, True))
+    with pytest.raises(ReportError, match="Repair the policy and begin a new run"):
+        again.append(record_of(refused, True, True))
+    again.close()
+    assert [error.case_id for error in read_pairs(tmp_path).refused] == [refused.case_id]

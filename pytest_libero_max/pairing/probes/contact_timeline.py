@@ -18,12 +18,13 @@ class ContactTimeline(Probe[Contacts]):
 
     name = "contact_timeline"
     schema = (
-        Column("step", "int", "Policy steps executed at each change, 0 first", "steps", many=True),
+        Column("step", "int", "Policy steps executed at each change, 0 first", "steps", many=True, least=0),
         Column(
             "touching",
             "str",
             "Names of what touched the trigger entity from then on, with spaces between them",
             many=True,
+            along="step",
         ),
     )
     cost = "one look at the contacts, 0.05 ms a step"

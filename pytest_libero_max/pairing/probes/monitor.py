@@ -26,8 +26,10 @@ class Monitor(Probe[tuple[Any, tuple[tuple[int, float], ...]]], Generic[Memory])
     """
 
     schema = (
-        Column("step", "int", "Policy steps executed before each query", "steps", many=True),
-        Column("score", "float", "Score of each query, higher where it is more alarmed", many=True),
+        Column("step", "int", "Policy steps executed before each query", "steps", many=True, least=0),
+        Column(
+            "score", "float", "Score of each query, higher where it is more alarmed", many=True, along="step"
+        ),
     )
     every = "query"
     cameras: ClassVar[tuple[str, ...]] = ()

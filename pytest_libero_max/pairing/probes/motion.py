@@ -20,15 +20,16 @@ class Motion(Probe[tuple[float, ...]]):
 
     name = "motion"
     schema = (
-        Column("path_m", "float", "Length of the way of the hand", "m"),
-        Column("jerk_m_s3", "float", "Root mean square of its jerk", "m/s^3", optional=True),
-        Column("step_m", "float", "Way in each step", "m", many=True),
+        Column("path_m", "float", "Length of the way of the hand", "m", least=0),
+        Column("jerk_m_s3", "float", "Root mean square of its jerk", "m/s^3", optional=True, least=0),
+        Column("step_m", "float", "Way in each step", "m", many=True, least=0),
         Column(
             "step_jerk_m_s3",
             "float",
             "Jerk over the last three steps, from the third step on",
             "m/s^3",
             many=True,
+            least=0,
         ),
     )
     cost = "nothing a step, 6 kB an arm of 300 steps in the record"

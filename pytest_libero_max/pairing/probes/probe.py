@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Integral, Real
@@ -13,6 +12,7 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 
+from pytest_libero_max.benchmark.structs import LARGEST, shown
 from pytest_libero_max.errors import ProbeError
 from pytest_libero_max.pairing.trajectory import Trajectory
 from pytest_libero_max.worlds.contract import Control, World
@@ -38,6 +38,8 @@ class Column:
         unit: For example ``m``; None for no unit.
         many: True for a list.
         optional: True if it, or one of many, may be None.
+        least: Smallest number that it may be; None for no bound.
+        along: Name of another column of many, to whose values these belong one by one; None for none.
     """
 
     name: str
@@ -46,12 +48,14 @@ class Column:
     unit: str | None = None
     many: bool = False
     optional: bool = False
+    least: float | None = None
+    along: str | None = None
 
     def checked(self, value: object) -> Value:
         """Return a value as JSON types.
 
         Raises:
-            ValueError: It is not of the column's type, or not finite.
+            ValueError: It is not of the column's type, or a number out of bounds.
         """
         if not self.many:
             return self._scalar(value)
@@ -66,15 +70,31 @@ class Column:
             return bool(value)
         if self.type == "str" and isinstance(value, str):
             return str(value)
-        if not isinstance(value, bool | np.bool_):
+        least: Any = -LARGEST if self.least is None else self.least
+        if not isinstance(value, bool | np.bool_) and isinstance(value, Real) and least <= value <= LARGEST:
             if self.type == "int" and isinstance(value, Integral):
                 return int(value)
-            if self.type == "float" and isinstance(value, Real) and math.isfinite(value):
+            if self.type == "float":
                 return float(value)
-        raise ValueError(
-            f"{self.name}={value!r}, but must be {'finite, a ' if self.type == 'float' else ''}{self.type}"
-            f"{' or None' if self.optional else ''}"
+        kind = (
+            f"{'finite, a ' if self.type == 'float' else ''}{self.type}{' or None' if self.optional else ''}"
         )
+        bound = "" if self.least is None else f", at least {self.least:g}"
+        raise ValueError(f"{self.name}={shown(value)}, but must be {kind}{bound}")
+
+
+def require_lists(schema: Iterable[Column], values: Mapping[str, Any]) -> None:
+    """Check that columns whose values belong together have as many of them.
+
+    Raises:
+        ValueError: They have not.
+    """
+    for column in schema:
+        if column.along is not None and len(values[column.name]) != len(values[column.along]):
+            raise ValueError(
+                f"{column.name} has {len(values[column.name])} values, but must have one for each of the "
+                f"{len(values[column.along])} of {column.along}"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +167,12 @@ def check_probe(name: str, value: object) -> Probe[Any]:
     columns = [column.name for column in value.schema]
     if not columns or len(set(columns)) != len(columns):
         raise ValueError(f"its columns are {columns}, but must be at least one, each name once")
+    lists = {column.name for column in value.schema if column.many}
+    for column in value.schema:
+        if column.along is not None and not {column.name, column.along} <= lists:
+            raise ValueError(
+                f"{column.name} is declared along {column.along!r}, but both must be columns of many values"
+            )
     if value.every not in ("step", "query", "end"):
         raise ValueError(f"every={value.every!r}, but must be 'step', 'query' or 'end'")
     return value()
@@ -249,6 +275,7 @@ class Probes:
                 found[probe.name] = {
                     column.name: column.checked(values[column.name]) for column in probe.schema
                 }
+                require_lists(probe.schema, found[probe.name])
             except ValueError as error:
                 raise ProbeError(f"probe {probe.name!r}: {error}. Repair its schema or columns().") from error
         return found

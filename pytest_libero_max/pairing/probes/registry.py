@@ -10,7 +10,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.registry import Registry, modules_in
 
 if TYPE_CHECKING:
-    from pytest_libero_max.pairing.probes.probe import Probe, Probes
+    from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes
 
 ENTRY_POINT_GROUP = "pytest_libero_max.probes"
 
@@ -23,18 +23,29 @@ def _own() -> Mapping[str, Callable[[], Probe[Any]]]:
 
 
 def _loader(name: str) -> Callable[[], Probe[Any]]:
-    def load() -> Probe[Any]:
-        from pytest_libero_max.pairing.probes.probe import Probe
+    return lambda: _accept(name, _class_in(name))
 
-        module = importlib.import_module(f"{_MODULES}.{name}")
-        (kind,) = (
-            value
-            for value in vars(module).values()
-            if isinstance(value, type) and issubclass(value, Probe) and value.__module__ == module.__name__
-        )
-        return _accept(name, kind)
 
-    return load
+def _class_in(name: str) -> type[Probe[Any]]:
+    """Return the probe of a module of this folder."""
+    from pytest_libero_max.pairing.probes.probe import Probe
+
+    module = importlib.import_module(f"{_MODULES}.{name}")
+    (kind,) = (
+        value
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, Probe) and value.__module__ == module.__name__
+    )
+    return kind
+
+
+def own_schema(name: str) -> tuple[Column, ...] | None:
+    """Return the columns of a probe of this package; None of any other, which is not imported for its name.
+
+    Args:
+        name: Name of a probe in a record.
+    """
+    return _class_in(name).schema if name in {*_own(), "stages"} else None
 
 
 def _accept(name: str, value: object) -> Probe[Any]:

@@ -115,8 +115,17 @@ class State:
     firings: int = 0
 
 
-def _of_goal(name: str, kind: Any, meaning: str, unit: str | None = None, optional: bool = True) -> Column:
-    return Column(name, kind, f"For each fact of the goal: {meaning}", unit, many=True, optional=optional)
+def _of_goal(
+    name: str,
+    kind: Any,
+    meaning: str,
+    unit: str | None = None,
+    optional: bool = True,
+    least: float | None = 0,
+) -> Column:
+    text = f"For each fact of the goal: {meaning}"
+    least = None if unit is None else least
+    return Column(name, kind, text, unit, many=True, optional=optional, least=least, along="goal")
 
 
 _OF_GOAL = (
@@ -143,7 +152,7 @@ _OF_GOAL = (
     _of_goal("lost_open", "bool", "True if the gripper was being opened then"),
     _of_goal("lost_m", "float", "horizontal distance from its destination then", "m"),
     _of_goal("lost_old_m", "float", "that from where the destination was before a change", "m"),
-    _of_goal("fell_m", "float", "its height then above its height at the end", "m"),
+    _of_goal("fell_m", "float", "its height then above its height at the end", "m", least=None),
     _of_goal("holding", "bool", "True if the fingers hold it at the end", optional=False),
     _of_goal("away_m", "float", "horizontal distance from its destination at the end", "m"),
     _of_goal("away_old_m", "float", "that from where the destination was before a change", "m"),
@@ -172,24 +181,44 @@ class Stages(Probe[State]):
     name = "stages"
     schema = (
         *_OF_GOAL,
-        Column("reach_m", "float", "Greatest distance of the hand from where it started", "m"),
-        Column("still_step", "int", "Step from which the hand stayed within 1 cm of where it ends", "steps"),
-        Column("repeated_queries", "int", "Number of queries at the end whose answers equal the one before"),
+        Column("reach_m", "float", "Greatest distance of the hand from where it started", "m", least=0),
+        Column(
+            "still_step",
+            "int",
+            "Step from which the hand stayed within 1 cm of where it ends",
+            "steps",
+            least=0,
+        ),
+        Column(
+            "repeated_queries",
+            "int",
+            "Number of queries at the end whose answers equal the one before",
+            least=0,
+        ),
         Column(
             "blocked_step",
             "int",
             "First step at which the hand was told to move and did not",
             "steps",
             optional=True,
+            least=0,
         ),
-        Column("blocked_steps", "int", "Number of such steps, in fives", "steps"),
+        Column("blocked_steps", "int", "Number of such steps, in fives", "steps", least=0),
         Column("blocked_by", "str", "Names of what the robot, or what it holds, touched then", many=True),
         Column("moved", "str", "Other objects that moved by 2 cm or more", many=True),
-        Column("moved_step", "int", "Step of each, to five", "steps", many=True),
-        Column("moved_m", "float", "Distance of each from its place at the end", "m", many=True),
+        Column("moved_step", "int", "Step of each, to five", "steps", many=True, least=0, along="moved"),
+        Column(
+            "moved_m",
+            "float",
+            "Distance of each from its place at the end",
+            "m",
+            many=True,
+            least=0,
+            along="moved",
+        ),
         Column("toppled", "str", "Objects that lean by 45 degrees or more", many=True),
         Column("wrong", "str", "Other objects that the fingers lifted", many=True),
-        Column("wrong_step", "int", "Step of each, to five", "steps", many=True),
+        Column("wrong_step", "int", "Step of each, to five", "steps", many=True, least=0, along="wrong"),
     )
     cost = "0.05 ms a step on the embedded substrate"
 

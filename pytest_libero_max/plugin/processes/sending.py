@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-_AS_THEY_ARE = (type(None), bool, int, float, complex, bytes)
+_AS_THEY_ARE: tuple[type, ...] = (type(None), bool, int, float, complex, bytes)
 """Types that execnet sends by themselves; it refuses each subclass of them, such as NumPy's ``float64``."""
 
 _LEAST_INTEGER = -(2**31)

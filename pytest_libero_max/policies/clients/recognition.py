@@ -117,10 +117,14 @@ def recognise(address: Address, own: str) -> str | None:
     if speech is not None:
         return None if speech.protocol == own else speech.sentence(address)
     other = address.over(own, not address.secure)
-    if not address.secure:
-        return f"A server with TLS answers there: write {other}." if speaks_tls(address, GREETING_S) else None
-    speech = _tried(other, own)
-    return None if speech is None else f"Without TLS: {speech.sentence(other)}"
+    if not address.secure and not speaks_tls(address, GREETING_S):
+        return None
+    speech = _tried(other, own)  # with TLS only where the certificate is trusted
+    if speech is not None:
+        return f"{'Without' if address.secure else 'With'} TLS: {speech.sentence(other)}"
+    if address.secure:
+        return None
+    return f"A server with TLS answers there{'' if own == GR00T.protocol else f': write {other}'}."
 
 
 def _tried(address: Address, own: str) -> Speech | None:

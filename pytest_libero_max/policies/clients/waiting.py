@@ -16,6 +16,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import msgspec
+
 FOLDER = "waiting"
 """Folder of the notes, in that of the run."""
 
@@ -120,8 +122,8 @@ def noted_waits(folder: Path) -> list[Wait]:
     for file in sorted((folder / FOLDER).glob("*.json")):
         try:
             if time.time() - file.stat().st_mtime < _HEARD_S:
-                found += [Wait(**noted) for noted in json.loads(file.read_text(encoding="utf-8"))]
-        except (OSError, ValueError, TypeError):  # it went, or another version wrote it
+                found += msgspec.json.decode(file.read_bytes(), type=list[Wait])
+        except (OSError, ValueError, RecursionError):  # it went, or another version wrote it
             continue
     return sorted(found, key=lambda wait: wait.since)
 

@@ -24,6 +24,8 @@ from pytest_libero_max.report.comparison.paper_tables import (
     table_latex,
     table_markdown,
 )
+from pytest_libero_max.report.comparison.run_notes import notes_of
+from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.report.published import (
     NOTE,
     lacks_for_published,
@@ -34,6 +36,7 @@ from pytest_libero_max.report.statements import LIMITS_TITLE, STATEMENTS
 from pytest_libero_max.report.writers.markdown import markdown_text
 from pytest_libero_max.report.writers.report_files import make_folder, write_drawings, write_text
 from pytest_libero_max.runs.outcomes import RunOutcomes
+from pytest_libero_max.stats.paired import measure_groups
 
 MARKDOWN_NAME = "tables.md"
 
@@ -110,6 +113,12 @@ def _own(
     notes += left_out_text(len(common.planned), left_out)
     if comparison is not None:
         notes += difference_warnings(comparison.differences)
+    case_ids = {pair.case_id for pair in common.planned}
+    notes += [
+        text
+        for name, result in zip(common.pairs, measure_groups(list(common.pairs.values())), strict=True)
+        for text in notes_of(names[name], runs[name], result_of(result, len(case_ids)), case_ids)
+    ]
     return rows, comparison, notes
 
 

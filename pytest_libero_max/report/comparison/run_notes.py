@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.caveats import caveats_of
+from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import ApartRun, ComparedRun, Comparison
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat
@@ -39,6 +39,14 @@ def run_caveats(run: RunOutcomes, cases: Collection[str]) -> list[Caveat]:
     )
 
 
+def notes_of(name: str, run: RunOutcomes, result: Result, cases: Collection[str]) -> list[str]:
+    """Return the warnings and the caveats of one run over some cases, each with its name."""
+    return [
+        *(f"{name}: {text}" for text in run_warnings(run, result)),
+        *(f"{name}: {caveat_text(caveat)}" for caveat in run_caveats(run, cases)),
+    ]
+
+
 def warnings_by_run(comparison: Comparison) -> list[str]:
     """Return the warnings of the runs, each with the names of the runs that it is about."""
     return [f"{', '.join(names)}: {text}" for text, names in _by_text(_warnings(comparison)).items()]
@@ -52,7 +60,7 @@ def caveats_by_run(comparison: Comparison) -> list[str]:
 def caveat_names(comparison: Comparison) -> list[str]:
     """Return for each run that has caveats a line with their keys and numbers of pairs."""
     return [
-        f"{CAVEATS_TITLE} of {run.name} (in full: libero-max report {run.name}): "
+        f"{CAVEATS_TITLE} of {run.name} (in full in its report.md): "
         + ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in run.caveats)
         for run in _runs(comparison)
         if run.caveats

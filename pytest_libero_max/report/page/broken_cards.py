@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from urllib.parse import quote, urlencode
 
+from pytest_libero_max.report import base_failures
+from pytest_libero_max.report.base_failures import MOST_CAUSES, known_failures, next_step
 from pytest_libero_max.report.diagnosis import NOT_RECORDED
-from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.report_document import BaseFailures, Report
 from pytest_libero_max.report.writers.broken import LETTERS, Group, groups_of, title_of
 from pytest_libero_max.worlds.contract import CONTROL_HZ
 
@@ -50,18 +52,22 @@ class Section(NamedTuple):
         cards: The largest groups.
         more: Number of pairs in other groups.
         view: View of the table of cases with all of them.
+        note: What to do next; empty for nothing.
     """
 
     title: str
     cards: Sequence[Card]
     more: int
     view: str
+    note: str = ""
 
 
 def broken_sections(
     report: Report, films: Mapping[str, Sequence[str]], event_steps: Mapping[str, int]
 ) -> list[Section]:
-    """Return the pairs that were lost, then those that were gained; nothing for an outcome without pairs.
+    """Return what Base fails at where it solves little, then the pairs that were lost and that were gained.
+
+    Nothing is said of an outcome without pairs.
 
     Args:
         report: Of the run.
@@ -69,6 +75,11 @@ def broken_sections(
         event_steps: Policy steps before the event, by item id.
     """
     sections = []
+    if base := known_failures(report):
+        view = urlencode({"outcome": "persistent_failure"})
+        cards = [_base_card(group, films, view) for group in base[:MOST_CAUSES]]
+        more = sum(group.pairs for group in base[MOST_CAUSES:])
+        sections.append(Section(base_failures.title_of(report), cards, more, view, next_step(report)))
     for outcome in LETTERS:
         groups = groups_of(report.changed_pairs, outcome)
         if groups:
@@ -77,6 +88,20 @@ def broken_sections(
             more = sum(len(group.pairs) for group in others)
             sections.append(Section(title_of(report, outcome), cards, more, urlencode({"outcome": outcome})))
     return sections
+
+
+def _base_card(group: BaseFailures, films: Mapping[str, Sequence[str]], view: str) -> Card:
+    item = base_failures.shown_pair(group, films)
+    return Card(
+        outcome="persistent_failure",
+        number=group.pairs,
+        cause=group.cause.replace("_", " "),
+        event="in Base",
+        view=view,
+        sentence=group.sentence if item == group.item_ids[0] else "",
+        case=urlencode({"case": item}),
+        film=quote(films[item][0]) if item in films else "",
+    )
 
 
 def _card(

@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 
 from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.registry import EVENTS
+from pytest_libero_max.report.base_failures import base_lines, known_failures, next_step
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.runs.replay_command import film_text, replay_of, traces_setting
@@ -117,7 +118,7 @@ def title_of(report: Report, outcome: Outcome) -> str:
 def broken_lines(
     report: Report, films: Mapping[str, str] | None = None, show: str | None = None
 ) -> list[str]:
-    """Return the lines for the terminal; none where no outcome changed.
+    """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any.
 
     Args:
         report: The report.
@@ -125,6 +126,10 @@ def broken_lines(
         show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
     """
     films, lines = films or {}, []
+    for number, line in enumerate(base_lines(report, films)):
+        lines += [""] * (number == 0) + wrap(
+            line, 100, subsequent_indent="    " * (number > 1), break_on_hyphens=False
+        )
     for outcome, letter in LETTERS.items():
         groups = groups_of(report.changed_pairs, outcome, _MOST_OF_GROUPS, _MOST_GROUPS)
         if not groups:
@@ -169,12 +174,14 @@ def broken_line(report: Report) -> str:
     causes = Counter(pair.cause for pair in report.changed_pairs if pair.outcome == "regression")
     known = {} if without_causes(report) else dict(causes.most_common())
     words = ", ".join(f"{cause} {number}" for cause, number in known.items())
+    if not lost and not gained and known_failures(report):
+        return next_step(report)
     return f"{TITLE}: {lost} lost{f' ({words})' if words else ''}, {gained} gained"
 
 
 def colour_of(line: str) -> Literal["red", "green"] | None:
     """Return the colour of a line: red for what was lost or failed, green for what was gained."""
-    if line.startswith(("R   ", "gate FAIL", "gate open")):
+    if line.startswith(("R   ", "B   ", "gate FAIL", "gate open")):
         return "red"
     return "green" if line.startswith("G   ") else None
 

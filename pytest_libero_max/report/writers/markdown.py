@@ -6,13 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.report import highlights
+from pytest_libero_max.report import base_failures, highlights
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
-from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.report_document import BaseFailures, Report
 from pytest_libero_max.report.sections import NOTES
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_document import Study
@@ -146,6 +146,8 @@ def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
     unknown = broken.without_causes(report)
     head = ["", "Pair", "Event", "Pairs like it" if unknown else "Cause (pairs)"]
     head += ([] if unknown else ["What happened"]) + (["Film"] if films else [])
+    if base := base_failures.known_failures(report):
+        lines += _base(report, base, films)
     for outcome, letter in broken.LETTERS.items():
         rows = [
             [
@@ -163,6 +165,24 @@ def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
             more = broken.count_of(report, outcome) - len(rows)
             lines += ["", f"{more} more: `changed_pairs` of report.json, and report.html."] if more else []
     return [*lines, "", broken.NO_CAUSES] if lines and unknown else lines
+
+
+def _base(report: Report, groups: Sequence[BaseFailures], films: Mapping[str, str]) -> list[str]:
+    """Return the failures of Base by cause, and what to do next."""
+    rows = [
+        [
+            group.pairs,
+            group.cause,
+            _Written(f"`{printable(item).replace('`', chr(39))}`"),
+            group.sentence if item == group.item_ids[0] else "",
+            *([_film_link(films.get(item))] if films else []),
+        ]
+        for group in groups
+        for item in [base_failures.shown_pair(group, films)]
+    ]
+    head = ["Pairs", "Cause", "Pair", "What happened", *(["Film"] if films else [])]
+    title, step = base_failures.title_of(report), base_failures.next_step(report)
+    return ["", f"## {title}", "", markdown_text(step), "", *markdown_table(head, rows)]
 
 
 def _film_link(film: str | None) -> str:

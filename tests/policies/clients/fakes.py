@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.codecs import OPENPI, VLA_EVAL, Dialect, pack, unpack
 from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.worlds.contract import ImageSize, height_and_width
@@ -173,7 +174,14 @@ def zeromq(handler: Handler, dialect: Dialect, port: int = 0) -> Iterator[int]:
     def talk() -> None:
         while not stop.is_set():
             if socket.poll(20):
-                answer = handler(unpack(socket.recv(), dialect))
+                try:
+                    content = b"".join(socket.recv_multipart(zmq.NOBLOCK))
+                except zmq.Again:  # bytes of another protocol, which the socket has dropped
+                    continue
+                try:
+                    answer = handler(unpack(content, dialect))
+                except ServerError as error:
+                    answer = {"error": str(error)}
                 socket.send(answer if isinstance(answer, bytes) else pack(answer, dialect))
         socket.close()
 

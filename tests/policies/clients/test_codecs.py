@@ -74,6 +74,28 @@ def test_numbers_of_numpy_are_sent_as_numbers_and_objects_not_at_all() -> None:
             codecs.pack(unsendable, OPENPI)
 
 
+@pytest.mark.parametrize("written", PACKED.values(), ids=PACKED)
+@pytest.mark.parametrize("read", PACKED.values(), ids=PACKED)
+def test_every_dialect_is_read_in_every_protocol(written: Dialect, read: Dialect) -> None:
+    array = np.arange(14, dtype=np.float32).reshape(2, 7)
+    again = codecs.unpack(codecs.pack({"actions": array}, written), read)["actions"]
+    assert (again.dtype, again.tolist()) == (array.dtype, array.tolist())
+
+
+def test_an_array_without_a_mark_is_read_where_its_size_leaves_no_doubt() -> None:
+    array = {"data": np.zeros(7).tobytes(), "dtype": "<f8", "shape": [1, 7]}
+    for keys in (array, {key.encode(): value for key, value in array.items()}):
+        assert codecs.unpack(msgpack.packb(keys), OPENPI).shape == (1, 7)
+    for other in ({**array, "shape": [2, 7]}, {**array, "note": "x"}, {**array, "dtype": "bfloat16"}):
+        assert codecs.unpack(msgpack.packb(other), OPENPI) == other
+
+
+def test_a_key_as_text_and_as_bytes_is_refused() -> None:
+    twice = {**VLA_EVAL.encode(np.zeros(7)), **OPENPI.encode(np.ones(7))}
+    with pytest.raises(ServerError, match=r"there twice"):
+        codecs.unpack(msgpack.packb(twice), OPENPI)
+
+
 class Bomb:
     """What unpickling would run."""
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
 import socket
 import threading
 import time
+import zlib
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
@@ -19,6 +21,8 @@ from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import codecs, transport
 from pytest_libero_max.policies.clients.codecs import MSGPACK_NUMPY, NPY, OPENPI, pack
 from pytest_libero_max.policies.clients.opening import load_served, parse_address
+from pytest_libero_max.policies.clients.protocols import http
+from pytest_libero_max.policies.clients.protocols.http import unpacked
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.websocket import Socket
 from tests.policies.clients import fakes
@@ -196,6 +200,29 @@ def test_a_web_server_is_no_policy_server() -> None:
 def test_http_errors_are_told_as_they_are(answer: Any, message: str) -> None:
     with fakes.http(lambda request: answer) as port, pytest.raises(ServerError, match=message):
         ask(connect("http", port, "dm05", "patience=0.2"))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "compressed"),
+    [
+        ("gzip", gzip.compress),
+        (None, gzip.compress),
+        ("deflate", zlib.compress),
+        ("deflate", lambda content: zlib.compress(content)[2:-4]),
+    ],
+)
+def test_a_compressed_body_is_read(encoding: str | None, compressed: Callable[[bytes], bytes]) -> None:
+    assert unpacked(compressed(b'{"actions": []}'), encoding) == b'{"actions": []}'
+
+
+def test_a_body_that_cannot_be_read_names_its_compression(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ServerError, match="Content-Encoding 'br'"):
+        unpacked(b"x", "br")
+    with pytest.raises(ServerError, match="ends too early"):
+        unpacked(b"x", "gzip")
+    bomb = gzip.compress(bytes(2**20))
+    monkeypatch.setattr(http, "MOST_BYTES", 2**16)
+    assert len(unpacked(bomb, "gzip")) == 2**16 + 1  # which is refused like any other that is too large
 
 
 def test_a_reply_that_was_encoded_twice_is_read() -> None:

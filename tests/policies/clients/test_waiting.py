@@ -84,8 +84,9 @@ def test_notes_of_a_process_that_died_are_not_told(noted: Path) -> None:
     folder = noted / waiting.FOLDER
     folder.mkdir()
     wait = '[{"server": "s", "patience_s": 1, "timeout_s": null, "why": "", "since": 0}]'
-    for name, text in (("a-1.json", wait), ("a-2.json", wait), ("a-3.json", "[{}]"), ("a-4.json", "half")):
-        (folder / name).write_text(text)
+    strange = wait.replace('"since": 0', '"since": "noon"')
+    for number, text in enumerate((wait, wait, "[{}]", "half", strange, "[" * 5000), start=1):
+        (folder / f"a-{number}.json").write_text(text)
     assert len(waiting.noted_waits(noted)) == 2
     (line,) = waiting.waiting_lines(noted)
     assert line.endswith("(2 processes)")

@@ -101,7 +101,10 @@ class Faulty(ExpertPolicy):
             model.mat_rgba,
             model.tex_data[::997],
         )
-        now = (tuple(zlib.crc32(np.ascontiguousarray(values)) for values in looks), tuple(self._objects()))
+        now = (
+            tuple(zlib.crc32(np.ascontiguousarray(values).tobytes()) for values in looks),
+            tuple(self._objects()),
+        )
         places = {name: self.world.position(name).copy() for name in self._objects()}
         was, before = self.memory.get("looks", now), self.memory.get("places", places)
         hand = self.hand

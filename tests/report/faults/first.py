@@ -57,7 +57,7 @@ def _another_goal(policy: Faulty, query: Query) -> Array:
         c, s = np.cos(angle), np.sin(angle)
         tried = np.array([c * off[0] - s * off[1], s * off[0] + c * off[1], 0.0])
         spot = policy.place() + tried
-        olds = [place for place in policy.memory.get("old", {}).values()]
+        olds = list(policy.memory.get("old", {}).values())
         if all(np.linalg.norm((spot - old)[:2]) > 0.17 for old in olds) and abs(spot[1]) < 0.3:
             break
     return policy.expert_to(tried)
@@ -183,7 +183,10 @@ def _mirrored_goal(policy: Faulty, query: Query) -> Array:
     mirror = goal * [1.0, -1.0, 1.0]
     near = abs(2 * goal[1]) < 0.17
     policy.truth(
-        "placed_beside_goal" if near else "placed_elsewhere", "timed_out_holding", "blocked_by_obstacle"
+        "placed_beside_goal" if near else "placed_elsewhere",
+        "timed_out_holding",
+        "blocked_by_obstacle",
+        "dropped",
     )
     return policy.expert_to(mirror - goal)
 
@@ -243,7 +246,7 @@ FAULTS = (
     Fault(
         "another_goal",
         _another_goal,
-        _of("placed_elsewhere", "timed_out_holding"),
+        _of("placed_elsewhere", "timed_out_holding", "dropped"),
         SPATIAL + OBJECT,
         GOAL + LIGHT[:1],
     ),

@@ -13,7 +13,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def _goes_home(policy: Faulty, query: Query) -> Array:
     """Go back to about where the hand began, and stay."""
-    home = policy.memory.setdefault("home", policy.hand + [-0.1, 0.0, 0.2])
+    home = policy.memory.setdefault("home", policy.hand + np.array([-0.1, 0.0, 0.2]))
     return policy.towards(home) if policy.since("broken", query) < 60 else policy.still()
 
 
@@ -159,7 +159,7 @@ def _rams_the_goal(policy: Faulty, query: Query) -> Array:
 def _waits_at_the_old_place(policy: Faulty, query: Query) -> Array:
     """Wait above where the object was, with open fingers."""
     old = policy.memory.get("old", {}).get(policy.target)
-    return policy.expert() if old is None else policy.towards(old + [0.0, 0.0, 0.06])
+    return policy.expert() if old is None else policy.towards(old + 0.06 * UP)
 
 
 def _drops_late(policy: Faulty, query: Query) -> Array:

@@ -1,0 +1,181 @@
+"""What broke in Base, where Base solves less than half: by cause, with what to do next.
+
+A pair that Base loses cannot be lost to an event. Where there are many of them, their causes say what to mend
+first, and most often that is the adapter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.events.schedules import BASE
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
+from pytest_libero_max.report.report_document import BaseFailures, Report
+from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
+
+TITLE = "What broke in Base"
+
+LOW_BASE = 0.5
+"""Base success below which its failures are shown."""
+
+MOST_CAUSES = 4
+"""Number of causes that terminal and page show."""
+
+_MOST_NAMED = 20
+
+
+class Advice(NamedTuple):
+    """What failures of Base look like, what they most often mean, and which causes belong to it.
+
+    Attributes:
+        sight: What is seen where Base fails.
+        meaning: What it most often means, and what to look at.
+        causes: Causes of failed arms that look so.
+    """
+
+    sight: str
+    meaning: str
+    causes: tuple[str, ...]
+
+
+ADVICE = (
+    Advice(
+        "the hand does not come near the objects",
+        "Images are turned the wrong way, or cameras exchanged: look at the film of what the policy saw",
+        ("never_reached", "wrong_object", "blocked_by_obstacle", "stuck"),
+    ),
+    Advice(
+        "the hand arrives and does not hold",
+        "The gripper has the wrong sign or range; beside the object: actions are un-normalised wrongly, or "
+        "the state has another form",
+        (
+            "never_closed",
+            "closed_early",
+            "grasp_missed",
+            "grasp_slipped",
+            "dropped",
+            "toppled_target",
+            "pushed_target",
+            "part_not_moved",
+        ),
+    ),
+    Advice(
+        "the hand hardly moves or stops",
+        "Actions are in other units, or an old answer is returned: run `libero-max check`",
+        ("not_attempted", "froze", "timed_out"),
+    ),
+    Advice(
+        "the hand takes the objects and does not finish",
+        "Q, the form of the state or the size of the images differ from the model's own evaluation, or the "
+        "model does not know these scenes",
+        (
+            "timed_out_holding",
+            "placed_beside_goal",
+            "placed_elsewhere",
+            "moved_goal",
+            "undone",
+            "part_moved_too_little",
+        ),
+    ),
+)
+"""The table of `AGENTS.md`. A cause belongs to one row at most; the others say nothing about an adapter."""
+
+_UNSEEN = "A model that has never seen the embedded scenes may fail there with a right adapter."
+
+
+def base_failures(records: Sequence[PairRecord]) -> list[BaseFailures]:
+    """Return the failures of Base by cause, the most frequent first; none where Base solves half or more.
+
+    Args:
+        records: Played pairs.
+    """
+    failed = [record for record in records if BASE in record.arms and not record.base_success]
+    if 2 * len(failed) <= len(records):
+        return []
+    by_cause: dict[str, list[tuple[str, str]]] = {}
+    for record in sorted(failed, key=lambda record: record.item_id):
+        why = diagnose(record, BASE)
+        assert why is not None
+        by_cause.setdefault(why.cause, []).append((record.item_id, why.sentence))
+    order = sorted(by_cause, key=lambda cause: (-len(by_cause[cause]), [*CAUSES].index(cause)))
+    return [
+        BaseFailures(
+            cause=cause,
+            pairs=len(by_cause[cause]),
+            item_ids=[item for item, _ in by_cause[cause][:_MOST_NAMED]],
+            sentence=by_cause[cause][0][1],
+        )
+        for cause in order
+    ]
+
+
+def known_failures(report: Report) -> list[BaseFailures]:
+    """Return the failures of Base to show; none where no record says why."""
+    causes = {group.cause for group in report.base_failures}
+    return [] if causes <= {NOT_RECORDED} else report.base_failures
+
+
+def title_of(report: Report) -> str:
+    """Return the heading: the number of failures and of pairs."""
+    return f"{TITLE}: {_failed(report.base_failures)} of {report.overall.played} pairs"
+
+
+def next_step(report: Report) -> str:
+    """Return what low Base success means, and what to do first."""
+    groups, played = report.base_failures, report.overall.played
+    failed = _failed(groups)
+    solved = played - failed
+    left = "little" if solved else "nothing"
+    text = f"Base solves {solved} of {played}, so events have {left} to break."
+    advice, number = _most(groups)
+    sight = f"in {number} of {failed} failures {advice.sight}" if advice is not None else ""
+    if solved >= FLOOR_BASE_RATE * played:  # an adapter that is wrong solves less
+        return f"{text} {sight.capitalize()}." if sight else text
+    if advice is None:
+        return f"{text} Fix Base first: look at a film of it."
+    text = f"{text} Fix Base first: {sight}. {advice.meaning}"
+    unknown = report.substrate.name == "embedded" and not (report.policy or {}).get("privileged")
+    return f"{text}. {_UNSEEN}" if unknown else f"{text}."
+
+
+def _failed(groups: Iterable[BaseFailures]) -> int:
+    return sum(group.pairs for group in groups)
+
+
+def _most(groups: Sequence[BaseFailures]) -> tuple[Advice | None, int]:
+    """Return the row of the table that most failures belong to, with their number."""
+    numbers = [_failed(group for group in groups if group.cause in advice.causes) for advice in ADVICE]
+    most = max(numbers)
+    return (ADVICE[numbers.index(most)], most) if most else (None, 0)
+
+
+def base_lines(report: Report, films: Mapping[str, str]) -> list[str]:
+    """Return the failures of Base as lines of text, not wrapped; none where they are not to be shown.
+
+    Args:
+        report: The report.
+        films: Path of the film of each pair that has one, by item id.
+    """
+    groups = known_failures(report)
+    if not groups:
+        return []
+    lines = [title_of(report), next_step(report)]
+    for group in groups[:MOST_CAUSES]:
+        item = shown_pair(group, films)
+        first = "" if group.pairs == 1 else "; the first"
+        lines.append(f"{group.pairs} x {group.cause}{first}: {group.sentence}")
+        lines.append(f"B   {printable(item)}{'  filmed' if item in films else ''}")
+    more = _failed(groups[MOST_CAUSES:])
+    return [*lines, f"{more} more of other causes: `causes` of report.json."] if more else lines
+
+
+def shown_pair(group: BaseFailures, films: Iterable[str]) -> str:
+    """Return the pair of a group to name: the first, whose sentence is told.
+
+    Another one with a film is named where the first has none.
+    """
+    films = frozenset(films)
+    return next((item for item in group.item_ids if item in films), group.item_ids[0])
