@@ -154,7 +154,7 @@ def broken_lines(
     if lines and films:
         home = Path(next(iter(films.values()))).parent
         lines.append(f"Films: {home}; libero-max view {home.parent} shows them beside their cases.")
-    elif lines:
+    elif report.changed_pairs:
         lines.append(_to_see(report) if show is None else f"To see them: {show}, which films them first.")
     return lines
 
