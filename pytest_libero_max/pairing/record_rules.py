@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 from msgspec import Meta, field
 from msgspec.structs import replace
@@ -35,7 +35,8 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.probe_columns import require_columns
 
-ArmRecord = PairRecord = Any
+ArmRecord: TypeAlias = Any
+PairRecord: TypeAlias = Any
 """The structs of :mod:`.record`, which imports this module."""
 
 ACTION_DIM = 7

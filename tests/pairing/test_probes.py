@@ -77,7 +77,7 @@ class Breaking(Probe[Any]):
     """Does something that a probe must not do."""
 
     name = "breaking"
-    schema = COUNT
+    schema: tuple[Column, ...] = COUNT
     cost = "nothing"
 
     def columns(self, state: Any, view: View) -> Mapping[str, Any]:
