@@ -752,7 +752,7 @@ def ini_value(config: pytest.Config, key: str) -> Any:
         pytest.UsageError: It has a type that the option does not have.
     """
     entry = in_file(config).get(key)
-    if getattr(entry, "mode", "ini") == "toml":
+    if entry is not None and getattr(entry, "mode", "ini") == "toml":
         return native_value(key, entry.value, many=_OPTION_OF[key].many, switch=_OPTION_OF[key].switch)
     try:
         return config.getini(key)

@@ -419,7 +419,7 @@ def _timed_out(arm: FailedArm) -> str | None:
     stopped = arm.stopped and not _creeps(arm)
     if stopped or closed or row.touch_step is not None or arm.held_up:
         return None
-    nearing = (row.closest_step or 0) >= arm.steps - _UNNOTICED_STEPS
+    nearing = arm.base is not None and (row.closest_step or 0) >= arm.steps - _UNNOTICED_STEPS
     short = _was_short(arm)
     if not (nearing or short):
         return None
