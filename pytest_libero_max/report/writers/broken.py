@@ -162,9 +162,10 @@ def broken_lines(
 def _to_see(report: Report) -> str:
     """Return how to see a changed pair of a run that has kept nothing to show."""
     replay = replay_of(report.provenance)
-    if not replay:
+    pairs = (group.pairs[0] for outcome in LETTERS for group in groups_of(report.changed_pairs, outcome))
+    first = next(pairs, None)
+    if not replay or first is None:  # of another loop, or what broke is Base alone
         return f"To see one: libero-max film RUN NAME, of a run with {traces_setting(report.provenance)}."
-    first = next(group.pairs[0] for outcome in LETTERS for group in groups_of(report.changed_pairs, outcome))
     return f"To see the first: {film_text(replay, first.item_id)}"
 
 
