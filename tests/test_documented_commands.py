@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shlex
 import subprocess
@@ -14,7 +13,10 @@ import pytest
 
 from pytest_libero_max.cli import main
 from tests.documented_commands import NOT_YET, ROOT, Documented, documented, fault_of
-from tests.plugin.conftest import REACHER, tiny_manifest
+from tests.plugin.conftest import REACHER, short_sessions, tiny_manifest
+from tests.policies.forgetting import forget_adapter
+
+__all__ = ["short_sessions"]  # a fixture
 
 COMMANDS = documented()
 
@@ -102,9 +104,9 @@ ON_THE_TINY_SUBSTRATE = {
 """Documents whose commands are run, and the beginnings of those that need no scene of the tracks."""
 
 NEEDED_HERE = {
-    "libero-max check": "--substrate=tiny",
-    "libero-max film": "--size=32",
-    "pytest ": "--libero-max-substrate=tiny --libero-max-manifest=tiny.json",
+    "libero-max check": ["--substrate=tiny"],
+    "libero-max film": ["--size=32", "--every=8", "--cases=tiny.json"],
+    "pytest ": ["--libero-max-substrate=tiny", "--libero-max-manifest=tiny.json", "-p", "no:cacheprovider"],
 }
 """What a command is given beside what is printed, by its beginning: another substrate, smaller pictures."""
 
@@ -118,15 +120,14 @@ SEEING = REACHER.replace("cameras=(), image_size=64", "cameras=('agentview',), i
 )
 
 
+@pytest.mark.usefixtures("short_sessions")
 @pytest.mark.parametrize("document", ON_THE_TINY_SUBSTRATE)
 def test_what_plays_and_looks_runs_as_it_is_printed(
-    document: str, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+    document: str, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytester.makepyfile(adapter=SEEING)
     manifest = tiny_manifest(events=("camera_shift",))
     pytester.path.joinpath("tiny.json").write_text(json.dumps(manifest))
-    monkeypatch.setenv("PYTHONPATH", f"{pytester.path}{os.pathsep}{ROOT}")
-    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     played = [
         command.text
         for command in COMMANDS
@@ -136,13 +137,13 @@ def test_what_plays_and_looks_runs_as_it_is_printed(
     ]
     assert len(played) > 2
     for text in played:
-        line = text.partition("#")[0].strip().replace("NAME", manifest["cases"][0]["case_id"])
-        added = " ".join(more for begin, more in NEEDED_HERE.items() if line.startswith(begin))
-        result = subprocess.run(
-            f"{line} {added}", shell=True, cwd=pytester.path, capture_output=True, text=True, timeout=120
-        )
+        line = text.replace("NAME", manifest["cases"][0]["case_id"])
+        program, *words = shlex.split(line, comments=True)
+        words += [word for begin, more in NEEDED_HERE.items() if line.startswith(begin) for word in more]
+        status = main(words) if program == "libero-max" else pytester.runpytest_inprocess(*words).ret
         # `check` names the stand-in for a model, which looks at nothing.
-        assert result.returncode == int(line.startswith("libero-max check")), result.stdout + result.stderr
+        assert status == int(line.startswith("libero-max check")), capsys.readouterr()
+        forget_adapter()
 
 
 def test_a_policy_is_served_with_what_the_page_names() -> None:
