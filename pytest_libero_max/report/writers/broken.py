@@ -160,12 +160,15 @@ def broken_lines(
 
 
 def _to_see(report: Report) -> str:
-    """Return how to see a changed pair of a run that has kept nothing to show."""
+    """Return how to see the first pair that is named, of a run that has kept nothing to show."""
     replay = replay_of(report.provenance)
     if not replay:
         return f"To see one: libero-max film RUN NAME, of a run with {traces_setting(report.provenance)}."
-    first = next(group.pairs[0] for outcome in LETTERS for group in groups_of(report.changed_pairs, outcome))
-    return f"To see the first: {film_text(replay, first.item_id)}"
+    base = [group.item_ids[0] for group in known_failures(report)]
+    changed = [
+        group.pairs[0].item_id for outcome in LETTERS for group in groups_of(report.changed_pairs, outcome)
+    ]
+    return f"To see the first: {film_text(replay, [*base, *changed][0])}"
 
 
 def broken_line(report: Report) -> str:
