@@ -42,8 +42,8 @@ ELSEWHERE = {
     "sha256sum": "of the system",
     "uv": "of a model's own environment",
     "xdg-open": "opens a browser",
-    "vla-eval": "of vla-eval's environment: tests/policies/peers, tests/fixtures/test_runners.py",
-    "lerobot-eval": "of LeRobot's environment: tests/fixtures/test_runners.py",
+    "vla-eval": "of vla-eval's environment: tests/scripts/evaluation_loops.py",
+    "lerobot-eval": "of LeRobot's environment: tests/scripts/evaluation_loops.py",
     ".ci/run": "runs these tests",
     ".": "of the shell",
 }
@@ -186,7 +186,7 @@ def fault_of(command: Documented, config: pytest.Config) -> str | None:
             words = words[1:]
         if not words:
             continue
-        fault = _fault(words[0].removeprefix(".venv/bin/"), words[1:], command.mention, config)
+        fault = _fault(re.sub(r"^[.\w]+/bin/", "", words[0]), words[1:], command.mention, config)
         if fault is not None:
             return fault
     return None
@@ -275,6 +275,7 @@ def _asked(options: Any) -> Any:
         invocation_params=SimpleNamespace(dir=ROOT),
         rootpath=ROOT,
         inipath=None,
+        _inicfg={},
     )
 
 

@@ -14,8 +14,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from tests.documented_commands import NOT_YET, ROOT, Documented, documented, fault_of
-from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
-from tests.short_episodes import short_episodes
+from tests.plugin.conftest import REACHER, tiny_manifest
 
 COMMANDS = documented()
 
@@ -127,7 +126,6 @@ def test_what_plays_and_looks_runs_as_it_is_printed(
     manifest = tiny_manifest(events=("camera_shift",))
     pytester.path.joinpath("tiny.json").write_text(json.dumps(manifest))
     monkeypatch.setenv("PYTHONPATH", f"{pytester.path}{os.pathsep}{ROOT}")
-    monkeypatch.setenv("PYTEST_ADDOPTS", " ".join(short_episodes(pytester, BUDGET)))
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     played = [
         command.text

@@ -38,12 +38,6 @@ NEVER = make_case(distance_m=0.0001, init_state_index=4, case_id="never", record
 CASES = Manifest("tiny", "1.0.0", {}, (*map(make_case, EVENTS), NEVER))
 
 
-@pytest.fixture(autouse=True)
-def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The actors' cases have 50 steps, which records of every suite are compared with."""
-    shorten_here(monkeypatch, 50)
-
-
 def chunks(policy: Policy, case: Case) -> Callable[[Observation, str], NDArray[np.float64]]:
     """A client as loops have it: a queue of Q actions, asked for an action at every step."""
     queue: deque[NDArray[np.float64]] = deque()

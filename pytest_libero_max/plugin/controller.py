@@ -262,9 +262,14 @@ class RunController:
             *self._chance_line(),
             *([] if self.servers is None else [_servers_line(self.servers)]),
             *([] if note is None else [note]),
-            *([self.config.stash[DIST_NOTE]] if DIST_NOTE in self.config.stash else []),
+            *self._dist_line(),
             *([] if self._remark is None else [self._remark]),
         ]
+
+    def _dist_line(self) -> list[str]:
+        """Name the way to hand out tests that was replaced; ``-n auto`` may have come out as no worker."""
+        replaced = DIST_NOTE in self.config.stash and self.config.getoption("tx", None)
+        return [self.config.stash[DIST_NOTE]] if replaced else []
 
     def _program_line(self) -> list[str]:
         """Say which cases the program does not fit, and why."""

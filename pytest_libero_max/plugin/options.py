@@ -310,8 +310,9 @@ class Settings:
     )
     verify: int = _option(
         "PAIRS",
-        "At the end play so many pairs again, by turns of each suite, each in a process of its own, and "
-        "compare outcome, steps and proofs: what a policy keeps from pair to pair shows there",
+        "At the end play so many pairs again, by turns of each suite, each in a process of its own with a "
+        "new home, cache and working folder, and compare outcome, steps and proofs: what a policy keeps from "
+        "pair to pair shows there",
         read.count,
         default=0,
     )
@@ -751,7 +752,7 @@ def ini_value(config: pytest.Config, key: str) -> Any:
         pytest.UsageError: It has a type that the option does not have.
     """
     entry = in_file(config).get(key)
-    if getattr(entry, "mode", "ini") == "toml":
+    if entry is not None and getattr(entry, "mode", "ini") == "toml":
         return native_value(key, entry.value, many=_OPTION_OF[key].many, switch=_OPTION_OF[key].switch)
     try:
         return config.getini(key)

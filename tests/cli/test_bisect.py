@@ -13,7 +13,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.report.bisection import Verdict, first_bad
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, tiny_manifest
-from tests.short_episodes import short_episodes, shorten_here
+from tests.short_episodes import short_episodes
 
 POLICY = """
 import numpy as np
@@ -56,7 +56,6 @@ PLAYED = ("adapter.py", "--libero-max-manifest=tiny.json", "--libero-max-substra
 @pytest.fixture
 def repository(tmp_path: Path, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A repository whose policy is in a folder below; pytest's sessions play short episodes."""
-    shorten_here(monkeypatch, BUDGET)
     folder = tmp_path / "repository" / "policy"
     folder.mkdir(parents=True)
     (folder / "tiny.json").write_text(json.dumps(tiny_manifest(suites=SUITES)))

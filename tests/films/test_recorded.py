@@ -29,9 +29,8 @@ ELSEWHERE = """
 import sys
 import pytest
 from pytest_libero_max.cli import main
-from tests.films.short_run import leave_out_shadows, shorten_episodes
+from tests.films.short_run import leave_out_shadows
 leave_out_shadows(pytest.MonkeyPatch())
-shorten_episodes(pytest.MonkeyPatch())
 sys.exit(main(sys.argv[1:]))
 """
 

@@ -21,16 +21,17 @@ SPEC = PolicySpec("p", horizon=4, query_interval=1, cameras=())
 
 def both(value: Any) -> tuple[Any, Any]:
     """The actions of an answer in process and from a server, or the two errors."""
-    results: list[Any] = []
-    for read in (
-        lambda: check_actions(value, SPEC),
-        lambda: Reply(load_profile("pi05_libero")).read({"actions": value}, 1, 4),
-    ):
-        try:
-            results.append(read())
-        except (ActionError, ServerError) as error:
-            results.append(error)
-    return results[0], results[1]
+    own: Any
+    served: Any
+    try:
+        own = check_actions(value, SPEC)
+    except ActionError as error:
+        own = error
+    try:
+        served = Reply(load_profile("pi05_libero")).read({"actions": value}, 1, 4)
+    except ServerError as error:
+        served = error
+    return own, served
 
 
 def masked(*rows: int) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from pytest_libero_max.cli import init
 from pytest_libero_max.report.gate_results import decide, require_usable
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -42,6 +43,7 @@ def recommended() -> Iterator[tuple[str, tuple[str, ...]]]:
                 yield f"{page} command {number}", tuple(gates)
     (job,) = yaml.safe_load(WORKFLOW.read_text(encoding="utf-8"))["jobs"].values()
     yield "workflow", tuple(job["steps"][-1]["with"]["gates"].splitlines())
+    yield "init", (*init.GATES, init.LATER)
 
 
 SETS = dict(recommended())
@@ -61,6 +63,7 @@ def test_the_pages_recommend_gates() -> None:
         "README.md",
         "pytest_libero_max/runs/README.md",
         "workflow",
+        "init",
     }
 
 
@@ -80,6 +83,12 @@ def test_recommended_gates_pass_what_solves_most_and_nothing_that_solves_less(
         if all(result.passed for result in decide(gates, folder, tmp_path)):
             passed.add(policy)
     assert passed == {"most"}
+
+
+@pytest.mark.parametrize("policy", ["nothing", "little"])
+def test_the_gates_to_begin_with_fail_what_solves_little(tmp_path: Path, policy: str) -> None:
+    folder = store(tmp_path / policy, plan(), *RATES[policy])
+    assert not all(result.passed for result in decide(parse_gates(init.GATES), folder, tmp_path))
 
 
 @pytest.mark.parametrize("policy", ["nothing", "little", "half"])

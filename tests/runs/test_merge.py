@@ -64,6 +64,18 @@ def test_an_error_repaired_in_another_run_is_gone() -> None:
     assert len(merged.records) == 31
 
 
+def test_a_pair_that_one_run_refused_is_not_measured_by_another() -> None:
+    pairs = plan()
+    refused = structs.replace(error_of(pairs[0]), kind="RefusalError")
+    pieces = {
+        "a": StoredRun(Run(tuple(pairs), PROVENANCE), (), (refused,), torn=False),
+        "b": StoredRun(Run(tuple(pairs), PROVENANCE), (record_of(pairs[0], True, True),), (), torn=False),
+    }
+    merged = merge_runs(pieces)
+    assert (merged.records, merged.errors) == ((), (refused,))
+    assert merge_runs(dict(reversed(pieces.items()))) == merged
+
+
 def test_what_the_pieces_differ_in_is_not_claimed() -> None:
     other = {**PROVENANCE, "command": ["pytest", "--shard=2"], "gl_backend": "osmesa"}
     pieces = {"a": _piece(PAIRS[:5]), "b": _piece(PAIRS[5:], other)}

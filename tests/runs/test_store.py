@@ -532,3 +532,24 @@ def test_pairs_of_a_resumed_run_are_played_like_the_others(
         resumed.append(record_of(run.planned[1], True, True, **changes))
     resumed.close()
     assert len(read_pairs(tmp_path).records) == 1
+
+
+@pytest.mark.parametrize("kind", ["RefusalError", "ActionError"])
+def test_a_pair_that_was_refused_stays_refused(tmp_path: Path, run: Run, kind: str) -> None:
+    refused, fault, measured = run.planned[:3]
+    store = PairStore(tmp_path, run)
+    store.append(structs.replace(error_of(refused), kind=kind))
+    store.append(error_of(fault))
+    store.append(record_of(measured, True, True))
+    with pytest.raises(ReportError, match=r"was refused before .* stays refused"):
+        store.append(record_of(refused, True, True))
+    store.close()
+    again, stored = PairStore.resume(tmp_path, run)
+    assert stored is not None
+    assert stored.settled == {refused.case_id, measured.case_id}
+    again.begin()
+    again.append(record_of(fault, True, True))
+    with pytest.raises(ReportError, match="Repair the policy and begin a new run"):
+        again.append(record_of(refused, True, True))
+    again.close()
+    assert [error.case_id for error in read_pairs(tmp_path).refused] == [refused.case_id]

@@ -71,7 +71,7 @@ class Column:
         if self.type == "str" and isinstance(value, str):
             return str(value)
         least: Any = -LARGEST if self.least is None else self.least
-        if not isinstance(value, bool | np.bool_) and isinstance(value, Real) and least <= value <= LARGEST:  # type: ignore[operator]
+        if not isinstance(value, bool | np.bool_) and isinstance(value, Real) and least <= value <= LARGEST:
             if self.type == "int" and isinstance(value, Integral):
                 return int(value)
             if self.type == "float":

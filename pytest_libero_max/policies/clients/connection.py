@@ -58,7 +58,7 @@ def look_up(host: str, port: int, family: int = socket.AF_UNSPEC) -> list[Resolv
 
     def ask() -> None:
         try:
-            answers.put(socket.getaddrinfo(host, port, family, socket.SOCK_STREAM))
+            answers.put([*socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)])
         except (OSError, UnicodeError) as error:
             answers.put(error if isinstance(error, OSError) else OSError(str(error)))
 

@@ -205,9 +205,14 @@ class Client:
                 next_s = pause + (now - tried_at if isinstance(error, NoConnection) else 0.0)
                 if self._given_up or bad == MOST_BAD_ANSWERS or took + next_s > self._patience_s:
                     self._given_up = True
+                    cure = (
+                        "Start the server, or correct the address"
+                        if isinstance(error, NoConnection)
+                        else "Look at the server's own output"
+                    )
                     raise ServerError(
                         f"{self._name}: {error}. It was tried {tries} time(s) in {took:.1f} s and given up. "
-                        "Look at the server's own output."
+                        f"{cure}."
                     ) from error
                 wait.why = str(error)
                 LOG.warning("%s: %s; trying again in %.2f s", self._name, error, pause)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -73,14 +74,18 @@ def test_an_unknown_host_is_told(scheme: str, monkeypatch: pytest.MonkeyPatch) -
 
 @pytest.mark.parametrize("scheme", BY_SCHEME)
 def test_a_name_server_that_does_not_answer_is_told(scheme: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(socket, "getaddrinfo", lambda *arguments: time.sleep(3.0))
+    answer = threading.Event()
+
+    def silent(*arguments: Any) -> Any:
+        answer.wait(30.0)
+        return []
+
+    monkeypatch.setattr(socket, "getaddrinfo", silent)
     text, took_s = told(scheme, "gpu-box:8000")
     assert "the name 'gpu-box' was not found within 0.4 s" in text
-    assert took_s < 2.0
-    assert read_servers(f"{scheme}://a,{scheme}://b", EACH_PROFILE[scheme]).resolved().addresses
-
-
-EACH_PROFILE = {scheme: each.profile for scheme, each in BY_SCHEME.items()}
+    assert took_s < 5.0
+    assert read_servers(f"{scheme}://a", BY_SCHEME[scheme].profile).resolved().addresses == (f"{scheme}://a",)
+    answer.set()
 
 
 @pytest.mark.parametrize("scheme", BY_SCHEME)
@@ -88,7 +93,8 @@ def test_a_firewall_is_told(scheme: str) -> None:
     with firewall() as port:
         text, took_s = told(scheme, f"127.0.0.1:{port}")
     assert "did not accept a connection within 0.4 s: a firewall" in text
-    assert took_s < 1.0  # no second try, which would take as long and end beyond the patience
+    assert "tried 1 time" in text  # another try would take as long, and end beyond the patience
+    assert took_s < 5.0
 
 
 @pytest.mark.parametrize("scheme", EACH)

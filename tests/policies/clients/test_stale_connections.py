@@ -7,6 +7,7 @@ import socket
 import threading
 import time
 from contextlib import suppress
+from importlib import import_module
 from typing import Any
 
 import pytest
@@ -136,9 +137,8 @@ def test_a_server_of_zeromq_that_was_started_again_between_queries_is_asked_at_o
 
 def test_a_server_of_zeromq_that_dies_while_it_computes_is_told_at_once() -> None:
     """Not after ?timeout, for which ZeroMQ waits in silence."""
-    import zmq
-
-    context: Any = zmq.Context()
+    zmq: Any = import_module("zmq")
+    context = zmq.Context()
     server = context.socket(zmq.REP)
     server.linger = 0
     port = server.bind_to_random_port("tcp://127.0.0.1")

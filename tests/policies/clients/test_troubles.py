@@ -218,7 +218,7 @@ def test_a_compressed_body_is_read(encoding: str | None, compressed: Callable[[b
 def test_a_body_that_cannot_be_read_names_its_compression(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ServerError, match="Content-Encoding 'br'"):
         unpacked(b"x", "br")
-    with pytest.raises(ServerError, match="damaged"):
+    with pytest.raises(ServerError, match="ends too early"):
         unpacked(b"x", "gzip")
     bomb = gzip.compress(bytes(2**20))
     monkeypatch.setattr(http, "MOST_BYTES", 2**16)

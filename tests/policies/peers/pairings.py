@@ -2,8 +2,8 @@
 
     python -m tests.policies.peers.pairings > reports/pairings.md
 
-The servers of openpi and vla-eval are their own programs (see ``.ci/peers.txt``); those of starVLA, GR00T and HTTP
-are servers of the tests, which send what the published ones send.
+The servers of openpi and vla-eval are their own programs (see ``.ci/peers.txt``); those of starVLA, GR00T and
+HTTP are servers of the tests, which send what the published ones send.
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ _PACKAGES = {"openpi": "rlinf-openpi", "vla-eval": "vla-eval"}
 
 _HEAD = """# Clients at servers of other protocols
 
-The first line that a run or `libero-max check` prints where an address names one protocol and a server of another
-one is there, without the address before it, and the time until then. `PORT` is the server's. A server with a version
-is the published program; the others are those of the tests, which send what the published ones send.
+The first line that a run or `libero-max check` prints where an address names one protocol and a server of
+another one is there, without the address before it, and the time until then. `PORT` is the server's. A server
+with a version is the published program; the others are those of the tests, which send what the published ones
+send.
 
-Written by `python -m tests.policies.peers.pairings > reports/pairings.md`, on a machine that did other work. Tests
-expect every line within 5 s.
+Written by `python -m tests.policies.peers.pairings > reports/pairings.md`, on a machine that did other work.
+Tests expect every line within 5 s.
 
 | Asked as | Server | First line | Seconds |
 | --- | --- | --- | --- |"""

@@ -194,10 +194,14 @@ def unpacked(content: bytes, encoding: str | None) -> bytes:
         raise ServerError(
             f"an answer with Content-Encoding {shortened(word)}, but only gzip and deflate are read"
         )
+    stream = zlib.decompressobj(window)
     try:
-        return zlib.decompressobj(window).decompress(content, MOST_BYTES + 1)
+        result = stream.decompress(content, MOST_BYTES + 1)
     except zlib.error as error:
         raise ServerError(f"an answer with Content-Encoding {word}, which is damaged ({error})") from error
+    if not stream.eof and len(result) <= MOST_BYTES:
+        raise ServerError(f"an answer with Content-Encoding {word}, which ends too early")
+    return result
 
 
 def _reply(content: bytes) -> Any:
