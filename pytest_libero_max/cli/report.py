@@ -55,11 +55,12 @@ def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
+    from pytest_libero_max.report.writers.broken import to_look_at
     from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.report_files import write_figures, write_text
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.report.writers.tables import csv_text, latex_text
-    from pytest_libero_max.runs.media import films_in, show_command
+    from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
 
     report, paths, verdicts = rewrite(options.folder, options.gate)
     if options.figures:
@@ -75,8 +76,8 @@ def _report(options: argparse.Namespace) -> None:
         write_text(options.folder / BADGE_NAME, badge_json(report))
         paths.append(options.folder / BADGE_NAME)
     films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
-    changed = [pair.item_id for pair in report.changed_pairs]
-    show = show_command(options.folder, str(options.folder), changed, report.provenance)
+    named = to_look_at(report, MOST_FILMS)
+    show = show_command(options.folder, str(options.folder), named, report.provenance)
     say_coloured(summary_lines(report, [str(path) for path in paths], films, show))
     if verdicts:
         say_coloured(gate_lines(verdicts))

@@ -65,17 +65,17 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _make_films(folder: Path, case_set: str | None) -> None:
-    """Film the changed pairs that the run has traces of, as many as a run films at its end."""
+    """Film the named pairs that the run has traces of, as many as a run films at its end."""
     from pytest_libero_max.cli import main
-    from pytest_libero_max.report.writers.broken import named_of
+    from pytest_libero_max.report.writers.broken import to_look_at
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.store import read_pairs
 
     missing = traced_in(folder) - films_in(folder).keys()
     if not missing:
         return
-    changed = report_of(read_pairs(folder)).changed_pairs
-    names = [name for name in named_of(changed, MOST_FILMS) if name in missing]
+    named = to_look_at(report_of(read_pairs(folder)), MOST_FILMS)
+    names = [name for name in named if name in missing]
     if names:
         cases = [] if case_set is None else [f"--cases={case_set}"]
         main(["film", str(folder), *names, *cases])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from msgspec import Meta, field
 from msgspec.structs import replace
@@ -35,8 +35,11 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.probe_columns import require_columns
 
-ArmRecord = PairRecord = Any
+ArmRecord: TypeAlias = Any
+PairRecord: TypeAlias = Any
 """The structs of :mod:`.record`, which imports this module."""
+
+Record = TypeVar("Record", bound=Any)
 
 ACTION_DIM = 7
 """Components of an action; spelled here because records are read where no simulator is."""
@@ -109,7 +112,7 @@ class Evidence(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
     pixel_change: dict[str, Distance] = field(default_factory=dict)
 
 
-def require_consistent(record: PairRecord) -> PairRecord:
+def require_consistent(record: Record) -> Record:
     """Return a record whose fields agree.
 
     Raises:

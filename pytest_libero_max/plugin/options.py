@@ -310,9 +310,9 @@ class Settings:
     )
     verify: int = _option(
         "PAIRS",
-        "At the end play so many pairs again, by turns of each suite, each in a process of its own with a new "
-        "home, cache and working folder, and compare outcome, steps and proofs: what a policy keeps from pair "
-        "to pair shows there",
+        "At the end play so many pairs again, by turns of each suite, each in a process of its own with a "
+        "new home, cache and working folder, and compare outcome, steps and proofs: what a policy keeps from "
+        "pair to pair shows there",
         read.count,
         default=0,
     )

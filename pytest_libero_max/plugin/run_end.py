@@ -25,7 +25,7 @@ from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
-from pytest_libero_max.runs.media import films_in, show_command
+from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
@@ -195,6 +195,7 @@ class RunEnd:
 
     def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
+        from pytest_libero_max.report.writers.broken import to_look_at
         from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
@@ -206,8 +207,8 @@ class RunEnd:
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
         named = str(_relative(folder, here))
-        changed, ran = [pair.item_id for pair in self.report.changed_pairs], self.report.provenance
-        show = show_command(folder, named, changed, ran)
+        look_at, ran = to_look_at(self.report, MOST_FILMS), self.report.provenance
+        show = show_command(folder, named, look_at, ran)
         self.lines += summary_lines(self.report, paths, films, show)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)

@@ -162,7 +162,7 @@ def test_view_films_the_changed_pairs_that_have_traces_and_shows_them(
     assert show_command(run, "out", [item], ran) == "libero-max view out --cases=tiny.json"
     assert show_command(run, "out", [item], {"case_set": {}}) == "libero-max view out"
     assert show_command(run, "out", ["another pair"], ran) is None
-    monkeypatch.setattr(broken, "named_of", lambda pairs, most: [item])
+    monkeypatch.setattr(broken, "to_look_at", lambda report, most: [item])
     view._make_films(run, str(tmp_path / "tiny.json"))
     assert films_in(run).keys() == {item}
     assert not view._page_shows_all(run)

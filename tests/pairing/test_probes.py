@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ class Breaking(Probe[Any]):
     """Does something that a probe must not do."""
 
     name = "breaking"
-    schema = COUNT
+    schema: ClassVar[tuple[Column, ...]] = COUNT
     cost = "nothing"
 
     def columns(self, state: Any, view: View) -> Mapping[str, Any]:
@@ -348,7 +348,7 @@ def test_a_probe_declares_itself() -> None:
         name = "Other"
 
     class Empty(Breaking):
-        schema = ()  # type: ignore[assignment]
+        schema = ()
 
     class Alone(Breaking):
         schema = (Column("number", "int", "a number", along="others"),)

@@ -59,6 +59,8 @@ def test_base_that_solves_nothing_says_what_to_mend() -> None:
     assert any(line.startswith("8 x not_attempted") for line in lines)
     assert f"B   {report.base_failures[0].item_ids[2]}  filmed" in lines
     assert broken_line(report) == next_step(report)
+    first = report.base_failures[0].item_ids[0]
+    assert broken_lines(report)[-1].endswith(f"--libero-max-film=all -k {first}")
 
 
 def test_a_base_that_solves_some_is_no_wrong_adapter() -> None:

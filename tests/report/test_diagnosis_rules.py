@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from msgspec import structs
 
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.diagnosis import Diagnosis, diagnose
 from tests.report.made_up import plan, record_of
@@ -102,7 +103,14 @@ def judged(
     after = {name: [0.12, 0.0, 0.9] for name in moved or {}}
     evidence = {"operation": "made_up", "before": {"position_m": before}, "after": {"position_m": after}}
     record = record_of(
-        plan()[0], True, False, max_steps=steps, dynamic_steps=steps, base_steps=base_steps, evidence=evidence
+        plan()[0],
+        True,
+        False,
+        suite=next(suite for suite, budget in SUITE_BUDGETS.items() if budget == steps),
+        max_steps=steps,
+        dynamic_steps=steps,
+        base_steps=base_steps,
+        evidence=evidence,
     )
     probes = {"base": stages(IN_BASE) if base is None else base, "dynamic": dynamic}
     arms = {name: structs.replace(arm, probes={"stages": probes[name]}) for name, arm in record.arms.items()}

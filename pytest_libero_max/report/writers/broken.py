@@ -90,6 +90,17 @@ def named_of(pairs: Sequence[ChangedPair], most: int) -> list[str]:
     ]
 
 
+def to_look_at(report: Report, most: int) -> list[str]:
+    """Return the item ids of the pairs that a summary names: failures in Base, then the changed pairs.
+
+    Args:
+        report: The report.
+        most: Number of regressions, and of gains.
+    """
+    failed = [group.item_ids[0] for group in known_failures(report)]
+    return list(dict.fromkeys([*failed, *named_of(report.changed_pairs, most)]))
+
+
 def _rank(name: str, names: Iterable[str]) -> int:
     known = [*names]
     return known.index(name) if name in known else len(known)
@@ -160,12 +171,11 @@ def broken_lines(
 
 
 def _to_see(report: Report) -> str:
-    """Return how to see a changed pair of a run that has kept nothing to show."""
+    """Return how to see the first pair that is named of a run that has kept nothing to show."""
     replay = replay_of(report.provenance)
     if not replay:
         return f"To see one: libero-max film RUN NAME, of a run with {traces_setting(report.provenance)}."
-    first = next(group.pairs[0] for outcome in LETTERS for group in groups_of(report.changed_pairs, outcome))
-    return f"To see the first: {film_text(replay, first.item_id)}"
+    return f"To see the first: {film_text(replay, to_look_at(report, 1)[0])}"
 
 
 def broken_line(report: Report) -> str:

@@ -66,7 +66,7 @@ def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> 
     assert "19 more: in the table of cases of report.html, by outcome and cause." in lines
     assert sum(line.startswith("G   ") for line in lines) == 2
     assert not any("libero-max film" in line for line in lines)
-    assert "libero-max film" in broken_lines(report(MANY))[-1]
+    assert "--libero-max-film=all -k target_relocation" in broken_lines(report(MANY))[-1]
     assert broken_lines(report([])) == []
 
 

@@ -83,6 +83,7 @@ class HttpLink:
         """Connect; there is no greeting."""
         self._target = self._first
         self._open()
+        self._kept = True  # the first query may come much later
 
     def ask(self, request: Any) -> Any:
         """Send a request and return the reply's value; redirects on the same host are followed."""
@@ -116,7 +117,7 @@ class HttpLink:
         if self._connection.sock is None:  # as the last answer announced
             self._open()
         elif self._kept and closed_by_peer(self._connection.sock):
-            raise StaleConnection("the server has closed the connection since its last answer")
+            raise StaleConnection("the server has closed the connection, which nobody used")
         sock, timeout_s = self._connection.sock, self._target.timeout_s
         with (
             nullcontext() if self._has_answered else watched(sock, self._target, "http"),
