@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import subprocess
@@ -12,6 +13,10 @@ import pytest
 
 from pytest_libero_max.cli import main
 from tests.documented_commands import NOT_YET, ROOT, Documented, documented, fault_of
+from tests.plugin.conftest import REACHER, short_sessions, tiny_manifest
+from tests.policies.forgetting import forget_adapter
+
+__all__ = ["short_sessions"]  # a fixture
 
 COMMANDS = documented()
 
@@ -90,6 +95,55 @@ def test_what_reads_the_repository_runs_as_it_is_printed(
         assert capsys.readouterr().out
     else:
         subprocess.run([sys.executable, *words], check=True, capture_output=True, cwd=ROOT)
+
+
+ON_THE_TINY_SUBSTRATE = {
+    "pytest_libero_max/films/README.md": ("pytest ", "libero-max film", "libero-max report"),
+    "AGENTS.md": ("libero-max check", "pytest ", "libero-max film"),
+}
+"""Documents whose commands are run, and the beginnings of those that need no scene of the tracks."""
+
+NEEDED_HERE = {
+    "libero-max check": ["--substrate=tiny"],
+    "libero-max film": ["--size=32", "--every=8", "--cases=tiny.json"],
+    "pytest ": ["--libero-max-substrate=tiny", "--libero-max-manifest=tiny.json", "-p", "no:cacheprovider"],
+}
+"""What a command is given beside what is printed, by its beginning: another substrate, smaller pictures."""
+
+SEEING = REACHER.replace("cameras=(), image_size=64", "cameras=('agentview',), image_size=32").replace(
+    "    def reset",
+    """
+    def model_inputs(self, observation, query):
+        return {"image": observation["agentview_image"][::-1, ::-1]}
+
+    def reset""",
+)
+
+
+@pytest.mark.usefixtures("short_sessions")
+@pytest.mark.parametrize("document", ON_THE_TINY_SUBSTRATE)
+def test_what_plays_and_looks_runs_as_it_is_printed(
+    document: str, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytester.makepyfile(adapter=SEEING)
+    manifest = tiny_manifest(events=("camera_shift",))
+    pytester.path.joinpath("tiny.json").write_text(json.dumps(manifest))
+    played = [
+        command.text
+        for command in COMMANDS
+        if command.document == document
+        and not command.mention
+        and command.text.startswith(ON_THE_TINY_SUBSTRATE[document])
+    ]
+    assert len(played) > 2
+    for text in played:
+        line = text.replace("NAME", manifest["cases"][0]["case_id"])
+        program, *words = shlex.split(line, comments=True)
+        words += [word for begin, more in NEEDED_HERE.items() if line.startswith(begin) for word in more]
+        status = main(words) if program == "libero-max" else pytester.runpytest_subprocess(*words).ret
+        # `check` names the stand-in for a model, which looks at nothing.
+        assert status == int(line.startswith("libero-max check")), capsys.readouterr()
+        forget_adapter()
 
 
 def test_a_policy_is_served_with_what_the_page_names() -> None:
