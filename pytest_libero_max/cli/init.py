@@ -30,7 +30,8 @@ libero_max_policy = {ADAPTER}
 libero_max_gate =
     {GATES[0]}
     {GATES[1]}
-# Keep a good run (mv libero-max-results baseline); then no later one may lose more than ten points to it:
+# These look at Base and at whether events happen, not at what is lost. Keep a good run
+# (mv libero-max-results baseline); then no later one may lose more than ten points to it:
 #   {LATER}
 """
 

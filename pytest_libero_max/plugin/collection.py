@@ -243,8 +243,12 @@ def is_run(config: pytest.Config) -> bool:
     """
     if options.policy_on_command_line(config):
         return True
-    aimed = any(_resolve(arg).startswith(str(PAIRS_FILE)) for arg in config.args)
-    return aimed and options.policy_in_ini_file(config)
+    return aims_at_pairs(config) and options.policy_in_ini_file(config)
+
+
+def aims_at_pairs(config: pytest.Config) -> bool:
+    """Return True if the pairs are among the test paths."""
+    return any(_resolve(arg).startswith(str(PAIRS_FILE)) for arg in config.args)
 
 
 def only_lists(config: pytest.Config) -> bool:
@@ -258,9 +262,12 @@ def _resolve(arg: str) -> str:
 
 
 def pytest_report_header(config: pytest.Config) -> str | None:
-    """Return a note on a policy in the ini file in a session without pairs; None with pairs, or no policy."""
-    if not options.policy_in_ini_file(config) or is_run(config):
+    """Return a note on a session that plays no pair though it has options for them; None for others."""
+    if is_run(config):
         return None
+    if not options.policy_in_ini_file(config):
+        asked = options.on_command_line(config)
+        return f"libero-max: no policy is named, so {asked} plays no pair" if asked else None
     policy = options.ini_value(config, "libero_max_policy")
     return f"libero-max: policy {policy} is for tests that ask for it; to play the pairs: pytest libero-max"
 

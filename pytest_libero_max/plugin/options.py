@@ -693,6 +693,12 @@ def policy_on_command_line(config: pytest.Config) -> bool:
     return config.getoption("libero_max_policy") is not None
 
 
+def on_command_line(config: pytest.Config) -> str:
+    """Return the first of our options on the command line, as it is spelled there; empty without one."""
+    given = (option.flag for option in OPTIONS if config.getoption(option.key) is not None)
+    return next(given, "")
+
+
 def policy_in_ini_file(config: pytest.Config) -> bool:
     """Return True if the policy is named in the ini file, which asks for the pairs only where collected."""
     return bool(ini_value(config, "libero_max_policy"))

@@ -19,7 +19,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures.
 
     Raises:
-        pytest.UsageError: There are gates and no pairs, or an option, the adapter or a pair cannot be used.
+        pytest.UsageError: There are gates and no pairs, no policy is named for the pairs, or an option, the
+            adapter or a pair cannot be used.
     """
     options.require_known_keys(config)
     collection.aim(config)
@@ -28,6 +29,11 @@ def pytest_configure(config: pytest.Config) -> None:
         raise pytest.UsageError(
             "--libero-max-gate is given, but no pair is played: a gate that nothing decides would pass. Name "
             "a policy with --libero-max-policy."
+        )
+    if not in_use and collection.aims_at_pairs(config) and not collection.only_lists(config):
+        raise pytest.UsageError(
+            "The pairs are asked for, but no policy is named. Give --libero-max-policy=adapter.py, or set "
+            "libero_max_policy in the ini file."
         )
     collection.register_markers(config, in_use=in_use)
     if not in_use:

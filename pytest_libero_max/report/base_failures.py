@@ -43,7 +43,7 @@ class Advice(NamedTuple):
 
 ADVICE = (
     Advice(
-        "the hand does not come near the objects",
+        "the hand does not come near the right object",
         "Images are turned the wrong way, or cameras exchanged: look at the film of what the policy saw",
         ("never_reached", "wrong_object", "blocked_by_obstacle", "stuck"),
     ),
@@ -63,8 +63,8 @@ ADVICE = (
         ),
     ),
     Advice(
-        "the hand hardly moves or stops",
-        "Actions are in other units, or an old answer is returned: run `libero-max check`",
+        "the hand hardly moves, or stops moving",
+        "Actions are in other units, or an old answer is returned: run `libero-max check` on the adapter",
         ("not_attempted", "froze", "timed_out"),
     ),
     Advice(

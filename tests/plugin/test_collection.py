@@ -157,3 +157,19 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("ini", ["", "[pytest]\nlibero_max_gate = base_sr >= 50%\n"])
+def test_pairs_without_a_policy_are_one_error_that_says_how_to_name_it(
+    pytester: pytest.Pytester, ini: str
+) -> None:
+    pytester.makefile(".ini", pytest=ini)
+    result = pytester.runpytest_inprocess("libero-max")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*no policy is named*--libero-max-policy=adapter.py*"])
+
+
+def test_an_option_without_a_policy_is_said_to_play_no_pair(pytester: pytest.Pytester) -> None:
+    result = pytester.runpytest_inprocess("--libero-max-track=smoke")
+    assert result.ret == pytest.ExitCode.NO_TESTS_COLLECTED
+    result.stdout.fnmatch_lines(["libero-max: no policy is named, so --libero-max-track plays no pair"])
