@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterable
+from datetime import datetime
+from time import time
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
@@ -50,6 +52,8 @@ from pytest_libero_max.plugin.stash_keys import (
     NOTE_ATTRIBUTE,
     POLICY_PHASE,
     RESULT_ATTRIBUTE,
+    RUN_BEGUN,
+    RUN_BEGUN_INPUT,
     SETTLED,
     SETTLED_INPUT,
     STOP_ATTRIBUTE,
@@ -127,6 +131,10 @@ class RunController:
             if self.settings.resume and not only_lists(config):
                 require_free(self.settings.output)
                 self._read_to_resume()
+        before: Json = {} if self._before is None else self._before.run.provenance
+        config.stash[RUN_BEGUN] = (
+            datetime.fromisoformat(before["started"]).timestamp() if before.get("started") else time()
+        )
 
     @property
     def has_all(self) -> bool:
@@ -284,8 +292,9 @@ class RunController:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
-        """Tell a worker which pairs are settled, so that all collect the same."""
+        """Tell a worker which pairs are settled, so that all collect the same, and when the run began."""
         node.workerinput[SETTLED_INPUT] = list(self.settled)
+        node.workerinput[RUN_BEGUN_INPUT] = self.config.stash[RUN_BEGUN]
 
     # What is planned: the pairs left after -k and -m, seen here or by the workers.
 

@@ -20,7 +20,7 @@ from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
 from pytest_libero_max.plugin.processes.isolation import play_isolated
 from pytest_libero_max.plugin.run_pair import play_here
-from pytest_libero_max.plugin.stash_keys import LOADED, RESULT
+from pytest_libero_max.plugin.stash_keys import LOADED, RESULT, RUN_BEGUN, RUN_BEGUN_INPUT
 from pytest_libero_max.report.writers.junit import properties
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
         )
     note_in(settings.output)
     try:
-        with files_read(settings.policy):
+        with files_read(settings.policy, _run_begun_s(pytestconfig)):
             policy = load_policy(
                 settings.policy,
                 horizon=settings.horizon,
@@ -78,6 +78,12 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
         ) from error
     pytestconfig.stash[LOADED] = policy
     return policy
+
+
+def _run_begun_s(config: pytest.Config) -> float | None:
+    """Return when the run began; None for a session that plays no run."""
+    on_worker: dict[str, float] = getattr(config, "workerinput", {})
+    return on_worker.get(RUN_BEGUN_INPUT, config.stash.get(RUN_BEGUN, None))
 
 
 def _seat(config: pytest.Config, settings: Settings) -> int:

@@ -65,5 +65,11 @@ END_STATUS = pytest.StashKey[int]()
 SETTLED = pytest.StashKey[tuple[str, ...]]()
 """On the controller's config: item ids of the pairs of a resumed run that are not played again."""
 
+RUN_BEGUN = pytest.StashKey[float]()
+"""On the controller's config: when the run began, before it was resumed, in seconds since 1970."""
+
+RUN_BEGUN_INPUT = "libero_max_run_begun"
+"""Key of the same in a worker's input."""
+
 SETTLED_INPUT = "libero_max_settled"
 """Key of the same in a worker's input."""

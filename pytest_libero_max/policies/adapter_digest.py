@@ -82,17 +82,20 @@ def names_its_files(text: str) -> bool:
 
 
 @contextmanager
-def files_read(text: str) -> Iterator[None]:
+def files_read(text: str, run_begun_s: float | None = None) -> Iterator[None]:
     """Collect the files that loading a policy reads in the block, where they belong to its identity.
 
     Args:
         text: The reference as the user typed it.
+        run_begun_s: When the run began, in seconds since 1970; None for now.
     """
     if not names_its_files(text):
         yield
         return
-    file = file_of(parse_reference(text))
-    with FILES_READ.loading(None if file is None else file.parent):
+    file, code = file_of(parse_reference(text)), tuple[Path, ...]()
+    with suppress(OSError):  # loading says it
+        code = adapter_files(parse_reference(text))
+    with FILES_READ.loading(None if file is None else file.parent, code, run_begun_s):
         yield
 
 

@@ -3,12 +3,14 @@
 Python announces each file that it opens (:func:`sys.addaudithook`). Readers in other languages do not: files
 that are mapped or still open when the policy is loaded are found by the system's tables, and ``safe_open`` of
 safetensors is asked by a function that notes its argument. What another native reader has read and closed
-again is not seen; a policy with such a reader declares ``PolicySpec(revision=...)``, which replaces all this.
+again is not seen, and neither is what a policy reads first in ``predict``: only loading and ``reset`` are
+watched. A policy with such a reader declares ``PolicySpec(revision=...)``, which replaces all this.
 
-A file counts unless it belongs to the system or to the installed Python, is code, lies in a hidden folder of
-the home folder (other than downloaded weights, :func:`~pytest_libero_max.machine.weight_folders`), or is a
+A file counts unless it belongs to the system or to the installed Python, is imported, lies in a hidden folder
+of the home folder (other than downloaded weights, :func:`~pytest_libero_max.machine.weight_folders`), or is a
 temporary file outside the policy's folder and the working folder. One that was written since loading began is
-named and not compared: the policy may have made it.
+named and not compared: the policy may have made it. One that has changed since the run began says so, because
+an earlier process of the run may have made it: it is compared only with the same file from before the run.
 """
 
 from __future__ import annotations
@@ -18,13 +20,15 @@ import os
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib import import_module
+from inspect import currentframe
 from pathlib import Path
 from stat import S_ISREG
 from time import time_ns
+from types import FrameType
 from typing import Any, TypeAlias
 
 from pytest_libero_max.machine import weight_folders
@@ -32,7 +36,9 @@ from pytest_libero_max.machine import weight_folders
 FileIdentity: TypeAlias = dict[str, int | str]
 """``bytes`` and ``sha256``; of a large file ``bytes``, ``modified`` and ``sampled_sha256``; of a file in the
 cache of a hub ``bytes`` and ``blob``, the name that the hub gives its content; of one that the policy may
-have written ``written``."""
+have written ``written``. ``changed`` says that it has changed since the run began."""
+
+WRITTEN, CHANGED = "written", "changed"
 
 WHOLE_BYTES = 64 * 2**20
 """Largest file of which all bytes are read; of a larger one, :data:`SAMPLES` blocks, evenly spread."""
@@ -40,7 +46,8 @@ WHOLE_BYTES = 64 * 2**20
 SAMPLES, BLOCK_BYTES = 1024, 4096
 
 _SYSTEM = tuple(map(Path, ("/proc", "/sys", "/dev", "/etc", "/usr", "/lib", "/lib64", "/bin", "/run")))
-_CODE = (".py", ".pyc", ".pyi", ".so", ".pth")
+_CODE = (".pyc", ".pyi", ".so")
+_CLOCK_NS = 20_000_000  # the clock of the times of files stands still for some milliseconds
 _MADE = ("__pycache__", ".git", ".locks", ".no_exist")
 _HUB = "blobs"
 
@@ -59,30 +66,36 @@ class FilesRead:
     def __init__(self) -> None:
         self.files: dict[str, FileIdentity] = {}
         self.reset_files: dict[str, FileIdentity] = {}
-        self._written: set[str] = set()
-        self._found: set[str] | None = None  # None while nothing is collected
+        self._found: dict[str, bool] | None = None  # by path, if it is read; None while nothing is collected
         self._folder: Path | None = None
+        self._code: frozenset[Path] = frozenset()
         self._begun_ns = 0
+        self._run_begun_ns = 0
         self._hooked = False
         self._digests: dict[tuple[str, int, int], FileIdentity] = {}
 
     @contextmanager
-    def loading(self, folder: Path | None) -> Iterator[None]:
+    def loading(
+        self, folder: Path | None, code: Iterable[Path] = (), run_begun_s: float | None = None
+    ) -> Iterator[None]:
         """Collect the files of a policy that is loaded in the block; what was known before is forgotten.
 
         Args:
             folder: The policy's folder; None where it has none.
+            code: Files that the digest of the adapter covers.
+            run_begun_s: When the run began, in seconds since 1970; None for now.
         """
         if not self._hooked:  # a hook stays until the process ends
             sys.addaudithook(self._hear)
             self._hooked = True
-        self.files, self.reset_files, self._written = {}, {}, set()
-        self._folder = folder
-        self._begun_ns = time_ns()
+        self.files, self.reset_files = {}, {}
+        self._folder, self._code = folder, frozenset(code)
+        self._begun_ns = time_ns() - _CLOCK_NS
+        self._run_begun_ns = self._begun_ns if run_begun_s is None else int(run_begun_s * 10**9)
         before = {*_open_or_mapped()}
         with self._collecting() as found:
             yield
-        self.files = self._identified(found | {*_open_or_mapped()} - before)
+        self.files = self._identified(found | dict.fromkeys({*_open_or_mapped()} - before - {*found}, True))
 
     @contextmanager
     def resetting(self) -> Iterator[None]:
@@ -96,14 +109,14 @@ class FilesRead:
             if self.files.get(name) != identity:
                 self.reset_files[name] = identity
 
-    def note(self, name: object) -> None:
-        """Note a file that is read, if files are being collected."""
+    def note(self, name: object, *, is_read: bool = True) -> None:
+        """Note a file that is read or written, if files are being collected."""
         if self._found is not None and (path := _path(name)) is not None:
-            self._found.add(path)
+            self._found[path] = is_read or self._found.get(path, False)
 
     @contextmanager
-    def _collecting(self) -> Iterator[set[str]]:
-        self._found = found = set[str]()
+    def _collecting(self) -> Iterator[dict[str, bool]]:
+        self._found = found = dict[str, bool]()
         try:
             with _noting_safetensors(self.note):
                 yield found
@@ -112,21 +125,21 @@ class FilesRead:
 
     def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
         # Called for every event of the process: the first comparison has to be the cheapest.
-        if self._found is None or event != "open":
+        if self._found is None or event not in ("open", "os.rename"):
             return
-        name, mode, flags = arguments
-        writes = isinstance(mode, str) and not {*"wax+"}.isdisjoint(mode)
-        writes = writes or (isinstance(flags, int) and flags & os.O_ACCMODE != os.O_RDONLY)
-        if not writes:
-            self.note(name)
-        elif (path := _path(name)) is not None:
-            self._written.add(path)
+        if event == "os.rename":
+            self.note(arguments[1], is_read=False)
+            return
+        name, _, flags = arguments
+        if str(name).endswith(".py") and _is_import(currentframe()):
+            return
+        self.note(name, is_read=flags & os.O_ACCMODE != os.O_WRONLY and not flags & os.O_TRUNC)
 
-    def _identified(self, paths: Iterable[str]) -> dict[str, FileIdentity]:
+    def _identified(self, paths: Mapping[str, bool]) -> dict[str, FileIdentity]:
         found: dict[str, FileIdentity] = {}
-        for path in sorted(paths):
+        for path, is_read in sorted(paths.items()):
             with suppress(OSError):  # it is gone, or cannot be read any more
-                if _counts(Path(path), self._folder, self._begun_ns):
+                if self._counts(Path(path)) and (is_read or self._is_written(path)):
                     name = _name(Path(path), self._folder)
                     if name in found:  # of the same name, in another folder
                         name = "/".join(Path(path).parts[-2:])
@@ -136,18 +149,42 @@ class FilesRead:
     def _identity(self, path: str) -> FileIdentity:
         real = Path(os.path.realpath(path))
         status = real.stat()
-        if path in self._written or status.st_mtime_ns >= self._begun_ns:
-            return {"written": "since loading began"}
+        if status.st_mtime_ns >= self._begun_ns:
+            return {WRITTEN: "since loading began"}
         if real.parent.name == _HUB and _inside(real, weight_folders().values()):
             return {"bytes": status.st_size, "blob": real.name}
         key = str(real), status.st_size, status.st_mtime_ns
         if key not in self._digests:
             self._digests[key] = _digest(real, status)
-        return self._digests[key]
+        changed = status.st_mtime_ns >= self._run_begun_ns
+        return self._digests[key] | ({CHANGED: "since the run began"} if changed else {})
+
+    def _is_written(self, path: str) -> bool:
+        return Path(path).stat().st_mtime_ns >= self._begun_ns
+
+    def _counts(self, path: Path) -> bool:
+        """Return True if a file belongs to the identity of the policy.
+
+        Raises:
+            OSError: It is gone.
+        """
+        if path.suffix == ".py" and (
+            self._folder is None
+            or not path.is_relative_to(self._folder)
+            or Path(os.path.realpath(path)) in self._code
+        ):
+            return False
+        return _counts(path, self._folder, self._begun_ns)
 
 
 FILES_READ = FilesRead()
 """The files that the policy of this process reads."""
+
+
+def _is_import(frame: FrameType | None) -> bool:
+    """Return True if an import called the function: it opens a file, or the compiled form of one."""
+    caller = None if frame is None else frame.f_back
+    return caller is not None and caller.f_globals.get("__name__") == "importlib._bootstrap_external"
 
 
 def _path(name: object) -> str | None:
@@ -173,11 +210,6 @@ def _digest(path: Path, status: os.stat_result) -> FileIdentity:
 
 
 def _counts(path: Path, folder: Path | None, begun_ns: int) -> bool:
-    """Return True if a file belongs to the identity of the policy.
-
-    Raises:
-        OSError: It is gone.
-    """
     real = Path(os.path.realpath(path))
     status = real.stat()
     if not S_ISREG(status.st_mode) or real.suffix in _CODE or {*path.parts} & {*_MADE}:

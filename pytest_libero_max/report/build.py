@@ -57,6 +57,7 @@ from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.report.timing import success_curves, timing_section
+from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
@@ -266,9 +267,10 @@ def _by_case(records: Iterable[PairRecord], planned: Mapping[str, PlannedPair]) 
             )
     specs = [record.policy for record in played.values()]
     for spec in specs:
-        if spec != specs[0]:
+        different = policy_differences(specs[0], spec)
+        if different:
             raise ReportError(
-                f"The records are of several policies ({specs[0]} and {spec}), but a report is of one. "
+                f"The records are of several policies ({'; '.join(different)}), but a report is of one. "
                 "Compare runs instead of mixing them."
             )
     return played

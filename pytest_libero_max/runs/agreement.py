@@ -10,6 +10,7 @@ from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
 from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
+from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
@@ -103,7 +104,7 @@ class SamePlay:
 
     def __init__(self) -> None:
         self._first: Played | None = None
-        self._reset_files: dict[str, tuple[Json, str]] = {}
+        self._files: dict[tuple[str, str], tuple[Json, str]] = {}
         self._scenes: dict[tuple[str, str | None], tuple[str, str]] = {}
 
     def add(self, pair: Played) -> None:
@@ -115,8 +116,7 @@ class SamePlay:
         first = self._first or pair
         if first.policy != pair.policy or first.fingerprints != pair.fingerprints:
             different = [
-                *differences("policy", first.policy, pair.policy, (FILES, RESET_FILES)),
-                *file_differences(first.policy, pair.policy),
+                *policy_differences(first.policy, pair.policy),
                 *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, *_OF_CASE)),
                 *_other_kind(first, pair),
             ]
@@ -132,14 +132,17 @@ class SamePlay:
         self._first = first
 
     def _require_same_files(self, pair: Played) -> None:
-        """Compare the files that ``reset`` read, which may be others for other tasks, where names agree."""
-        for name, identity in (pair.policy.get(RESET_FILES) or {}).items():
-            known, item_id = self._reset_files.setdefault(name, (identity, pair.item_id))
-            if known != identity and not {_WRITTEN} & {*known, *identity}:
-                raise OtherRunError(
-                    f"{item_id!r} and {pair.item_id!r} were played with different things: "
-                    f"{_file_text(name, known, identity)}. {_OF_FILES}"
-                )
+        """Compare files with those of all pairs before, where names agree: ``reset`` may read others."""
+        for part in (FILES, RESET_FILES):
+            for name, identity in (pair.policy.get(part) or {}).items():
+                if WRITTEN in identity:
+                    continue
+                known, item_id = self._files.setdefault((part, name), (identity, pair.item_id))
+                if not _is_same_file(known, identity):
+                    raise OtherRunError(
+                        f"{item_id!r} and {pair.item_id!r} were played with different things: "
+                        f"{_file_text(name, known, identity)}. {_OF_FILES}"
+                    )
 
     def _require_same_scene(self, pair: Played) -> None:
         name, _, digest = pair.fingerprints.get(SCENE, "").rpartition(" ")
@@ -156,7 +159,6 @@ class SamePlay:
             )
 
 
-_WRITTEN = "written"
 _FILE = "the policy's file "
 _OF_FILES = (
     "A policy is its code and the files that loading it reads; where other files are the same policy, let it "
@@ -164,11 +166,24 @@ _OF_FILES = (
 )
 
 
+def policy_differences(first: Json, other: Json) -> list[str]:
+    """Return in what two policies differ; empty where they are one, whose pairs a run, a report may mix.
+
+    Args:
+        first: ``policy`` of a record.
+        other: ``policy`` of another one.
+    """
+    if first == other:
+        return []
+    return [*differences("policy", first, other, (FILES, RESET_FILES)), *file_differences(first, other)]
+
+
 def file_differences(first: Json, other: Json) -> list[str]:
     """Return the files in which two policies differ, of those that loading read.
 
     Records of earlier versions, and of policies with a revision, name none: then nothing is known to differ.
-    Files that may be the policy's own work are not compared.
+    Files that may be the policy's own work are not compared: those that one of the two has written, and those
+    that have changed since the run began, unless the other has the file from before.
 
     Args:
         first: ``policy`` of a record.
@@ -180,8 +195,16 @@ def file_differences(first: Json, other: Json) -> list[str]:
     return [
         _file_text(name, one.get(name), two.get(name))
         for name in sorted({*one, *two})
-        if one.get(name) != two.get(name) and not {_WRITTEN} & {*one.get(name, {}), *two.get(name, {})}
+        if not _is_same_file(one.get(name), two.get(name))
     ]
+
+
+def _is_same_file(one: Json | None, other: Json | None) -> bool:
+    read = [identity for identity in (one, other) if identity is not None]
+    if any(WRITTEN in identity for identity in read) or all(CHANGED in identity for identity in read):
+        return True
+    contents = [{key: identity[key] for key in identity if key != CHANGED} for identity in read]
+    return len(contents) == 2 and contents[0] == contents[1]
 
 
 def _file_text(name: str, one: Json | None, other: Json | None) -> str:

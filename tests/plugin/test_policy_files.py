@@ -76,6 +76,41 @@ def test_shards_with_other_weights_are_not_merged(
     assert "'weights.npy'" in capsys.readouterr().err
 
 
+CACHING = WEIGHED.replace(
+    '        self.weights = np.load(Path(__file__).with_name("weights.npy"))',
+    """        cache = Path("cache.txt")
+        if cache.exists():
+            cache.read_text()
+        elif {at_load}:
+            cache.write_text("1")""",
+)
+"""Keeps a cache in the working folder, which it writes when it is made, or when it is asked."""
+
+ASKED = CACHING.replace("{at_load}", "False").replace(
+    "        action = np.zeros(7)\n",
+    """        with Path("cache.txt").open("a") as file:
+            file.write("1")
+        action = np.zeros(7)
+""",
+)
+
+
+@pytest.mark.parametrize(
+    "code", [CACHING.replace("{at_load}", "True"), ASKED], ids=["written at load", "written when asked"]
+)
+def test_a_cache_of_the_policy_separates_no_pairs(
+    code: str, pytester: pytest.Pytester, run: Run, results: Results
+) -> None:
+    pytester.makepyfile(caching=code)
+    command = ("-k", "camera_shift", "--libero-max-resume")
+    assert run(*command, policy="caching.py", subprocess=True).ret == 0
+    _cut(pytester.path / "libero-max-results" / "pairs.jsonl", 2)
+    assert run(*command, policy="caching.py", subprocess=True).ret == 0
+    records, report = results()
+    assert [("cache.txt" in record["policy"]["files"]) for record in records] == [code is not ASKED, True]
+    assert report["pairs"]["complete"]
+
+
 def test_a_revision_stands_for_the_files(pytester: pytest.Pytester, run: Run, results: Results) -> None:
     pytester.makepyfile(weighed=WEIGHED.replace("image_size=64", 'image_size=64, revision="v1"'))
     _weights(pytester, 1.0)
@@ -102,6 +137,11 @@ def test_files_that_are_not_known_do_not_differ() -> None:
     assert file_differences({}, {"files": {"w": weights}}) == []
     assert file_differences({"files": {"w": weights}}, {"files": {"w": made}}) == []
     assert file_differences({"files": {"w": weights}}, {"files": {"w": weights}}) == []
+    later = weights | {"changed": "since the run began"}
+    assert file_differences({"files": {}}, {"files": {"w": later}}) == []
+    assert file_differences({"files": {"w": later}}, {"files": {"w": later | {"sha256": "b" * 64}}}) == []
+    assert file_differences({"files": {"w": weights}}, {"files": {"w": later}}) == []
+    assert file_differences({"files": {"w": weights}}, {"files": {"w": later | {"sha256": "b" * 64}}})
     (text,) = file_differences({"files": {}}, {"files": {"w": weights}})
     assert text == "the policy's file 'w': not read, bytes 8 sha256 aaaaaaaaaaaa"
 
@@ -113,5 +153,5 @@ def test_files_of_another_form_are_refused(run: Run, pytester: pytest.Pytester, 
     head, pair = map(json.loads, path.read_text().splitlines())
     pair["policy"]["files"] = files
     path.write_text("".join(json.dumps(line) + "\n" for line in (head, pair)))
-    with pytest.raises(ReportError, match=r"policy\.files="):
+    with pytest.raises(ReportError, match="each with numbers and texts"):
         read_pairs(path.parent)

@@ -9,6 +9,7 @@ import mmap
 import os
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -74,12 +75,26 @@ def _mapped(path: Path) -> object:
     return kept
 
 
+def _append_nothing(path: Path) -> object:
+    with path.open("ab"):
+        return path.read_bytes()
+
+
+def _update(path: Path) -> object:
+    with path.open("r+") as file:
+        return file.read()
+
+
 READERS: dict[str, Callable[[Path], object]] = {
     "open": Path.read_bytes,
     "os.open": lambda path: os.close(os.open(path, os.O_RDONLY)),
     "relative": lambda path: Path(os.path.relpath(path)).read_bytes(),
     "np.fromfile": lambda path: np.fromfile(path, np.uint8),
     "np.memmap": lambda path: np.memmap(path, np.uint8, "r"),
+    "np.memmap for update": lambda path: np.memmap(path, np.uint8),
+    "open for update": _update,
+    "os.open for update": lambda path: os.close(os.open(path, os.O_RDWR)),
+    "open to append, and read": _append_nothing,
     "mapped": _mapped,
     "safetensors": _native,
 }
@@ -117,7 +132,6 @@ def test_files_of_the_machine_are_left_out(folder: Path, tmp_path: Path) -> None
         Path(json.__file__),
         Path(files_read.__file__).with_name("README.md"),
         Path(np.__file__).parents[1] / "numpy" / "py.typed",
-        _file(folder / "helper.py", b"1"),
         _file(folder / "__pycache__" / "loops.nbi"),
         _file(home / ".config" / "settings.json"),
         _file(home / ".cache" / "compiled" / "kernel.bin"),
@@ -139,13 +153,50 @@ def test_files_of_the_machine_are_left_out(folder: Path, tmp_path: Path) -> None
 
 
 def test_what_the_policy_writes_is_named_and_has_no_digest(folder: Path) -> None:
-    path = folder / "answers.json"
+    path, moved = folder / "answers.json", folder / "moved.json"
 
     def read() -> None:
         path.write_text("{}")
         path.read_text()
 
-    assert read_by(read, folder) == {"answers.json": {"written": "since loading began"}}
+    written = {"written": "since loading began"}
+    assert read_by(read, folder) == {"answers.json": written}
+    path.unlink()
+    assert read_by(lambda: path.write_text("{}"), folder) == {
+        "answers.json": written
+    }  # though nobody read it
+    os.utime(path, (1, 1))
+    assert read_by(path.open("a").close, folder) == {}  # opened, and not written
+
+    def replace() -> None:
+        (folder / "new").write_text("{}")
+        (folder / "new").replace(moved)
+
+    assert read_by(replace, folder) == {"moved.json": written}
+
+
+def test_a_file_that_changed_since_the_run_began_says_so(folder: Path) -> None:
+    path, collector = _file(folder / "w.bin"), FilesRead()
+    modified_s = path.stat().st_mtime
+    for begun_s, changed in ((modified_s - 1, True), (modified_s + 1, False)):
+        with collector.loading(folder, run_begun_s=begun_s):
+            path.read_bytes()
+        assert ("changed" in collector.files["w.bin"]) is changed
+
+
+def test_code_counts_as_data_where_it_is_not_imported(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.syspath_prepend(str(folder))
+    paths = [_file(folder / f"read_{name}.py", b"W = 1") for name in ("covered", "executed", "imported")]
+    collector = FilesRead()
+    with collector.loading(folder, code=paths[:1]):
+        for path in (*paths[:2], _file(tmp_path / "elsewhere.py")):
+            path.read_text()
+        import_module("read_imported")
+    assert list(collector.files) == ["read_executed.py"]
+    assert list(read_by(_file(folder / "weights.pth").read_bytes, folder)) == ["weights.pth"]
 
 
 def test_downloaded_weights_have_the_name_of_their_blob(folder: Path, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from itertools import cycle
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -183,6 +184,24 @@ def test_the_policy_is_the_one_the_records_name() -> None:
     mixed = [*records[:-1], record_of(pairs[-1], True, True, policy={**records[0].policy, "name": "other"})]
     with pytest.raises(ReportError, match="several policies"):
         build_report(mixed, [], pairs, PROVENANCE)
+
+
+def test_files_that_the_policy_wrote_make_no_second_policy() -> None:
+    pairs = plan()
+    records = records_of(pairs)
+    digest = {"bytes": 1, "sha256": "a" * 64}
+
+    def build(last: dict[str, Any]) -> object:
+        record = record_of(pairs[-1], True, True, policy={**records[0].policy, **last})
+        return build_report([with_files(r) for r in records[:-1]] + [record], [], pairs, PROVENANCE)
+
+    def with_files(record: PairRecord) -> PairRecord:
+        return structs.replace(record, policy={**record.policy, "files": {"c": digest}})
+
+    build({"files": {"c": {"written": "since loading began"}}})
+    build({"files": {"c": digest}, "reset_files": {"task_1": digest}})
+    with pytest.raises(ReportError, match="several policies"):
+        build({"files": {"c": {**digest, "bytes": 2}}})
 
 
 def test_a_pair_measured_twice_is_refused() -> None:

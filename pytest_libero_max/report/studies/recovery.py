@@ -29,6 +29,7 @@ from pytest_libero_max.report.studies.recovery_document import (
     Mode,
     Recovery,
 )
+from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.comparability import COMPARISON, differences_between
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.store import StoredRun, read_pairs
@@ -146,7 +147,7 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
             f"The runs have restore={', '.join(map(repr, found))}, but one must be native and another "
             "not. Play the track without --libero-max-restore as well, or with it."
         )
-    if any(spec != specs[0] for spec in specs):
+    if any(policy_differences(specs[0], spec) for spec in specs):
         raise ReportError(
             "The runs are of different policies or settings. Play one policy with "
             "--libero-max-restore=native, always and gated."
