@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.errors import OtherRunError
 from pytest_libero_max.pairing.record import PairRecord
@@ -60,3 +61,17 @@ def test_source_code_and_what_was_played_are_not_mixed(turned: bool) -> None:
         OtherRunError, match=r"by the source code of an earlier version \(fingerprints\.asset"
     ):
         add(*(reversed(prints) if turned else prints))
+
+
+def test_files_are_compared_with_those_of_all_pairs_before() -> None:
+    digests = [{"sha256": letter * 64} for letter in "ab"]
+    same = SamePlay()
+    same.add(_with_file(0, {"written": "since loading began"}))
+    same.add(_with_file(1, digests[0]))
+    with pytest.raises(OtherRunError, match="the policy's file 'w'"):
+        same.add(_with_file(2, digests[1]))
+
+
+def _with_file(number: int, identity: Mapping[str, object]) -> PairRecord:
+    pair = played(number)
+    return structs.replace(pair, policy={**pair.policy, "files": {"w": identity}})
