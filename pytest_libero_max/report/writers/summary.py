@@ -70,7 +70,7 @@ def summary_lines(
 
 
 def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
-    """Render a report for the terminal of a quiet run: the headline with its warning, what broke, and the page."""
+    """Render a report for the terminal of a quiet run: the headline, its warning, what broke, the page."""
     pairs, overall = report.pairs, report.overall
     lines = [] if pairs.complete else [incomplete_text(pairs)]
     lines += stopped_texts(pairs)
