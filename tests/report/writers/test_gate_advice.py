@@ -20,7 +20,9 @@ def test_the_advised_gates_find_the_loss_and_pass_without_one() -> None:
 
 def test_what_no_number_of_pairs_finds_is_said() -> None:
     lines = advice_lines(0.9, 0.05, 0.002)
-    assert [line.split("  ")[-1].strip() for line in lines[-4:-2]] == ["none of up to 8000 pairs suffices"] * 2
+    assert [line.split("  ")[-1].strip() for line in lines[-4:-2]] == [
+        "none of up to 8000 pairs suffices"
+    ] * 2
 
 
 def test_power_advises_a_track_and_a_limit(capsys: pytest.CaptureFixture[str]) -> None:
