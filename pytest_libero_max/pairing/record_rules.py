@@ -289,17 +289,9 @@ def _require_policy(record: PairRecord) -> None:
 
 def _require_timings(timings: Mapping[str, object]) -> None:
     """Check that timings are numbers, but for the address of a server and the times of queries."""
+    kinds: dict[str, tuple[type, ...]] = {QUERY_MS: (dict,), SERVER: (str,)}
     for name, value in timings.items():
-        kind = type(value)
-        if (
-            kind is not float
-            and kind is not int
-            and (kind is dict, kind is str)
-            != (
-                name == QUERY_MS,
-                name == SERVER,
-            )
-        ):
+        if type(value) not in kinds.get(name, (float, int)):
             raise ReportError(
                 f"timings.{name}={shown(value)}, but must be a number; {SERVER!r} is an address, and "
                 f"{QUERY_MS!r} has numbers of queries."

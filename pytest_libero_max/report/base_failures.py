@@ -14,7 +14,6 @@ from pytest_libero_max.events.schedules import BASE
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
 from pytest_libero_max.report.report_document import BaseFailures, Report
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 
 TITLE = "What broke in Base"
 
@@ -125,6 +124,8 @@ def title_of(report: Report) -> str:
 
 def next_step(report: Report) -> str:
     """Return what low Base success means, and what to do first."""
+    from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE  # imports NumPy, and the plugin this module
+
     groups, played = report.base_failures, report.overall.played
     failed = _failed(groups)
     solved = played - failed

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from pytest_libero_max.runs.comparability import (
     listed,
 )
 from pytest_libero_max.runs.outcomes import RunOutcomes
-from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, read_pairs
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.comparison import contrasts
 
 
@@ -105,8 +106,14 @@ def first_result(gate: Gate, stored: StoredRun, report: Report) -> GateResult:
 
 
 def has_no_run(folder: Path) -> bool:
-    """Return True if a folder is missing or empty, so that no run has ever been there."""
-    return not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
+    """Return True if a folder is missing or empty, so that no run has ever been there.
+
+    A link that leads nowhere, and a name below a file or below a run, are mistakes and no missing run.
+    """
+    if os.path.lexists(folder):
+        return folder.is_dir() and not any(folder.iterdir())
+    above = next(parent for parent in folder.absolute().parents if os.path.lexists(parent))
+    return above.is_dir() and not pairs_file(above).exists()
 
 
 def folder_of(path: Path) -> Path:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.runs.status import Follower
 from tests.plugin.test_run import Results, Run, identities
 
@@ -85,7 +86,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     name = "libero-spatial-t00-i00-distractor_burst-v0"
     stopped = {"reason": f"{name} was the last", "of": 16, "rule": "enough:3", "at": 3}
     assert lines[-1] == {"line": "stopped", **stopped}
-    assert report["pairs"]["stopped"] == {**stopped, "watched": []}
+    assert report["pairs"]["stopped"] == {**stopped, "watched": [], "bias": BIAS}
     played = report["pairs"]["played"]
     assert played == 3 if not workers else 3 <= played < 16
     assert result.ret == 0

@@ -176,6 +176,16 @@ def test_a_folder_that_has_lost_its_pairs_is_no_first_run(tmp_path: Path) -> Non
     assert all(result.verdict == "undecidable" for result in verdicts(new, *FIRST))
 
 
+@pytest.mark.parametrize("name", ["dangling", "old/pairs.jsonll", "file/deeper"])
+def test_a_lost_link_and_a_name_below_a_run_or_a_file_are_no_first_run(tmp_path: Path, name: str) -> None:
+    store(tmp_path / "old")
+    (tmp_path / "dangling").symlink_to(tmp_path / "lost")
+    (tmp_path / "file").touch()
+    gates = parse_gates([f"regressions_vs({name}, first=pass) <= 0"])
+    with pytest.raises(OptionError, match="which cannot be read"):
+        require_usable(gates, PAIRS, PAIRS, store(tmp_path / "new"), tmp_path)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -12,7 +12,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.exit_status import ended_as_declared
-from pytest_libero_max.report.stopping_rule import STOPPING_RULES, CompletedPrefix, Declared, parse_rule
+from pytest_libero_max.report.stopping_rule import BIAS, STOPPING_RULES, CompletedPrefix, Declared, parse_rule
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -175,7 +175,7 @@ def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
     stopped = Stopped("enough is known", len(planned), "enough:5", 5)
     report = build_report(records, [], planned, PROVENANCE, stopped)
     assert Stopped.from_dict(stopped.to_dict()) == stopped
-    assert plain(report)["pairs"]["stopped"] == {**stopped.to_dict(), "watched": []}
+    assert plain(report)["pairs"]["stopped"] == {**stopped.to_dict(), "watched": [], "bias": BIAS}
     assert (plain(report)["pairs"]["complete"], plain(report)["headline"]["status"]) == (False, "withheld")
     assert "stopped by rule enough:5 at 5 of 32: enough is known" in plain(report)["headline"]["reason"]
     said = "STOPPED by rule enough:5 at 5 of 32: enough is known. 5 of 32 planned pairs played. No score."

@@ -362,6 +362,7 @@ def _never_triggered(values: Json) -> None:
         (lambda values: values["policy"].update(cameras="agentview"), "cameras='agentview' of the policy"),
         (lambda values: values["timings"].update(pair_s="1.25"), "timings.pair_s='1.25', but must be"),
         (lambda values: values["timings"].update(query_ms={"base": {"x": 1}}), "timings.query_ms=.* in what"),
+        (lambda values: values["timings"].update(query_ms=1.5), "query_ms=1.5, but must be"),
         (lambda values: values["arms"].pop("dynamic"), "a pair has 'dynamic' as well"),
         (lambda values: _base(values).update(queries=92), "queries=92.* of an arm of 90 steps"),
         (lambda values: _base(values).update(returned=[3, 2]), "returned=.3, 2. of an arm"),

@@ -70,7 +70,7 @@ def summary_lines(
 
 
 def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
-    """Render a report for the terminal of a quiet run: the headline, what broke, and the page."""
+    """Render a report for the terminal of a quiet run: the headline, its warning, what broke, the page."""
     pairs, overall = report.pairs, report.overall
     lines = [] if pairs.complete else [incomplete_text(pairs)]
     lines += stopped_texts(pairs)
@@ -79,6 +79,7 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
         change = change_text(overall.paired_change)
         lines += [
             f"{title_text(report)}: {rates}, {change}",
+            *filter(None, [warning_of(overall)]),
             *unrepeatable_texts(report)[1:],
             broken_line(report),
         ]

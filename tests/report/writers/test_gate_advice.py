@@ -20,13 +20,16 @@ def test_the_advised_gates_find_the_loss_and_pass_without_one() -> None:
 
 def test_what_no_number_of_pairs_finds_is_said() -> None:
     lines = advice_lines(0.9, 0.05, 0.002)
-    assert [line.split("  ")[-1].strip() for line in lines[-2:]] == ["none of up to 8000 pairs suffices"] * 2
+    assert [line.split("  ")[-1].strip() for line in lines[-4:-2]] == [
+        "none of up to 8000 pairs suffices"
+    ] * 2
 
 
 def test_power_advises_a_track_and_a_limit(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["power", "--base", "0.9", "--change=-0.05"]) == 0
-    *_, end, estimate = capsys.readouterr().out.splitlines()
+    *_, end, estimate, _, beside = capsys.readouterr().out.splitlines()
     assert end.split("  ")[-1].strip() == "--libero-max-track=lite --libero-max-limit=200"
     assert estimate.split()[:3] == ["delta", ">=", "-2.5%"]
+    assert beside.startswith("Gate base_sr and trigger_coverage beside it")
     assert main(["power", "--base", "0.9", "--change=0.05"]) == 0
     assert "Gates that find" not in capsys.readouterr().out
