@@ -100,8 +100,10 @@ def _build_paper_lite(options: argparse.Namespace) -> None:
     from pytest_libero_max.construction.paper_lite import paper_lite
     from pytest_libero_max.construction.release import add_track
     from pytest_libero_max.construction.verification import verify
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    if options.draw is not None or options.tracks or options.substrate != "libero":
+    whole = SUBSTRATES[options.substrate].plays_frozen
+    if options.draw is not None or options.tracks or whole:
         raise OptionError(
             "--paper-lite makes one track of the genuine scenes. Give no TRACK and no --draw, and add "
             "--substrate libero."

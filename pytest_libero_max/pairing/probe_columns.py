@@ -36,7 +36,7 @@ _Get = Callable[[Json], Sequence[Any]]
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
 _STEPS = "steps"
-_TYPES: Mapping[str, Any] = {"bool": bool, "int": Whole, "float": Finite, "str": str}
+_TYPES: Mapping[str, Any] = MappingProxyType({"bool": bool, "int": Whole, "float": Finite, "str": str})
 
 
 def require_columns(probes: Mapping[str, Json], steps: int) -> None:

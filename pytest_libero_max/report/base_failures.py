@@ -82,7 +82,7 @@ ADVICE = (
 )
 """The table of `AGENTS.md`. A cause belongs to one row at most; the others say nothing about an adapter."""
 
-_UNSEEN = "A model that has never seen the embedded scenes may fail there with a right adapter."
+_UNSEEN = "A model that has never seen these scenes may fail there with a right adapter."
 
 
 def base_failures(records: Sequence[PairRecord]) -> list[BaseFailures]:
@@ -138,7 +138,8 @@ def next_step(report: Report) -> str:
     if advice is None:
         return f"{text} Fix Base first: look at a film of it."
     text = f"{text} Fix Base first: {sight}. {advice.meaning}"
-    unknown = report.substrate.name == "embedded" and not (report.policy or {}).get("privileged")
+    own = report.substrate.scores_comparable_with_published is False  # no model was trained on its scenes
+    unknown = own and not (report.policy or {}).get("privileged")
     return f"{text}. {_UNSEEN}" if unknown else f"{text}."
 
 

@@ -188,7 +188,9 @@ class Broken(Reacher):
 
     def predict(self, observation, query):
         type(self).queries += 1
-        return super().predict(observation, query) * (np.nan if self.queries == 1 else 1)
+        if self.queries == 1:
+            raise ConnectionError("the model is not there")
+        return super().predict(observation, query)
 
 
 import os

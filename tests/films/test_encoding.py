@@ -103,7 +103,7 @@ def test_without_the_extra_films_are_webp_and_an_mp4_says_what_to_install(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert encoding.available_format() == "webp"
-    with pytest.raises(ReportError, match=r"pytest-libero-max\[film\]"):
+    with pytest.raises(ReportError, match=r"pip install -e '\.\[film\]'"):
         write_film(tmp_path / "a.mp4", _timed(), 20)
 
 

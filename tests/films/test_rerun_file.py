@@ -61,7 +61,7 @@ def test_without_the_library_the_cure_is_said(
     played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ReportError, match=r"pip install 'pytest-libero-max\[rerun\]'"):
+    with pytest.raises(ReportError, match=r"pip install -e '\.\[rerun\]'"):
         write_recording(tmp_path / "a.rrd", played.record, played.traces, [])
 
 

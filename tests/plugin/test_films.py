@@ -56,6 +56,7 @@ def test_a_film_made_later_from_the_traces_is_the_same(run: Run, pytester: pytes
     run("-k", PAIR, "--libero-max-film=all", "--libero-max-traces=all").assert_outcomes(passed=1)
     folder = _folder(pytester)
     later = ["--select=all", "--size=32", "--every=9", f"--output={pytester.path / 'later'}"]
+    later.append(f"--cases={pytester.path / 'tiny.json'}")
     assert main(["film", str(folder), *later]) == 0
     (one,), (other,) = (folder / "films").iterdir(), (pytester.path / "later").iterdir()
     assert one.name == other.name

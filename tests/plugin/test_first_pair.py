@@ -34,7 +34,7 @@ def test_a_policy_that_remembers_across_pairs_is_found_and_the_run_stopped(
     result.assert_outcomes(passed=AGAIN_AFTER - 1, errors=1)
     result.stdout.fnmatch_lines(
         [
-            f"AdapterError: the policy remembers something from pair to pair: * again after {AGAIN_AFTER} "
+            f"RefusalError: the policy remembers something from pair to pair: * again after {AGAIN_AFTER} "
             "pairs, and base came out otherwise*"
         ]
     )

@@ -182,7 +182,7 @@ def test_a_pair_of_a_program_is_played_again_and_filmed(
     folder = pytester.path / "libero-max-results"
     command = replay_command(read_pairs(folder))
     assert any(word.startswith("--libero-max-program=") for word in command)
-    with open_recorded(folder) as recorded:
+    with open_recorded(folder, str(pytester.path / "tiny.json")) as recorded:
         assert recorded.cases[line["case_id"]].digest == line["case_digest"]
 
 

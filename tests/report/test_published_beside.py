@@ -78,7 +78,7 @@ def test_their_lite_of_400_cases_has_no_rates_beside_it() -> None:
 @pytest.mark.skipif(not RATES.is_file(), reason="the authors' rates are not here")
 def test_the_rates_of_lite_are_those_of_the_authors_table() -> None:
     printed = {policy.name: policy.printed.lite for policy in published_policies()}
-    names = {"pi0.5": "pi_0.5", "Cosmos-Policy": "Cosmos Policy"}
+    names = {"pi0.5": "pi_0.5"}
     with RATES.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 12

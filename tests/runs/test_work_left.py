@@ -56,7 +56,7 @@ def test_a_resumed_run_knows_its_time_before_its_first_pair() -> None:
 
 
 def test_suites_that_the_policy_does_not_play_take_no_time() -> None:
-    counts = _counts(5.0, 5.0, {**POLICY, "suites": ["libero_object"]})
+    counts = _counts(5.0, 5.0, {**POLICY, "suites": ["libero_spatial"]})
     assert Progress(32, counts, seconds=20.0).seconds_left == 0.0
 
 

@@ -297,7 +297,7 @@ def _number(value: Any) -> int | float:
     return value
 
 
-_MARKS = {"__ndarray__", "__npgeneric__", "__ndarray_class__", "nd"}
+_MARKS = frozenset({"__ndarray__", "__npgeneric__", "__ndarray_class__", "nd"})
 
 
 # Writing.

@@ -171,5 +171,5 @@ def test_queries_batches_errors_and_clients_are_counted() -> None:
 
 def test_metrics_say_what_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "prometheus_client", None)
-    with pytest.raises(AdapterError, match=r"pip install 'pytest-libero-max\[metrics\]'"):
+    with pytest.raises(AdapterError, match=r"pip install -e '\.\[metrics\]'"):
         Metrics()

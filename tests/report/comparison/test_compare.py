@@ -261,7 +261,7 @@ def test_gates_against_a_baseline_are_decided_on_its_folder(tmp_path: Path) -> N
     assert lines[0] == "gate FAIL  regressions_vs(old) <= 3: failed, it is 4."
     assert lines[1] == f"  lost: {', '.join(lost[:3])} and 1 more"
     assert lines[-1] == f"  again: pytest -k {lost[0]}"
-    assert lines[3].startswith("gate open  gains_vs(lost) >= 1: undecidable, Cannot read")
+    assert lines[3].startswith("gate open  gains_vs(lost) >= 1: undecidable, there is no run in 'lost'")
     annotations = github_annotations(results)
     assert len(annotations) == 2
     assert annotations[0] == (
