@@ -80,9 +80,28 @@ def closed_by_peer(connection: socket.socket) -> bool:
     try:
         readable = select.poll()
         readable.register(connection, select.POLLIN)
-        return bool(readable.poll(0))
+        if not readable.poll(0):
+            return False
+        return not isinstance(connection, ssl.SSLSocket) or _ended(connection)
     except (OSError, ValueError):  # closed on this side
         return True
+
+
+def _ended(connection: ssl.SSLSocket) -> bool:
+    """Return True unless all that came is TLS's own.
+
+    Since TLS 1.3 a server sends tickets for later sessions after the handshake: a connection that is readable
+    need not be at its end. To read is the only way to tell, and nothing of the peer's is expected.
+    """
+    timeout_s = connection.gettimeout()
+    connection.setblocking(False)
+    try:
+        connection.recv(1)
+    except ssl.SSLWantReadError:
+        return False
+    finally:
+        connection.settimeout(timeout_s)
+    return True
 
 
 def _tcp(address: Address) -> socket.socket:

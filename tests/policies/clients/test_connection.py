@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import socket
 import threading
 import time
@@ -14,6 +15,7 @@ import pytest
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import connection, recognition
 from pytest_libero_max.policies.clients.opening import parse_address
+from pytest_libero_max.policies.clients.protocols import http
 from pytest_libero_max.policies.clients.recognition import recognise
 from pytest_libero_max.policies.clients.servers import read_servers
 from tests.policies.clients.each_protocol import CERTIFICATE, EACH, accepting, ask, forwarded
@@ -128,6 +130,20 @@ def test_a_connection_that_is_accepted_and_silent_is_an_answer_under_way(
         assert ask(policy).shape[1] == 7
         policy.client.close()
     assert (policy.client.interruptions, policy.client.waited_s) == (0, 0.0)
+
+
+def test_tickets_of_tls_are_no_end_of_a_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A server sends them after the handshake, so that the first query finds the connection readable."""
+    monkeypatch.setenv("SSL_CERT_FILE", str(CERTIFICATE))
+    each, opened = BY_SCHEME["https"], []
+    monkeypatch.setattr(http, "connect", lambda address: opened.append(address) or connection.connect(address))
+    with each.serve() as port, forwarded(port, tls=True) as outer:
+        policy = each.open(f"https://127.0.0.1:{outer}")
+        sock = policy.client._link._connection.sock
+        assert select.select([sock], [], [], 10.0)[0]
+        assert ask(policy).shape[1] == ask(policy, 1).shape[1] == 7
+        policy.client.close()
+    assert len(opened) == 1
 
 
 @pytest.mark.parametrize("scheme", SECURE)
