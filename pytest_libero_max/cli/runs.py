@@ -32,7 +32,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _runs(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.table import aligned
+    from pytest_libero_max.report.render.terminal import aligned
     from pytest_libero_max.runs.status import Follower
 
     folder: Path = options.folder

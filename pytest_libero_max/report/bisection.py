@@ -14,7 +14,7 @@ from typing import Literal
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import parse_gates
-from pytest_libero_max.report.table import aligned
+from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.sequential import log_evidence_of_change

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, field
 
 from pytest_libero_max.benchmark.structs import LARGEST
 
@@ -243,7 +243,46 @@ class GivenResponse(Block, frozen=True, kw_only=True):
     outcomes: Outcomes
 
 
-class Result(Block, frozen=True, kw_only=True):
+class Measure(Block, frozen=True, kw_only=True, omit_defaults=True):
+    """A number of a section of the report.
+
+    Attributes:
+        key: Name in gates.
+        unit: share (of 1), change (a difference of shares), error (a standard error of one), variance, steps,
+            more steps (a difference), m, m/s^3, times (a ratio).
+        value: The number; None where there is none.
+        lower: Lower end of its 95% interval; None where there is none.
+        upper: Upper end of the same.
+        count: Numerator of a share, or pairs that have the quantity.
+        of: Pairs that were asked.
+        lack: Reason for a lacking number or interval; empty where none is needed.
+    """
+
+    key: Text
+    unit: Text
+    value: float | None
+    lower: float | None = None
+    upper: float | None = None
+    count: Count | None = None
+    of: Count | None = None
+    lack: str = ""
+
+
+class ProbeMean(Block, frozen=True, kw_only=True):
+    """A column of a probe in an arm, over the pairs that have it. True counts as 1, so a mean is a share.
+
+    Attributes:
+        pairs: Number of these pairs.
+        mean: Mean over them.
+        largest: Largest value of a pair.
+    """
+
+    pairs: Positive
+    mean: float
+    largest: float
+
+
+class Result(Block, frozen=True, kw_only=True, omit_defaults=True):
     """The result of a set of pairs: a row of the tables.
 
     Attributes:
@@ -266,6 +305,8 @@ class Result(Block, frozen=True, kw_only=True):
             itself decides whether one did, so these do not replace the results over all pairs.
         floor: True if Base success is below the level at which a small change says nothing about robustness;
             None without a pair.
+        probes: By probe, column and arm, joined by dots: columns of the probes that were asked for; those of
+            lists and of texts are left out.
     """
 
     planned: Count
@@ -283,6 +324,7 @@ class Result(Block, frozen=True, kw_only=True):
     stale_actions: StaleActions
     given_response: GivenResponse
     floor: bool | None
+    probes: dict[str, ProbeMean] = field(default_factory=dict)
 
 
 class Substrate(Block, frozen=True, kw_only=True):

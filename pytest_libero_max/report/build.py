@@ -17,7 +17,7 @@ from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.base_failures import base_failures
-from pytest_libero_max.report.blocks import Result, Substrate
+from pytest_libero_max.report.blocks import ProbeMean, Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
@@ -153,6 +153,7 @@ def build_report(
     )
     study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
     groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
+    probes = {name: _probes(measured, in_order, name) for name in DIMENSIONS}
     with_intervals = counts.stopped is None or counts.stopped.rule is None
     sections = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
     if study is not None and study.name == Repeats.name:
@@ -166,7 +167,7 @@ def build_report(
         policy=policy,
         substrate=substrate_of(provenance, planned),
         caveats=caveats_of(map(Played.of, in_order)),
-        overall=result_of(overall, len(planned)),
+        overall=result_of(overall, len(planned), probe_means(in_order)),
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),
         returned=_returned(played.values()),
@@ -175,7 +176,10 @@ def build_report(
         base_failures=base_failures([*played.values()]),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
         by={
-            name: {label: result_of(result, total) for label, (result, total) in group.items()}
+            name: {
+                label: result_of(result, total, probes[name].get(label))
+                for label, (result, total) in group.items()
+            }
             for name, group in groups.items()
         },
         category_by_event=_cells(planned, played),
@@ -188,7 +192,6 @@ def build_report(
             **sections,
             **safety_section(in_order, with_intervals=with_intervals),
             **monitor_sections(in_order, with_intervals=with_intervals),
-            **probe_means(in_order),
         },
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
@@ -298,6 +301,16 @@ def _group(
     names = sorted(totals, key=lambda name: group_order(dimension, name))
     results = breakdown(columns, [label(pair) for pair in measured], names)
     return {name: (results[name], totals[name]) for name in names if name}
+
+
+def _probes(
+    measured: Sequence[PlannedPair], records: Sequence[PairRecord], dimension: str
+) -> dict[str, dict[str, ProbeMean]]:
+    """Return the columns of probes by group."""
+    groups: dict[str, list[PairRecord]] = {}
+    for pair, record in zip(measured, records, strict=True):
+        groups.setdefault(DIMENSIONS[dimension].label(pair), []).append(record)
+    return {label: probe_means(members) for label, members in groups.items()}
 
 
 def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> dict[str, dict[str, Cell]]:

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.gates import QUANTITIES, Gate, Verdict, meets
+from pytest_libero_max.report.gate_quantities import GATED
+from pytest_libero_max.report.gates import Gate, Verdict, meets
 from pytest_libero_max.report.measurable import LEAST_FIRED
 from pytest_libero_max.report.measured import number
 from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
@@ -97,7 +98,7 @@ def values_at(gate: Gate, ends: Sequence[Ending]) -> list[float | None]:
 def verdict_at(gate: Gate, end: Ending, value: float | None) -> Verdict:
     """Return the verdict on a gate, one of :data:`BOUNDED`, in an ending with this value of its quantity."""
     too_low = end.base / end.pairs < FLOOR_BASE_RATE or end.fired / end.pairs < LEAST_FIRED
-    if value is None or (QUANTITIES[gate.name].of_change and too_low):
+    if value is None or (GATED[gate.name].of_change and too_low):
         return "undecidable"
     return "passed" if meets(gate, value) else "failed"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TypeVar
 
 import msgspec
@@ -31,8 +32,10 @@ from pytest_libero_max.stats.paired_difference import paired_difference
 B = TypeVar("B", bound=Block)
 
 
-def result_of(result: PairedResult, planned: int) -> Result:
-    """Return a measured set of pairs, with the number of planned ones."""
+def result_of(
+    result: PairedResult, planned: int, probes: Mapping[str, blocks.ProbeMean] | None = None
+) -> Result:
+    """Return a measured set of pairs, with the number of planned ones and with what probes measured."""
     outcomes, given = result.outcomes, result.given_response
     return Result(
         planned=planned,
@@ -66,6 +69,7 @@ def result_of(result: PairedResult, planned: int) -> Result:
             outcomes=outcomes_of(given),
         ),
         floor=at_floor(outcomes),
+        probes=dict(probes or {}),
     )
 
 

@@ -12,6 +12,7 @@ from pytest_libero_max.report.blocks import (
     Count,
     Difference,
     MeanDifference,
+    Measure,
     Outcomes,
     Positive,
     Rate,
@@ -23,7 +24,7 @@ from pytest_libero_max.report.blocks import (
 )
 from pytest_libero_max.report.studies.study_document import Study
 
-REPORT_VERSION: Final = 4
+REPORT_VERSION: Final = 5
 
 
 class Watched(Block, frozen=True, kw_only=True):
@@ -467,15 +468,14 @@ class Report(Block, frozen=True, kw_only=True):
             without a played pair are left out.
         success_curves: Pairs not yet completed by policy step; None where no pair was played.
         study: Results of the study of the run; None for a run of no study.
-        sections: Tables, titles with names and values: how long it took, means of what probes measured, by
-            probe, column and arm, and what hooks of the user's own have added, which is not computed from the
-            pairs.
+        sections: Tables, titles with names and values: how long it took, what monitors and repeats show, and
+            what hooks of the user's own have added, which is not computed from the pairs.
         statements: Limits of these numbers: sentences by a stable key.
         methods: Methods by which the numbers are computed, a sentence each.
         provenance: Everything that could change a result, as the header of pairs.jsonl has it.
     """
 
-    schema_version: Literal[4] = REPORT_VERSION
+    schema_version: Literal[5] = REPORT_VERSION
     pairs: PairCounts
     selection: PlayedSelection | None
     headline: Headline
@@ -498,7 +498,7 @@ class Report(Block, frozen=True, kw_only=True):
     extremes: dict[str, Extremes]
     success_curves: SuccessCurves | None = None
     study: Study | None = None
-    sections: dict[str, dict[str, str | int | float | bool | None]]
+    sections: dict[str, dict[str, Measure | str | int | float | bool | None]]
     statements: dict[str, Text]
     methods: dict[str, str | float]
     provenance: dict[str, Any]

@@ -14,6 +14,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
+from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gate_reach import (
     EXACT,
     extremes,
@@ -23,7 +24,6 @@ from pytest_libero_max.report.gate_reach import (
 )
 from pytest_libero_max.report.gates import (
     OPERATORS,
-    QUANTITIES,
     Gate,
     evaluate_gate,
     parse_gate,
@@ -490,7 +490,7 @@ def test_a_gate_against_a_run_that_leaves_nothing_to_decide_is_refused(
 
 EXTREME = [
     (name, end)
-    for name, column in QUANTITIES.items()
+    for name, column in GATED.items()
     for end in ((None, "lower", "upper") if column.format.has_interval else (None,))
     if name in EXACT
 ]

@@ -16,8 +16,9 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
-from pytest_libero_max.report.formats import interval_text, p_number, percent, points
-from pytest_libero_max.report.table import aligned
+from pytest_libero_max.report.document import Document, Section, table_of
+from pytest_libero_max.report.formats import Interval, LogP, Share, Tenths, percent, points
+from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, differences_between, listed
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -188,37 +189,30 @@ def _row(sides: list[dict[Cell, np.ndarray]], cells: list[Cell], arm: str) -> Ro
     return Row(total[0], total[1], stratified_difference(list(zip(*ratios, strict=True))))
 
 
-def old_less_new_lines(found: OldLessNew) -> list[str]:
-    """Return lines for the terminal."""
-    old, new = found.names
-    lines = [
-        f"Old less new: {old} less {new}, within {found.cells} cells of source, event and variant",
-        "",
-        *aligned(
-            [(*_HEAD, "adjusted p"), *((*_cells(arm, row), _p(row)) for arm, row in found.arms.items())],
-            numbers=True,
-        ),
-    ]
+_QUANTITIES: tuple[Quantity[Row], ...] = (
+    Quantity("old", "Old", lambda row: row.old, Share()),
+    Quantity("new", "New", lambda row: row.new, Share()),
+    Quantity("difference", "Old less new, pp", lambda row: row.difference.value, Tenths()),
+    Quantity("interval", "score interval", lambda row: row.difference.interval, Interval()),
+)
+_ADJUSTED: Quantity[Row] = Quantity("p", "adjusted p", lambda row: row.adjusted_log10_p, LogP())
+
+
+def document_of(result: OldLessNew) -> Document:
+    """Return the comparison as a document."""
+    old, new = result.names
+    tables = [table_of("", "", (*_QUANTITIES, _ADJUSTED), result.arms.items())]
     for arm in ARMS:
-        rows = [_cells(event, rows[arm]) for event, rows in found.by_event.items()]
-        lines += ["", f"{arm}, by event (each interval for itself)", *aligned([_HEAD, *rows], numbers=True)]
-    if found.left_out:
-        lines += ["", f"{found.left_out} cases are in cells that only one of the runs has, and are left out."]
-    return [*lines, "", *_meaning(found)]
-
-
-_HEAD = ("", "Old", "New", "Old less new, pp", "score interval")
-
-
-def _cells(name: str, row: Row) -> tuple[str, ...]:
-    rates = (f"{percent(one.value)} {one.count}/{one.of}" for one in (row.old, row.new))
-    difference = row.difference
-    return (name, *rates, points(difference.value), interval_text(difference.interval, signed=True))
-
-
-def _p(row: Row) -> str:
-    assert row.adjusted_log10_p is not None
-    return p_number(row.adjusted_log10_p)
+        rows = [(event, rows[arm]) for event, rows in result.by_event.items()]
+        tables.append(table_of(f"{arm}, by event (each interval for itself)", "", _QUANTITIES, rows))
+    left_out = f"{result.left_out} cases are in cells that only one of the runs has, and are left out."
+    return Document(
+        f"Old less new: {old} less {new}, within {result.cells} cells of source, event and variant",
+        sections=[
+            Section(tables=tables),
+            Section(texts=[*([left_out] if result.left_out else []), *_meaning(result)]),
+        ],
+    )
 
 
 def _meaning(found: OldLessNew) -> Iterator[str]:

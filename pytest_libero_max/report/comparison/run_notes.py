@@ -9,10 +9,9 @@ from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import ApartRun, ComparedRun, Comparison
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat
+from pytest_libero_max.report.statements import CAVEATS_TITLE
 from pytest_libero_max.report.stopping_rule import bias_of
 from pytest_libero_max.runs.outcomes import RunOutcomes
-
-CAVEATS_TITLE = "Notes on pairs"
 
 
 def run_warnings(run: RunOutcomes, result: Result) -> list[str]:

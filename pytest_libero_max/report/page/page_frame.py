@@ -10,12 +10,15 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
+from urllib.parse import urlencode
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
+from pytest_libero_max.report.document import Document, Table
+from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
 _VIEWER = "viewer.js"
@@ -34,6 +37,44 @@ class Viewed(NamedTuple):
 
     text: str
     view: str
+
+
+class PageTable(NamedTuple):
+    """A table as templates print it.
+
+    Attributes:
+        title: Heading; empty for none.
+        head: Headings of the columns.
+        rows: Cells as text; the first one may lead to the cases of the row.
+        note: Text below; empty for none.
+    """
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[Viewed | str]]
+    note: str
+
+
+def page_table(table: Table) -> PageTable:
+    """Return a table whose rows lead to their cases, where they are of the groups of a dimension."""
+    rows: list[list[Viewed | str]] = [[*row] for row in table.texts()]
+    if table.dimension:
+        rows = [[Viewed(str(name), urlencode({table.dimension: name})), *cells] for name, *cells in rows]
+    return PageTable(table.title, table.headings(), rows, table.note)
+
+
+def document_page(template: str, document: Document, cases: Json | None = None, **values: Any) -> str:
+    """Render a document with a template that extends ``document.html``; see :func:`page`."""
+    return page(
+        template,
+        document.title,
+        cases,
+        document=document,
+        sections=[(section, [*map(page_table, section.tables)]) for section in document.sections],
+        caveats_title=CAVEATS_TITLE,
+        limits_title=LIMITS_TITLE,
+        **values,
+    )
 
 
 def page(

@@ -10,7 +10,6 @@ from urllib.parse import urlencode
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import interval_text, points, rate_text
 from pytest_libero_max.report.measurable import lacks_of
@@ -25,10 +24,11 @@ from pytest_libero_max.report.page.charts import (
 )
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
-from pytest_libero_max.report.page.page_frame import Viewed, page
+from pytest_libero_max.report.page.page_frame import Viewed, page, page_table
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.quantities import Table, headings, quantities_in
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.sections import NOTES
+from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
@@ -127,9 +127,9 @@ def html(
         study_notes=[] if study is None else study_notes(study),
         study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
-        section_notes=NOTES,
+        sections=shown_sections(report),
         section_figures={timing.TITLE: survival_curves(report)},
-        study_tables=[] if study is None else study_tables(study),
+        study_tables=[] if study is None else [*map(page_table, study_tables(study))],
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,
         provenance=[*_provenance(report, stored)],
@@ -154,14 +154,14 @@ def _results(report: Report) -> dict[str, Any]:
         "interval": interval_text(change, signed=True),
         "rates": [
             (column.title, *_number_and_rest(rate_text(column.value(overall))))
-            for column in columns_in("groups")
+            for column in quantities_in("groups")
             if column.key in ("base_success", "dynamic_success", "conditional_regression")
         ],
         "outcomes": outcome_bar(overall.outcomes),
         "forest": forest(overall, report.by["event"]),
         "quantities": [
             (column.title, column.long(overall))
-            for column in columns_in("summary")
+            for column in quantities_in("summary")
             if column.key not in SHOWN_FIRST and not {"coverage", "given_response"} & {*column.tables}
         ],
         "category_map": category_map(report),
@@ -212,7 +212,7 @@ def _event_steps(stored: StoredRun | None) -> dict[str, int]:
 
 
 def _groups(kind: Table, title: str, groups: Mapping[str, Result], dimension: str = "event") -> Groups:
-    columns = columns_in(kind)
+    columns = quantities_in(kind)
     rows = [
         (Viewed(group_label(name, row), _view(dimension, name)), *(column.long(row) for column in columns))
         for name, row in groups.items()

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.table import aligned
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 
 TRACK_SIZES: Mapping[str, int] = {"smoke": 32, "lite": 800, "max": 8000}

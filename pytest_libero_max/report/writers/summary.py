@@ -9,9 +9,9 @@ from typing import Any
 
 from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveat_text
-from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
 from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.quantities import QUANTITIES, Quantity, headings, quantities_in
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.studies.study_tables import study_lines
@@ -89,7 +89,7 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
 def _overall_lines(overall: Result) -> Iterator[str]:
     shown = [
         (column, column.line)
-        for column in COLUMNS
+        for column in QUANTITIES
         if column.line is not None and not (column.line.optional and _is_empty(column, overall))
     ]
     for title, cells in groupby(shown, key=lambda cell: cell[1].title):
@@ -100,12 +100,12 @@ def _overall_lines(overall: Result) -> Iterator[str]:
         yield f"{title:<32}{'   '.join(texts)}"
 
 
-def _is_empty(column: Column[Any], row: Result) -> bool:
+def _is_empty(column: Quantity[Any], row: Result) -> bool:
     return None in column.numbers(row).values()
 
 
 def _event_lines(report: Report) -> Iterator[str]:
-    columns, events = columns_in("narrow"), report.by["event"]
+    columns, events = quantities_in("narrow"), report.by["event"]
     yield _row("Event", headings("narrow"), columns)
     for name, row in events.items():
         yield _row(group_label(name, row), [column.short(row) for column in columns], columns)
@@ -113,7 +113,7 @@ def _event_lines(report: Report) -> Iterator[str]:
         yield FLOOR_NOTE
 
 
-def _row(name: str, cells: Sequence[str], columns: Sequence[Column[Any]]) -> str:
+def _row(name: str, cells: Sequence[str], columns: Sequence[Quantity[Any]]) -> str:
     return f"{name:<24}" + "".join(
         f" {cell:>{column.width}}" for cell, column in zip(cells, columns, strict=True)
     )

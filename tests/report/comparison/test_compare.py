@@ -14,13 +14,13 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown
 from pytest_libero_max.report.comparison.compare_html import comparison_html
-from pytest_libero_max.report.comparison.compare_text import (
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_sections import (
     comparison_lines,
     comparison_warnings,
     short_lines,
 )
-from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.comparison.trend_html import trend_html
+from pytest_libero_max.report.comparison.trend import trend_html
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.stopping_rule import BIAS
@@ -343,10 +343,10 @@ def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
 
 
 COMPARISON = """\
-2 runs on 32 common cases
+old and new on 32 common cases
 Scores on the embedded substrate are not comparable with published ones.
 
-run  rank  open    Base  Dynamic         change [95%]  95% by task  lost
+Run  Rank  Open    Base  Dynamic         Change [95%]  95% by task  Lost
 old     1   1-2  100.0%   100.0%  +0.0 [-10.9, +10.9]          n/a  0/32
 new     2   1-2  100.0%    87.5%  -12.5 [-29.0, +2.8]          n/a  4/32
 Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.

@@ -6,7 +6,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.blocks import McNemar
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.formats import p_text
+from pytest_libero_max.report.formats import PValue
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.writers.broken import named_of
@@ -189,9 +189,11 @@ def test_the_command_that_shows_is_that_of_what_was_kept() -> None:
 
 
 def test_a_p_value_is_never_printed_as_zero() -> None:
-    assert p_text(McNemar(regressions=1, gains=1, p_value=0.25, log10_p_value=-0.602)) == "p = 0.250"
-    assert p_text(McNemar(regressions=1, gains=1, p_value=0.0, log10_p_value=-470.25)) == "p = 5.6e-471"
-    assert p_text(McNemar(regressions=1, gains=1, p_value=None, log10_p_value=None)) == "n/a"
+    assert PValue().long(McNemar(regressions=1, gains=1, p_value=0.25, log10_p_value=-0.602)) == "p = 0.250"
+    assert (
+        PValue().long(McNemar(regressions=1, gains=1, p_value=0.0, log10_p_value=-470.25)) == "p = 5.6e-471"
+    )
+    assert PValue().long(McNemar(regressions=1, gains=1, p_value=None, log10_p_value=None)) == "n/a"
 
 
 def test_markdown_has_a_table_per_breakdown() -> None:

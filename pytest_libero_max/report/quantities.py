@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import (
@@ -21,16 +21,33 @@ from pytest_libero_max.report.formats import (
     Rate,
     Share,
     TaskInterval,
+    Text,
 )
 
 T = TypeVar("T")
 
-Table = Literal["summary", "groups", "narrow", "coverage", "given_response"]
+TEXT = Text()
+
+
+class Cell(NamedTuple):
+    """A number of a table, with the way in which it is printed.
+
+    Attributes:
+        value: The number, or a block with its counts and interval.
+        format: Format of it.
+    """
+
+    value: Any
+    format: Format
+
+
+Table = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
 """The tables of a report.
 
 ``summary``: every quantity of the whole run, one a row. ``groups``: one row a group, for pages.
-``narrow``: one row a group, for the terminal and LaTeX. ``coverage``: trigger and response coverage, one row
-an event. ``given_response``: results over the pairs with a query after the event, one row an event.
+``narrow``: one row a group, for the terminal and LaTeX. ``runs``: one row a run. ``coverage``: trigger and
+response coverage, one row an event. ``given_response``: results over the pairs with a query after the event,
+one row an event.
 """
 
 
@@ -52,7 +69,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Column(Generic[T]):
+class Quantity(Generic[T]):
     """One quantity of a row of the report.
 
     A row is the result of a set of pairs: ``report.overall`` or a group such as
@@ -75,7 +92,7 @@ class Column(Generic[T]):
     key: str
     title: str
     value: Callable[[Result], T]
-    format: Format[T]
+    format: Format
     heading: str = ""
     tables: tuple[Table, ...] = ("summary",)
     line: Line | None = None
@@ -91,9 +108,9 @@ class Column(Generic[T]):
         """Return the cell in a narrow table."""
         return self.format.short(self.value(row))
 
-    def latex(self, row: Result) -> str:
-        """Return the cell in a LaTeX table."""
-        return self.format.latex(self.value(row))
+    def cell(self, row: Any) -> Cell:
+        """Return the quantity of a row as a cell of a table."""
+        return Cell(self.value(row), self.format)
 
     def numbers(self, row: Result) -> dict[str, float | None]:
         """Return the bare numbers by name, as in CSV files."""
@@ -109,39 +126,40 @@ _OUTCOMES = "Outcomes (Base, Dynamic)"
 _FIRED = "Event fired"
 _STALE = "Stale actions"
 
-COLUMNS: tuple[Column[Any], ...] = (
-    Column("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
-    Column(
+QUANTITIES: tuple[Quantity[Any], ...] = (
+    Quantity("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
+    Quantity(
         "played", "Pairs played", lambda row: row, PairCount(), "Pairs",
         tables=("summary", "groups", "narrow", "coverage"), gate=None, width=12,
     ),
-    Column(
+    Quantity(
         "base_success", "Base success", lambda row: row.base_success, Rate(), "Base",
-        tables=("summary", "groups", "narrow"), line=Line("Base success"), gate="base_sr",
+        tables=("summary", "groups", "narrow", "runs"), line=Line("Base success"), gate="base_sr",
     ),
-    Column(
+    Quantity(
         "dynamic_success", "Dynamic success", lambda row: row.dynamic_success, Rate(), "Dynamic",
-        tables=("summary", "groups", "narrow"), line=Line("Dynamic success"), gate="dynamic_sr",
+        tables=("summary", "groups", "narrow", "runs"), line=Line("Dynamic success"), gate="dynamic_sr",
     ),
-    Column(
-        "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change",
-        tables=("summary", "groups", "narrow"), line=Line("Paired change"), gate="delta", width=24,
+    Quantity(
+        "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change [95%]",
+        tables=("summary", "groups", "narrow", "runs"), line=Line("Paired change"), gate="delta", width=24,
         of_change=True,
     ),
-    Column(
+    Quantity(
         "p_value", "Exact McNemar", lambda row: row.mcnemar, PValue(), line=Line("Paired change", "McNemar"),
         of_change=True,
     ),
-    Column(
+    Quantity(
         "log10_p_value", "Exact McNemar, log10 of p", lambda row: row.mcnemar.log10_p_value, Number(".2f"),
         tables=(), gate=None,
     ),
-    Column(
+    Quantity(
         "paired_change_by_task", "Paired change, interval by task", lambda row: row.paired_change.by_task,
-        TaskInterval(), line=Line("Paired change by task"), gate="delta.clustered", of_change=True,
+        TaskInterval(), "95% by task", line=Line("Paired change by task"), gate="delta.clustered",
+        of_change=True,
     ),
     *(
-        Column(
+        Quantity(
             f"{key}_by_task", f"{title}, interval by task", value, TaskInterval(signed=False),
             line=Line("Rates by task", mark, True, optional=True), gate=f"{gate}.clustered",
             of_change=of_change,
@@ -158,58 +176,58 @@ COLUMNS: tuple[Column[Any], ...] = (
             ),
         )
     ),
-    Column(
+    Quantity(
         "preserved_success", "Preserved successes (1,1)", lambda row: row.outcomes.preserved_success,
         Number(), line=Line(_OUTCOMES, "(1,1)"),
     ),
-    Column(
+    Quantity(
         "change_associated_success", "Change-associated successes (0,1)",
         lambda row: row.outcomes.change_associated_success, Number(), line=Line(_OUTCOMES, "(0,1)"),
         gate="gains",
     ),
-    Column(
+    Quantity(
         "regression", "Regressions (1,0)", lambda row: row.outcomes.regression, Number(),
         line=Line(_OUTCOMES, "(1,0)"), gate="regressions", of_change=True,
     ),
-    Column(
+    Quantity(
         "persistent_failure", "Persistent failures (0,0)", lambda row: row.outcomes.persistent_failure,
         Number(), line=Line(_OUTCOMES, "(0,0)"),
     ),
-    Column(
+    Quantity(
         "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",
-        tables=("summary", "groups", "narrow"), line=Line(_LOST), width=9, of_change=True,
+        tables=("summary", "groups", "narrow", "runs"), line=Line(_LOST), width=9, of_change=True,
     ),
-    Column(
+    Quantity(
         "retained", "Dynamic successes per Base success", lambda row: row.retained, Share(),
         line=Line(_LOST, "retained", short=True), of_change=True,
     ),
-    Column(
+    Quantity(
         "trigger_coverage", _FIRED, lambda row: row.trigger_coverage, Rate(counted=True),
         tables=("summary", "coverage"), line=Line(_FIRED, short=True),
     ),
-    Column(
+    Quantity(
         "response_coverage", "Query after the event", lambda row: row.response_coverage, Rate(counted=True),
         tables=("summary", "coverage"), line=Line(_FIRED, "query after it", short=True),
     ),
-    Column(
+    Quantity(
         "stale_mean", "Stale actions, mean", lambda row: row.stale_actions.mean, Number(".2f"),
         tables=("summary", "coverage"), line=Line(_STALE, "mean"),
     ),
-    Column(
+    Quantity(
         "stale_median", "Stale actions, median", lambda row: row.stale_actions.median, Number("g"),
         tables=("summary", "coverage"), line=Line(_STALE, "median"),
     ),
-    Column(
+    Quantity(
         "given_response_base_success", "Base success, given a query after the event",
         lambda row: row.given_response.base_success, Share(), "Base success",
         tables=("summary", "given_response"),
     ),
-    Column(
+    Quantity(
         "given_response_dynamic_success", "Dynamic success, given a query after the event",
         lambda row: row.given_response.dynamic_success, Share(), "Dynamic success",
         tables=("summary", "given_response"),
     ),
-    Column(
+    Quantity(
         "given_response_paired_change", "Paired change, given a query after the event",
         lambda row: row.given_response.paired_change, Share(signed=True), "Paired change",
         tables=("summary", "given_response"), of_change=True,
@@ -218,12 +236,17 @@ COLUMNS: tuple[Column[Any], ...] = (
 """Every column, in the order of all tables."""
 
 
-def columns_in(table: Table) -> tuple[Column[Any], ...]:
+def quantities_in(table: Table) -> tuple[Quantity[Any], ...]:
     """Return the columns of a table, in their order."""
-    return tuple(column for column in COLUMNS if table in column.tables)
+    return tuple(column for column in QUANTITIES if table in column.tables)
+
+
+def quantity(key: str) -> Quantity[Any]:
+    """Return a quantity by its key."""
+    return next(one for one in QUANTITIES if one.key == key)
 
 
 def headings(table: Table) -> tuple[str, ...]:
     """Return the headings of a table, short where it is narrow or its title says the rest."""
     short = table in ("narrow", "given_response")
-    return tuple(column.short_heading if short else column.title for column in columns_in(table))
+    return tuple(column.short_heading if short else column.title for column in quantities_in(table))

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.columns import COLUMNS, Column, columns_in
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import SHOWN_FIRST, html
+from pytest_libero_max.report.quantities import QUANTITIES, Quantity, quantities_in
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_tables import csv_text, latex_text
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
-from pytest_libero_max.report.writers.tables import csv_text, latex_text
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, records_of
 
 PAIRS = plan()
@@ -29,20 +29,20 @@ REPORTS: dict[str, Report] = {
 UNANSWERED = build_report(
     [*records_of(PAIRS)[:-1], record_of(PAIRS[-1], True, True, **NEVER_TRIGGERED)], [], PAIRS, PROVENANCE
 )
-QUANTITIES = [column for column in COLUMNS if column.gate is not None]
+ASKED = [column for column in QUANTITIES if column.gate is not None]
 
 
-def _name(column: Column[Any]) -> str:
+def _name(column: Quantity[Any]) -> str:
     return column.gate or column.key
 
 
 def test_no_two_columns_share_a_name() -> None:
-    for names in ([column.key for column in COLUMNS], [_name(column) for column in QUANTITIES]):
+    for names in ([column.key for column in QUANTITIES], [_name(column) for column in ASKED]):
         assert len(set(names)) == len(names)
 
 
-@pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)
-def test_a_column_stands_in_every_file_it_names(column: Column[Any]) -> None:
+@pytest.mark.parametrize("column", QUANTITIES, ids=lambda column: column.key)
+def test_a_column_stands_in_every_file_it_names(column: Quantity[Any]) -> None:
     overall = REPORT.overall
     row = next(csv.DictReader(io.StringIO(csv_text(REPORT))))
     for name, number in column.numbers(overall).items():
@@ -62,7 +62,7 @@ def test_a_column_stands_in_every_file_it_names(column: Column[Any]) -> None:
             assert page.count(f"<th scope='row'>{column.title}</th><td>{column.long(overall)}</td>") == 1
     if "narrow" in column.tables:
         assert f" {column.short_heading} " in latex_text(REPORT)
-        assert column.latex(overall) in latex_text(REPORT)
+        assert column.format.latex(column.value(overall)) in latex_text(REPORT)
     if column.line is not None:
         text = column.short(overall) if column.line.short else column.long(overall)
         lines = [line for line in summary_lines(REPORT) if line.startswith(f"{column.line.title:<32}")]
@@ -72,8 +72,8 @@ def test_a_column_stands_in_every_file_it_names(column: Column[Any]) -> None:
             assert f"{column.line.mark} {text}".strip() in lines[0]
 
 
-@pytest.mark.parametrize("column", QUANTITIES, ids=_name)
-def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Column[Any]) -> None:
+@pytest.mark.parametrize("column", ASKED, ids=_name)
+def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Quantity[Any]) -> None:
     ends = ("", ".lower", ".upper") if column.format.has_interval else ("",)
     for end in ends:
         gate = parse_gate(f"event.camera_shift.{_name(column)}{end} > 0")
@@ -81,11 +81,11 @@ def test_a_gate_can_ask_for_every_column_that_is_a_number(column: Column[Any]) -
         assert evaluate_gate(gate, REPORT).value == expected[column.key + end.replace(".", "_")]
 
 
-@pytest.mark.parametrize("column", COLUMNS, ids=lambda column: column.key)
+@pytest.mark.parametrize("column", QUANTITIES, ids=lambda column: column.key)
 @pytest.mark.parametrize("name", REPORTS)
-def test_a_cell_exists_without_a_number(column: Column[Any], name: str) -> None:
+def test_a_cell_exists_without_a_number(column: Quantity[Any], name: str) -> None:
     row = REPORTS[name].overall
-    for text in (column.long(row), column.short(row), column.latex(row)):
+    for text in (column.long(row), column.short(row), column.format.latex(column.value(row))):
         assert text
         assert "None" not in text
         assert "nan" not in text.lower()
@@ -99,4 +99,4 @@ def test_the_terminal_has_one_row_an_event_in_columns_that_line_up() -> None:
     start = next(number for number, line in enumerate(lines) if line.startswith("Event  "))
     table = lines[start : start + 9]
     assert len({len(line) for line in table}) == 1
-    assert len(table[0]) == 24 + sum(column.width + 1 for column in columns_in("narrow"))
+    assert len(table[0]) == 24 + sum(column.width + 1 for column in quantities_in("narrow"))

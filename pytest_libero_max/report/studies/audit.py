@@ -1,12 +1,12 @@
-"""The page of an audit: what one policy needs."""
+"""An audit as a document: what one policy needs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+from pytest_libero_max.report.document import Document, Section
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.studies.study_tables import study_tables
-from pytest_libero_max.report.writers.markdown import markdown_table
 
 _SAYS = {
     "needed": "It needs: with less of it, it succeeds less than in Base",
@@ -18,8 +18,8 @@ _SAYS = {
 """Beginnings of the sentences by verdict, the most important first."""
 
 
-def audit_lines(report: Report) -> list[str]:
-    """Return the page as lines of Markdown: the policy, what it needs in words, and the table.
+def audit_document(report: Report) -> Document:
+    """Return the policy, what it needs in words, and the table.
 
     Args:
         report: Of a run of the study ``audit``, with a pair.
@@ -28,28 +28,24 @@ def audit_lines(report: Report) -> list[str]:
     assert report.policy is not None
     (table,) = study_tables(report.study)
     policy = report.policy
+    played = (
+        f"{report.study.cases} cases; H={policy['horizon']}, Q={policy['query_interval']}; cameras: "
+        f"{', '.join(policy['cameras']) or 'none'}."
+    )
     reads = (
         "It reads the simulator (privileged): it can do without any of its inputs, and what follows says "
         "only which of them it uses besides."
     )
-    return [
-        f"# Audit: what {policy['name']} needs",
-        "",
-        f"{report.study.cases} cases; H={policy['horizon']}, Q={policy['query_interval']}; cameras: "
-        f"{', '.join(policy['cameras']) or 'none'}.",
-        *(["", reads] if policy["privileged"] else []),
-        "",
-        *_sentences([list(row) for row in table.rows]),
-        "",
-        *markdown_table(table.head, table.rows),
-        "",
-        table.note,
-    ]
+    return Document(
+        f"Audit: what {policy['name']} needs",
+        texts=[played, *([reads] if policy["privileged"] else [])],
+        sections=[Section(items=[*_sentences(table.texts())]), Section(tables=[table])],
+    )
 
 
-def _sentences(rows: list[list[str]]) -> Iterator[str]:
+def _sentences(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield one sentence for each verdict, with what was changed in its arms."""
     for verdict, says in _SAYS.items():
-        found = [f"{row[1]} ({row[2]})" for row in rows if row[-1] == verdict]
-        if found:
-            yield f"- {says}: {'; '.join(found)}."
+        arms = [f"{row[1]} ({row[2]})" for row in rows if row[-1] == verdict]
+        if arms:
+            yield f"{says}: {'; '.join(arms)}."
