@@ -72,7 +72,8 @@ def _describe(node: Json, cls: type[Any]) -> None:
         name: text for base in reversed(cls.__mro__) for name, text in section(base, "Attributes").items()
     }
     node["description"] = json_words(summary(cls))
-    node["required"] = list(node["properties"])
+    if not cls.__struct_config__.omit_defaults:  # otherwise those without a default alone are always there
+        node["required"] = list(node["properties"])
     for name, field in node["properties"].items():
         field.pop("default", None)
         field["description"] = json_words(words[name])
