@@ -16,8 +16,8 @@ class Table:
     Attributes:
         title: Heading.
         head: Headings of the columns, or their quantities; the first one is of the names of the rows.
-        rows: As many cells as headings in each; the first one names the row. A text, a whole number or None
-            (nothing is known) needs no format.
+        rows: As many cells as headings in each; the first one names the row. A cell is a :class:`.Cell`, or a
+            text, a whole number or None (nothing is known), which need no format.
         note: Help for reading it; empty for none.
         dimension: Dimension of the groups that the rows are of, so that a page leads to their cases; empty
             for none.
@@ -26,7 +26,7 @@ class Table:
 
     title: str
     head: Sequence[str | Quantity[Any]]
-    rows: Sequence[Sequence[Cell | str | int | None]]
+    rows: Sequence[Sequence[Any]]
     note: str = ""
     dimension: str = ""
     narrow: int = 0

@@ -8,8 +8,8 @@ from decimal import ROUND_HALF_UP, Decimal
 from typing import Any, ClassVar, Protocol
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.report import blocks
-from pytest_libero_max.report.blocks import McNemar, ProbeMean, Result
+from pytest_libero_max.stats import blocks
+from pytest_libero_max.stats.blocks import McNemar, ProbeMean, Result
 
 NOT_AVAILABLE = "n/a"
 """Text in place of a number that does not exist."""
@@ -193,15 +193,15 @@ class Interval(Format):
     def scale(self) -> Scale:
         return DIFFERENCE if self.signed else SHARE
 
-    def long(self, value: Ends | None) -> str:
+    def long(self, value: Any) -> str:
         return NOT_AVAILABLE if value is None else interval_text(value, self.signed)
 
-    def latex(self, value: Ends | None) -> str:
+    def latex(self, value: Any) -> str:
         if value is None or value.lower is None or value.upper is None:
             return MISSING
         return f"[${tenths(value.lower, self.signed)}$, ${tenths(value.upper, self.signed)}$]"
 
-    def numbers(self, value: Ends | None) -> dict[str, float | None]:
+    def numbers(self, value: Any) -> dict[str, float | None]:
         return {f"_{end}": None if value is None else getattr(value, end) for end in ("lower", "upper")}
 
 
@@ -316,7 +316,9 @@ class Mean(Format):
         return f"{value.mean:.6g}, largest {value.largest:.6g}  {counted(value.pairs, 'pair')}"
 
     def numbers(self, value: ProbeMean | None) -> dict[str, float | None]:
-        return {"": value and value.mean, "_largest": value and value.largest}
+        if value is None:
+            return {"": None, "_largest": None}
+        return {"": value.mean, "_largest": value.largest}
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gates import Gate, Verdict, meets
 from pytest_libero_max.report.measurable import LEAST_FIRED
-from pytest_libero_max.report.measured import number
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 from pytest_libero_max.stats.intervals import clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.measured import number
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired_difference import paired_differences
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import mcnemar
 
 

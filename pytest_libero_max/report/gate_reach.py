@@ -14,10 +14,9 @@ from pytest_libero_max.report.gate_bounds import BOUNDED
 from pytest_libero_max.report.gate_quantities import COUNTS, GATED, is_of_pairs
 from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, value_in
 from pytest_libero_max.report.measurable import lacks_of
-from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 from pytest_libero_max.stats.intervals import CONFIDENCE
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.significance import mcnemar
@@ -148,7 +147,7 @@ def _label(dimension: str, pair: PlannedPair) -> str:
 
 def value_of(gate: Gate, pairs: Pairs) -> float | None:
     """Return the quantity of a gate in an outcome; None where it has none or is undecidable."""
-    row = result_of(measure(pairs), len(pairs))
+    row = measure(pairs)
     return None if GATED[gate.name].of_change and lacks_of(row) else value_in(gate, row)
 
 

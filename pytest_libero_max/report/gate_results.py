@@ -8,7 +8,6 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import points
 from pytest_libero_max.report.gate_baseline import (
@@ -33,6 +32,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.stats.blocks import SuccessContrast
 
 _OF_LOSSES = (
     *("delta", "delta.clustered", "preserved_success", "regressions"),

@@ -63,8 +63,6 @@ from typing import TYPE_CHECKING, Literal
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
-from pytest_libero_max.report.blocks import Measure, Result, TaskInterval
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import (
     COUNT,
@@ -91,6 +89,7 @@ from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.stats.blocks import Measure, Result, SuccessContrast, SuccessDifference, TaskInterval
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval
@@ -532,7 +531,8 @@ def value_in(gate: Gate, row: Result) -> float | None:
         row: The result.
     """
     column = row_quantity(gate.name)
-    return column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
+    value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
+    return value
 
 
 def _in_section(gate: Gate, report: Report) -> tuple[float | None, str]:

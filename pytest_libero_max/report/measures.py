@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from statistics import median
 from typing import Any, NamedTuple
 
-from pytest_libero_max.report.blocks import MeanDifference, Measure, Rate, Ratio
 from pytest_libero_max.report.formats import (
     AMOUNT,
     DIFFERENCE,
@@ -17,9 +16,10 @@ from pytest_libero_max.report.formats import (
     Scale,
     tenths,
 )
-from pytest_libero_max.report.measured import number
+from pytest_libero_max.stats.blocks import MeanDifference, Measure, Rate, Ratio
 from pytest_libero_max.stats.durations import median_interval
 from pytest_libero_max.stats.intervals import Interval
+from pytest_libero_max.stats.measured import number
 
 Plain = str | int | float | bool | None
 Rows = dict[str, Measure | Plain]
@@ -98,14 +98,18 @@ class Measured:
 
     def row(self, value: float | None, interval: Interval | None = None, **more: Any) -> Rows:
         """Return the row of a value with its interval."""
-        ends = {} if interval is None else {"lower": number(interval.lower), "upper": number(interval.upper)}
-        return {self.title: Measure(key=self.key, unit=self.unit, value=number(value), **ends, **more)}
+        if interval is not None:
+            more |= {"lower": number(interval.lower), "upper": number(interval.upper)}
+        return {self.title: Measure(key=self.key, unit=self.unit, value=number(value), **more)}
 
     def ratio(self, block: Ratio | Rate | MeanDifference) -> Rows:
         """Return the row of a share, or of a change, which is printed without its counts."""
-        ends = {end: getattr(block, end, None) for end in ("lower", "upper")}
-        counts = {} if self.unit == "change" else {"count": block.count, "of": block.of}
-        return {self.title: Measure(key=self.key, unit=self.unit, value=block.value, **ends, **counts)}
+        more: dict[str, Any] = (
+            {} if isinstance(block, Ratio) else {"lower": block.lower, "upper": block.upper}
+        )
+        if self.unit != "change":
+            more |= {"count": block.count, "of": block.of}
+        return {self.title: Measure(key=self.key, unit=self.unit, value=block.value, **more)}
 
     def median(self, values: Sequence[float | None], *, with_interval: bool = True) -> Rows:
         """Return the row of the median of the values that exist, with the number of these."""

@@ -16,9 +16,10 @@ from typing import NamedTuple
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.measured import rate_of, ratio_of, table_change_of
 from pytest_libero_max.report.measures import Measured, Rows
-from pytest_libero_max.stats.outcome_table import Ratio, tabulate
+from pytest_libero_max.stats.measured import rate_of, ratio_of, table_change_of
+from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.ratios import Ratio
 
 COLUMNS = {"step", "score"}
 """Those of a monitor."""

@@ -7,11 +7,11 @@ from math import fsum
 
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.blocks import ProbeMean, Result
 from pytest_libero_max.report.diagnosis import STAGES
 from pytest_libero_max.report.formats import Mean
-from pytest_libero_max.report.measured import number
 from pytest_libero_max.report.quantities import Quantity
+from pytest_libero_max.stats.blocks import ProbeMean, Result
+from pytest_libero_max.stats.measured import number
 
 TITLE = "Probes: means over pairs"
 
@@ -36,7 +36,7 @@ def probe_means(records: Iterable[PairRecord]) -> dict[str, ProbeMean]:
     }
 
 
-def probe_quantity(key: str) -> Quantity[ProbeMean | None]:
+def probe_quantity(key: str) -> Quantity[Result]:
     """Return a column of a probe in an arm as a quantity.
 
     Args:
@@ -45,7 +45,7 @@ def probe_quantity(key: str) -> Quantity[ProbeMean | None]:
     return Quantity(key, key, lambda row: row.probes.get(key), Mean(), tables=())
 
 
-def probe_quantities(rows: Sequence[Result]) -> list[Quantity[ProbeMean | None]]:
+def probe_quantities(rows: Sequence[Result]) -> list[Quantity[Result]]:
     """Return the columns of probes that some sets of pairs have."""
     return [probe_quantity(key) for key in sorted({key for row in rows for key in row.probes})]
 

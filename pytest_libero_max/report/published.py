@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.releases import RELEASED, ReleasedFile
 from pytest_libero_max.report.formats import percent, points
-from pytest_libero_max.stats.outcome_table import Outcomes
+from pytest_libero_max.stats.blocks import Outcomes
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.report_document import Report

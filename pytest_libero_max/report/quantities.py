@@ -2,7 +2,7 @@
 
 Every writer (terminal, Markdown, HTML, CSV, LaTeX) and the gates read this table. To add a quantity that is
 in the report, add an entry here. Any other is a field of
-:class:`~pytest_libero_max.report.blocks.Result` first, filled in :mod:`~pytest_libero_max.report.measured`.
+:class:`~pytest_libero_max.stats.blocks.Result` first, filled in :mod:`~pytest_libero_max.stats.measured`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import (
     Change,
     Format,
@@ -23,8 +22,9 @@ from pytest_libero_max.report.formats import (
     TaskInterval,
     Text,
 )
+from pytest_libero_max.stats.blocks import Result
 
-T = TypeVar("T")
+R = TypeVar("R")
 
 TEXT = Text()
 
@@ -69,7 +69,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Quantity(Generic[T]):
+class Quantity(Generic[R]):
     """One quantity of a row of the report.
 
     A row is the result of a set of pairs: ``report.overall`` or a group such as
@@ -91,7 +91,7 @@ class Quantity(Generic[T]):
 
     key: str
     title: str
-    value: Callable[[Result], T]
+    value: Callable[[R], Any]
     format: Format
     heading: str = ""
     tables: tuple[Table, ...] = ("summary",)
@@ -100,19 +100,19 @@ class Quantity(Generic[T]):
     width: int = 8
     of_change: bool = False
 
-    def long(self, row: Result) -> str:
+    def long(self, row: R) -> str:
         """Return the cell in a wide table."""
         return self.format.long(self.value(row))
 
-    def short(self, row: Result) -> str:
+    def short(self, row: R) -> str:
         """Return the cell in a narrow table."""
         return self.format.short(self.value(row))
 
-    def cell(self, row: Any) -> Cell:
+    def cell(self, row: R) -> Cell:
         """Return the quantity of a row as a cell of a table."""
         return Cell(self.value(row), self.format)
 
-    def numbers(self, row: Result) -> dict[str, float | None]:
+    def numbers(self, row: R) -> dict[str, float | None]:
         """Return the bare numbers by name, as in CSV files."""
         return {self.key + end: number for end, number in self.format.numbers(self.value(row)).items()}
 
@@ -126,7 +126,7 @@ _OUTCOMES = "Outcomes (Base, Dynamic)"
 _FIRED = "Event fired"
 _STALE = "Stale actions"
 
-QUANTITIES: tuple[Quantity[Any], ...] = (
+QUANTITIES: tuple[Quantity[Result], ...] = (
     Quantity("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
     Quantity(
         "played", "Pairs played", lambda row: row, PairCount(), "Pairs",

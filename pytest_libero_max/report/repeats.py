@@ -9,11 +9,11 @@ import numpy as np
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.measured import ratio_of
 from pytest_libero_max.report.measures import Measured, Rows
 from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
+from pytest_libero_max.stats.measured import ratio_of
 from pytest_libero_max.stats.nested import variance_components
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.repeats import repeated
 
 TITLE = "Repeats with other policy seeds"

@@ -6,7 +6,8 @@ from typing import Any, Final, Literal
 
 from msgspec import field
 
-from pytest_libero_max.report.blocks import (
+from pytest_libero_max.report.studies.study_document import Study
+from pytest_libero_max.stats.blocks import (
     Block,
     Change,
     Count,
@@ -22,7 +23,6 @@ from pytest_libero_max.report.blocks import (
     Substrate,
     Text,
 )
-from pytest_libero_max.report.studies.study_document import Study
 
 REPORT_VERSION: Final = 5
 

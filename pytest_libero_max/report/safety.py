@@ -10,9 +10,10 @@ from typing import Any
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.measured import rate_of, ratio_of, table_change_of
 from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
-from pytest_libero_max.stats.outcome_table import Ratio, tabulate
+from pytest_libero_max.stats.measured import rate_of, ratio_of, table_change_of
+from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.ratios import Ratio
 
 PROBE = "safety"
 TITLE = "Safety: successful but unsafe"

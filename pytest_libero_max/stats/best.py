@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.comparison import contrasts
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, clopper_pearson
-from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
+from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.stats.ratios import Ratio
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,10 @@ def best_of(successes: Mapping[str, BoolArray]) -> Best:
     for found in contrasts(successes):
         if name not in (found.first, found.second):
             continue
-        assert found.simultaneous is not None
-        low, high = found.simultaneous.lower, found.simultaneous.upper
+        together = found.difference.simultaneous
+        assert together.lower is not None
+        assert together.upper is not None
+        low, high = together.lower, together.upper
         other = found.first if found.second == name else found.second
         value = (rates[name].count - rates[other].count) / rates[name].of
         away = Interval(low, high) if found.second == name else Interval(-high, -low)

@@ -9,11 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcome_table import Outcomes
-from pytest_libero_max.stats.paired import PairedResult, Pairs, measure_groups
-
-FLOOR_BASE_RATE = 0.2
-"""Below this Base success rate a small change does not show a successful response (the paper's limit)."""
+from pytest_libero_max.stats.blocks import Outcomes, Result
+from pytest_libero_max.stats.paired import Pairs, measure_groups
 
 
 @dataclass(frozen=True)
@@ -47,13 +44,16 @@ class Split:
     difference: float
 
 
-def breakdown(pairs: Pairs, labels: ArrayLike, groups: Sequence[str]) -> dict[str, PairedResult]:
+def breakdown(
+    pairs: Pairs, labels: ArrayLike, groups: Sequence[str], planned: Mapping[str, int] | None = None
+) -> dict[str, Result]:
     """Measure each group.
 
     Args:
         pairs: All pairs.
         labels: (n,) the group of each pair.
         groups: Every group, in the order wanted; one without pairs yields a result of zero pairs.
+        planned: Number of planned pairs of each group; by default those that are measured.
 
     Raises:
         ReportError: A pair's label is not among the groups, so that it would be lost from every denominator.
@@ -64,7 +64,8 @@ def breakdown(pairs: Pairs, labels: ArrayLike, groups: Sequence[str]) -> dict[st
     strays = sorted(set(names.tolist()) - set(groups))
     if strays:
         raise ReportError(f"Pairs are labelled {strays}, which are not among the groups {list(groups)}.")
-    results = measure_groups([pairs.where(names == group) for group in groups])
+    counts = None if planned is None else [planned[group] for group in groups]
+    results = measure_groups([pairs.where(names == group) for group in groups], counts)
     return dict(zip(groups, results, strict=True))
 
 
@@ -100,9 +101,3 @@ def largest_split(events: Mapping[str, Mapping[str, Outcomes]]) -> Split | None:
         if best is None or difference > best.difference:
             best = Split(event, rates, difference)
     return best
-
-
-def at_floor(outcomes: Outcomes) -> bool | None:
-    """Return True if Base success leaves too little room to fall; None without pairs."""
-    rate = outcomes.base.value
-    return None if rate is None else rate < FLOOR_BASE_RATE

@@ -12,9 +12,10 @@ import msgspec
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import LARGEST
-from pytest_libero_max.report import blocks, report_document
+from pytest_libero_max.report import report_document
 from pytest_libero_max.report.comparison import comparison_document
 from pytest_libero_max.report.studies import study_document
+from pytest_libero_max.stats import blocks
 from tests.reference.docstrings import description, section, summary
 
 _DOCUMENTS = (blocks, report_document, study_document, comparison_document)

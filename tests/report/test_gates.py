@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gate_reach import (
     EXACT,
@@ -31,6 +29,7 @@ from pytest_libero_max.report.gates import (
     require_known_groups,
 )
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.blocks import Interval, SuccessContrast, SuccessDifference
 from pytest_libero_max.stats.paired import Pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, selected
 

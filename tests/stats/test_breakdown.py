@@ -5,8 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.breakdown import at_floor, breakdown, largest_split, macro_average
-from pytest_libero_max.stats.outcome_table import Outcomes
+from pytest_libero_max.stats.blocks import Outcomes
+from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
+from pytest_libero_max.stats.outcome_table import at_floor
 from pytest_libero_max.stats.paired import Pairs, measure
 
 FATES = st.lists(st.tuples(st.integers(0, 5), st.sampled_from(["plus", "pro"])), max_size=40)
@@ -34,15 +35,16 @@ def test_every_assigned_pair_is_in_every_denominator(fates: list[tuple[int, str]
     assert result.outcomes.total == n
     assert result.trigger_coverage.of == result.response_coverage.of == n
     assert result.outcomes.base.of == result.outcomes.dynamic.of == result.outcomes.change.of == n
-    assert result.exposure.pairs + result.exposure.unanswered == result.trigger_coverage.count
-    assert result.given_response.total == result.response_coverage.count
-    assert (result.change is None) == (n == 0)
-    if result.change is not None:
-        assert result.outcomes.change.value is not None
-        assert result.change.lower < result.change.upper
-        assert result.change.lower <= result.outcomes.change.value <= result.change.upper
-        assert result.bootstrap is not None
-        assert result.bootstrap.estimate == result.outcomes.change.value
+    assert result.stale_actions.pairs + result.stale_actions.unanswered == result.trigger_coverage.count
+    assert result.given_response.outcomes.total == result.response_coverage.count
+    change = result.paired_change
+    assert (change.lower is None) == (n == 0)
+    if change.lower is not None:
+        assert change.value is not None
+        assert change.upper is not None
+        assert change.lower < change.upper
+        assert change.lower <= change.value <= change.upper
+        assert change.bootstrap.lower is not None
 
 
 @settings(deadline=None, max_examples=30)

@@ -18,8 +18,8 @@ import pytest
 
 from pytest_libero_max.stats.best import best_of
 from pytest_libero_max.stats.intervals import clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.sequential import log_evidence_of_change
 from pytest_libero_max.stats.significance import mcnemar
 from tests.stats.capital import capital

@@ -22,7 +22,7 @@ from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, differences_between, listed
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm
 from pytest_libero_max.stats.stratified import StratifiedDifference, stratified_difference
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,24 +27,16 @@ from pytest_libero_max.report.comparison.comparison_document import (
     OverRuns,
     RunDifference,
 )
-from pytest_libero_max.report.comparison.contrasts import (
-    change_contrast_of,
-    contrast_of,
-    group_contrast_of,
-)
 from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
-from pytest_libero_max.report.measured import change_of, number, result_of
 from pytest_libero_max.report.statements import statements_of
 from pytest_libero_max.runs.comparability import COMPARISON, differences_between
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.stats.blocks import Result
 from pytest_libero_max.stats.breakdown import breakdown
-from pytest_libero_max.stats.clusters import TaskInterval, task_interval
 from pytest_libero_max.stats.comparison import (
-    ChangeContrast,
-    Contrast,
     change_contrasts,
     contrasts,
     group_change_contrasts,
@@ -54,7 +46,8 @@ from pytest_libero_max.stats.comparison import (
     ranks,
 )
 from pytest_libero_max.stats.extremes import lowest_by_chance
-from pytest_libero_max.stats.paired import Labels, PairedResult, Pairs, measure_groups
+from pytest_libero_max.stats.measured import number
+from pytest_libero_max.stats.paired import Pairs, measure_groups
 
 
 @dataclass(frozen=True)
@@ -212,17 +205,15 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     )
     base = {name: columns.base for name, columns in pairs.items()}
     dynamic = {name: columns.dynamic for name, columns in pairs.items()}
-    differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
     labelled = next(iter(pairs.values()))
     tasks, sources = labelled.task, labelled.source
-    by_run = contrasts(dynamic, sources)
+    by_run = contrasts(dynamic, sources, tasks=tasks)
     open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     case_ids = {pair.case_id for pair in common.planned}
     rows = []
     for name, result in results.items():
-        block = result_of(result, len(common.planned))
         highest, lowest = open_ranks.get(name, (None, None))
         rows.append(
             ComparedRun(
@@ -232,16 +223,16 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
                 lowest_rank=lowest,
                 policy=outcomes[name].policy,
                 replay=list(replay_command(outcomes[name])),
-                base_success=block.base_success,
-                dynamic_success=block.dynamic_success,
-                paired_change=block.paired_change,
-                outcomes=block.outcomes,
-                conditional_regression=block.conditional_regression,
-                trigger_coverage=block.trigger_coverage,
-                response_coverage=block.response_coverage,
-                by_event={event: change_of(group) for event, group in by_event[name].items()},
+                base_success=result.base_success,
+                dynamic_success=result.dynamic_success,
+                paired_change=result.paired_change,
+                outcomes=result.outcomes,
+                conditional_regression=result.conditional_regression,
+                trigger_coverage=result.trigger_coverage,
+                response_coverage=result.response_coverage,
+                by_event={event: group.paired_change for event, group in by_event[name].items()},
                 lowest_event=_lowest_event(by_event[name]),
-                warnings=run_warnings(outcomes[name], block),
+                warnings=run_warnings(outcomes[name], result),
                 caveats=run_caveats(outcomes[name], case_ids),
             )
         )
@@ -259,18 +250,12 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         ],
         runs=rows,
         apart=[apart_run(name, run) for name, run in apart.items()],
-        contrasts=[contrast_of(contrast, _by_task(contrast, dynamic, tasks)) for contrast in by_run],
-        base_contrasts=[
-            contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)
-        ],
-        change_contrasts=[
-            change_contrast_of(contrast, _by_task(contrast, differences, tasks))
-            for contrast in change_contrasts(base, dynamic)
-        ],
+        contrasts=list(by_run),
+        base_contrasts=list(contrasts(base, sources, tasks=tasks)),
+        change_contrasts=list(change_contrasts(base, dynamic, tasks)),
         by_event={
             event: EventContrasts(
-                dynamic_success=[group_contrast_of(contrast) for contrast in by_group[event]],
-                paired_change=[group_contrast_of(contrast) for contrast in changes_by_group[event]],
+                dynamic_success=list(by_group[event]), paired_change=list(changes_by_group[event])
             )
             for event in events
         },
@@ -302,7 +287,7 @@ def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
     return {str(path): read_outcomes(path) for path in paths}
 
 
-def _lowest_event(by_event: Mapping[str, PairedResult]) -> LowestEvent:
+def _lowest_event(by_event: Mapping[str, Result]) -> LowestEvent:
     """Return the lowest paired change of an event, named where chance does not explain it."""
     outcomes = {event: result.outcomes for event, result in by_event.items()}
     changes = {event: found.change.count / found.total for event, found in outcomes.items()}
@@ -328,17 +313,6 @@ def _over_runs(changes: Sequence[float]) -> OverRuns:
         float(f"{value:.12g}") for value in np.percentile(changes, [0, 25, 50, 75, 100]).tolist()
     )
     return OverRuns(lowest=lowest, lower_quartile=lower, median=median, upper_quartile=upper, highest=highest)
-
-
-def _by_task(
-    contrast: Contrast | ChangeContrast,
-    columns: Mapping[str, NDArray[Any]],
-    tasks: Labels,
-) -> TaskInterval:
-    """Interval of a contrast that takes the cases of a task as one draw."""
-    change = columns[contrast.second].astype(np.int64) - columns[contrast.first]
-    widest = 1.0 if isinstance(contrast, Contrast) else 2.0
-    return task_interval(change, tasks, contrast.interval, bounds=(-widest, widest))
 
 
 _OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)

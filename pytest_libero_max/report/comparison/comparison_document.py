@@ -6,24 +6,22 @@ from typing import Annotated, Any, Final, Literal
 
 from msgspec import Meta
 
-from pytest_libero_max.report.blocks import (
+from pytest_libero_max.report.report_document import Caveat
+from pytest_libero_max.stats.blocks import (
     Block,
     Change,
+    ChangeContrast,
     Count,
     Difference,
-    Interval,
-    IntervalByTask,
-    Log10,
+    GroupContrast,
     Outcomes,
     Positive,
     Rate,
     Result,
-    Share,
     Substrate,
+    SuccessContrast,
     Text,
-    WideDifference,
 )
-from pytest_libero_max.report.report_document import Caveat
 
 COMPARISON_VERSION: Final = 4
 
@@ -142,124 +140,6 @@ class ApartRun(Block, frozen=True, kw_only=True):
     by_suite: dict[str, Result]
     warnings: list[str]
     caveats: list[Caveat]
-
-
-class SuccessDifference(Block, frozen=True, kw_only=True):
-    """Success of the second run less that of the first.
-
-    Attributes:
-        value: Estimate, -1 to 1.
-        lower: Lower end of the 95% interval.
-        upper: Upper end of the 95% interval.
-        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts: all of them together
-            hold their differences with 95%.
-        bootstrap: The paired percentile bootstrap, as in the paper.
-        by_task: The 95% interval that takes the cases of a task as one draw; None in a gate's contrast.
-    """
-
-    value: Difference | None
-    lower: Difference | None
-    upper: Difference | None
-    simultaneous: Interval
-    bootstrap: Interval
-    by_task: IntervalByTask | None = None
-
-
-class SuccessContrast(Block, frozen=True, kw_only=True):
-    """A contrast of the success of two runs.
-
-    Attributes:
-        first: Name of the first run.
-        second: Name of the second run.
-        cases: Cases that both runs played.
-        first_only: Cases in which only the first run succeeds.
-        second_only: Cases in which only the second run succeeds.
-        difference: Success of the second less that of the first.
-        p_value: Exact two-sided McNemar test of this contrast alone; 1 where no case tells the runs apart,
-            None without a case.
-        log10_p_value: Decimal logarithm of the same.
-        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
-    """
-
-    first: Text
-    second: Text
-    cases: Count
-    first_only: Count
-    second_only: Count
-    difference: SuccessDifference
-    p_value: Share | None
-    log10_p_value: Log10 | None
-    log10_p_value_holm: Log10 | None
-
-
-class ChangeDifference(Block, frozen=True, kw_only=True):
-    """Paired change of the second run less that of the first.
-
-    Attributes:
-        value: Estimate, -2 to 2.
-        lower: Lower end of the 95% interval.
-        upper: Upper end of the 95% interval.
-        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts.
-        by_task: The 95% interval that takes the cases of a task as one draw.
-    """
-
-    value: WideDifference | None
-    lower: WideDifference | None
-    upper: WideDifference | None
-    simultaneous: Interval
-    by_task: IntervalByTask | None = None
-
-
-class ChangeContrast(Block, frozen=True, kw_only=True):
-    """A contrast of the paired changes of two runs.
-
-    Attributes:
-        first: Name of the first run.
-        second: Name of the second run.
-        second_lower: Cases in which the second run loses more, or gains less, than the first.
-        second_higher: Cases in which it loses less, or gains more.
-        difference: Paired change of the second less that of the first.
-        log10_p_value: Decimal logarithm of the p-value of the exact sign-flip test of this contrast alone.
-        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
-    """
-
-    first: Text
-    second: Text
-    second_lower: Count
-    second_higher: Count
-    difference: ChangeDifference
-    log10_p_value: Log10 | None
-    log10_p_value_holm: Log10 | None
-
-
-class GroupDifference(Block, frozen=True, kw_only=True):
-    """Value of the second run less that of the first, in an event.
-
-    Attributes:
-        value: Estimate.
-        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts.
-    """
-
-    value: WideDifference | None
-    simultaneous: Interval
-
-
-class GroupContrast(Block, frozen=True, kw_only=True):
-    """A contrast of two runs in an event.
-
-    Attributes:
-        first: Name of the first run.
-        second: Name of the second run.
-        cases: Common cases of the event.
-        difference: Value of the second less that of the first.
-        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
-    """
-
-    first: Text
-    second: Text
-    cases: Count
-    difference: GroupDifference
-    log10_p_value_holm: Log10 | None
 
 
 class EventContrasts(Block, frozen=True, kw_only=True):

@@ -13,17 +13,12 @@ import msgspec
 from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import OUTCOMES
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.comparison.comparison_document import (
     ApartRun,
-    ChangeContrast,
     ComparedRun,
     Comparison,
     EventContrasts,
-    GroupContrast,
-    GroupDifference,
     RunDifference,
-    SuccessContrast,
 )
 from pytest_libero_max.report.comparison.run_notes import caveat_names, caveats_by_run, warnings_by_run
 from pytest_libero_max.report.document import Document, Section, Table, table_of
@@ -33,6 +28,13 @@ from pytest_libero_max.report.render.terminal import WIDTH, section_lines, secti
 from pytest_libero_max.report.writers.summary import substrate_lines
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.stats import intervals
+from pytest_libero_max.stats.blocks import (
+    ChangeContrast,
+    GroupContrast,
+    GroupDifference,
+    Result,
+    SuccessContrast,
+)
 from pytest_libero_max.stats.verdicts import WORDS, word_for
 
 AnyContrast = SuccessContrast | ChangeContrast | GroupContrast

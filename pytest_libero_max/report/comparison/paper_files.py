@@ -25,7 +25,6 @@ from pytest_libero_max.report.comparison.paper_tables import (
     partial_tables,
 )
 from pytest_libero_max.report.comparison.run_notes import notes_of
-from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.report.published import (
     NOTE,
     lacks_for_published,
@@ -117,7 +116,7 @@ def _own(
     notes += [
         text
         for name, result in zip(common.pairs, measure_groups(list(common.pairs.values())), strict=True)
-        for text in notes_of(names[name], runs[name], result_of(result, len(case_ids)), case_ids)
+        for text in notes_of(names[name], runs[name], result, case_ids)
     ]
     return rows, comparison, notes
 

@@ -12,9 +12,11 @@ from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.published import PublishedPolicy
 from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.breakdown import largest_split, macro_average
-from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
+from pytest_libero_max.stats.outcome_table import tabulate
 from pytest_libero_max.stats.paired import Pairs
+from pytest_libero_max.stats.ratios import Ratio
 
 
 @dataclass(frozen=True)

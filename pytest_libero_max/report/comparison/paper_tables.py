@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.comparison.comparison_document import ApartRun
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, Rates
@@ -16,6 +15,7 @@ from pytest_libero_max.report.published import PartialPolicy
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.render.markdown import table_markdown
 from pytest_libero_max.report.render.tables import table_csv, table_latex
+from pytest_libero_max.stats.blocks import Result
 from pytest_libero_max.stats.paired_difference import paired_difference
 
 UNITS = "Rates in percent, changes in percentage points."

@@ -9,7 +9,6 @@ from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights, timing
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import interval_text, points, rate_text
 from pytest_libero_max.report.measurable import lacks_of
@@ -50,6 +49,7 @@ from pytest_libero_max.report.writers.summary import (
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
+from pytest_libero_max.stats.blocks import Result
 
 SHOWN_FIRST = (
     "base_success",

@@ -9,7 +9,7 @@ from typing import Any
 
 from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.formats import latex_escaped
-from pytest_libero_max.report.measured import number
+from pytest_libero_max.stats.measured import number
 
 
 def table_csv(table: Table) -> str:

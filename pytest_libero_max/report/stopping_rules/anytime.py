@@ -14,10 +14,10 @@ from pytest_libero_max.report.gate_bounds import Ending
 from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gate_rule import GateRule, Watch
 from pytest_libero_max.report.gates import Gate
-from pytest_libero_max.report.measured import number
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.report.stopping_rule import Declared, level_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
+from pytest_libero_max.stats.measured import number
 from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
 
 _OF_ITS_OWN = 0.8

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pytest_libero_max.report.blocks import (
+from pytest_libero_max.stats.blocks import (
     Amount,
     Block,
     Count,

@@ -50,7 +50,7 @@ def document_of(recovery: Recovery) -> Document:
         )
         for mode, row in recovery.modes.items()
     ]
-    head = ("Mode", *_MODE, "Active, Base", "after the event", "ms a query")
+    head: list[str | Quantity[Mode]] = ["Mode", *_MODE, "Active, Base", "after the event", "ms a query"]
     effects = [(_effect_name(row), row) for row in recovery.effects]
     groups = [(f"{row.mode}, {row.name} ({row.pairs})", row) for row in recovery.groups]
     return Document(

@@ -13,17 +13,6 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.blocks import MeanDifference
-from pytest_libero_max.report.measured import (
-    ends,
-    interval_of,
-    number,
-    outcomes_of,
-    rate_of,
-    ratio_of,
-    stale_of,
-    table_change_of,
-)
 from pytest_libero_max.report.studies.study_document import (
     BestSetting,
     Cadence,
@@ -34,9 +23,19 @@ from pytest_libero_max.report.studies.study_document import (
     SettingDifference,
 )
 from pytest_libero_max.stats.best import Best, FromBest, best_of
+from pytest_libero_max.stats.blocks import MeanDifference
 from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import mean_change
-from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
+from pytest_libero_max.stats.measured import (
+    ends,
+    interval_of,
+    number,
+    rate_of,
+    ratio_of,
+    table_change_of,
+)
+from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
 from pytest_libero_max.studies.latency_sweep import LatencySweep, delay_arm
 from pytest_libero_max.worlds.contract import CONTROL_HZ
@@ -162,11 +161,11 @@ def _measured(base_arm: str, dynamic_arm: str, records: Sequence[PairRecord]) ->
         "paired_change": SettingChange(
             **asdict(table_change_of(outcomes)), bootstrap_by_source=interval_of(bootstrap)
         ),
-        "outcomes": outcomes_of(outcomes),
+        "outcomes": outcomes,
         "conditional_regression": rate_of(outcomes.conditional_regression),
         "trigger_coverage": rate_of(triggered),
         "response_coverage": rate_of(responded),
-        "stale_actions": stale_of(expose(stale, unanswered=triggered.count - responded.count)),
+        "stale_actions": expose(stale, unanswered=triggered.count - responded.count),
     }
 
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.measured import bootstrap_of, ends, number, rate_of
 from pytest_libero_max.report.studies import study_document
 from pytest_libero_max.report.studies.study_document import (
     Approach,
@@ -36,7 +35,9 @@ from pytest_libero_max.stats.conditions import (
     contrasts_of_contrasts,
 )
 from pytest_libero_max.stats.intervals import MeanChange, mean_change
-from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
+from pytest_libero_max.stats.measured import bootstrap_of, ends, number, rate_of
+from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.camera_study import CameraTiming, at_strength
 from pytest_libero_max.studies.event_timing import RESET
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.blocks import (
+from pytest_libero_max.stats.blocks import (
     Block,
     Bootstrap,
     Count,

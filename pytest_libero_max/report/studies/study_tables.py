@@ -10,7 +10,6 @@ from typing import Any
 
 import msgspec
 
-from pytest_libero_max.report.blocks import Bootstrap, StaleActions
 from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.formats import (
     NOT_AVAILABLE,
@@ -41,6 +40,7 @@ from pytest_libero_max.report.studies.study_document import (
     SettingDifference,
     Study,
 )
+from pytest_libero_max.stats.blocks import Bootstrap, StaleActions
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 _LISTED = 16

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
 from pytest_libero_max.report import base_failures, highlights
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
@@ -39,6 +38,7 @@ from pytest_libero_max.report.writers.summary import (
     title_text,
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
+from pytest_libero_max.stats.blocks import Result
 
 
 def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:

@@ -7,7 +7,6 @@ from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
-from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
 from pytest_libero_max.report.measurable import warning_of
@@ -16,6 +15,7 @@ from pytest_libero_max.report.report_document import Caveat, PairCounts, Report,
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.studies.study_tables import study_lines
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines
+from pytest_libero_max.stats.blocks import Result, Substrate
 
 ALL_PAIRS = "all pairs"
 

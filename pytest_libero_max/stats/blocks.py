@@ -1,4 +1,4 @@
-"""Blocks of a report: rates, changes and intervals, declared once for writers, readers and the schema.
+"""Blocks of reports: rates, changes, intervals and contrasts, which statistics return and documents hold.
 
 The schemas of ``report.json`` and ``comparison.json`` are made from these classes and their docstrings.
 """
@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from msgspec import Meta, Struct, field
+from msgspec import Meta, Struct, field, structs
 
 from pytest_libero_max.benchmark.structs import LARGEST
+from pytest_libero_max.stats import ratios
 
 Count = Annotated[int, Meta(ge=0, le=LARGEST)]
 Positive = Annotated[int, Meta(ge=1, le=LARGEST)]
@@ -172,7 +173,7 @@ class Change(MeanDifference, frozen=True, kw_only=True):
     bootstrap: Bootstraps
 
 
-class Outcomes(Block, frozen=True, kw_only=True):
+class Outcomes(Block, frozen=True):
     """Pairs by outcome, written (Base, Dynamic).
 
     Attributes:
@@ -186,6 +187,35 @@ class Outcomes(Block, frozen=True, kw_only=True):
     change_associated_success: Count
     regression: Count
     persistent_failure: Count
+
+    @property
+    def total(self) -> int:
+        return sum(structs.astuple(self))
+
+    @property
+    def base(self) -> ratios.Ratio:
+        """Base success rate over all pairs."""
+        return ratios.Ratio(self.preserved_success + self.regression, self.total)
+
+    @property
+    def dynamic(self) -> ratios.Ratio:
+        """Dynamic success rate over all pairs."""
+        return ratios.Ratio(self.preserved_success + self.change_associated_success, self.total)
+
+    @property
+    def change(self) -> ratios.Ratio:
+        """Paired change, the mean of (Dynamic - Base): (gained - regressed) / N. Negative for a loss."""
+        return ratios.Ratio(self.change_associated_success - self.regression, self.total)
+
+    @property
+    def conditional_regression(self) -> ratios.Ratio:
+        """Share of the Base successes that fail in Dynamic."""
+        return ratios.Ratio(self.regression, self.base.count)
+
+    @property
+    def retained(self) -> ratios.Ratio:
+        """Dynamic successes over Base successes, newly solved cases included; may exceed 1."""
+        return ratios.Ratio(self.dynamic.count, self.base.count)
 
 
 class McNemar(Block, frozen=True, kw_only=True):
@@ -325,6 +355,124 @@ class Result(Block, frozen=True, kw_only=True, omit_defaults=True):
     given_response: GivenResponse
     floor: bool | None
     probes: dict[str, ProbeMean] = field(default_factory=dict)
+
+
+class SuccessDifference(Block, frozen=True, kw_only=True):
+    """Success of the second run less that of the first.
+
+    Attributes:
+        value: Estimate, -1 to 1.
+        lower: Lower end of the 95% interval.
+        upper: Upper end of the 95% interval.
+        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts: all of them together
+            hold their differences with 95%.
+        bootstrap: The paired percentile bootstrap, as in the paper.
+        by_task: The 95% interval that takes the cases of a task as one draw; None in a gate's contrast.
+    """
+
+    value: Difference | None
+    lower: Difference | None
+    upper: Difference | None
+    simultaneous: Interval
+    bootstrap: Interval
+    by_task: IntervalByTask | None = None
+
+
+class SuccessContrast(Block, frozen=True, kw_only=True):
+    """A contrast of the success of two runs.
+
+    Attributes:
+        first: Name of the first run.
+        second: Name of the second run.
+        cases: Cases that both runs played.
+        first_only: Cases in which only the first run succeeds.
+        second_only: Cases in which only the second run succeeds.
+        difference: Success of the second less that of the first.
+        p_value: Exact two-sided McNemar test of this contrast alone; 1 where no case tells the runs apart,
+            None without a case.
+        log10_p_value: Decimal logarithm of the same.
+        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
+    """
+
+    first: Text
+    second: Text
+    cases: Count
+    first_only: Count
+    second_only: Count
+    difference: SuccessDifference
+    p_value: Share | None
+    log10_p_value: Log10 | None
+    log10_p_value_holm: Log10 | None
+
+
+class ChangeDifference(Block, frozen=True, kw_only=True):
+    """Paired change of the second run less that of the first.
+
+    Attributes:
+        value: Estimate, -2 to 2.
+        lower: Lower end of the 95% interval.
+        upper: Upper end of the 95% interval.
+        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts.
+        by_task: The 95% interval that takes the cases of a task as one draw.
+    """
+
+    value: WideDifference | None
+    lower: WideDifference | None
+    upper: WideDifference | None
+    simultaneous: Interval
+    by_task: IntervalByTask | None = None
+
+
+class ChangeContrast(Block, frozen=True, kw_only=True):
+    """A contrast of the paired changes of two runs.
+
+    Attributes:
+        first: Name of the first run.
+        second: Name of the second run.
+        second_lower: Cases in which the second run loses more, or gains less, than the first.
+        second_higher: Cases in which it loses less, or gains more.
+        difference: Paired change of the second less that of the first.
+        log10_p_value: Decimal logarithm of the p-value of the exact sign-flip test of this contrast alone.
+        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
+    """
+
+    first: Text
+    second: Text
+    second_lower: Count
+    second_higher: Count
+    difference: ChangeDifference
+    log10_p_value: Log10 | None
+    log10_p_value_holm: Log10 | None
+
+
+class GroupDifference(Block, frozen=True, kw_only=True):
+    """Value of the second run less that of the first, in an event.
+
+    Attributes:
+        value: Estimate.
+        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts.
+    """
+
+    value: WideDifference | None
+    simultaneous: Interval
+
+
+class GroupContrast(Block, frozen=True, kw_only=True):
+    """A contrast of two runs in an event.
+
+    Attributes:
+        first: Name of the first run.
+        second: Name of the second run.
+        cases: Common cases of the event.
+        difference: Value of the second less that of the first.
+        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
+    """
+
+    first: Text
+    second: Text
+    cases: Count
+    difference: GroupDifference
+    log10_p_value_holm: Log10 | None
 
 
 class Substrate(Block, frozen=True, kw_only=True):
