@@ -28,7 +28,6 @@ from pytest_libero_max.report.report_document import (
     Extremes,
     Headline,
     InvalidPair,
-    Macro,
     Macros,
     MissingAsFailures,
     MissingPair,
@@ -38,7 +37,6 @@ from pytest_libero_max.report.report_document import (
     PresentShards,
     Report,
     Returned,
-    Split,
     Stop,
 )
 from pytest_libero_max.report.safety import safety_section
@@ -51,12 +49,10 @@ from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
-from pytest_libero_max.stats import breakdown as breakdowns
 from pytest_libero_max.stats.blocks import Outcomes, Result, Substrate
-from pytest_libero_max.stats.breakdown import MacroAverage, breakdown, largest_split, macro_average
+from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.measured import (
-    number,
     rate_of,
     ratio_of,
     without_intervals,
@@ -168,8 +164,8 @@ def build_report(
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
         by=groups,
         category_by_event=_cells(planned, played),
-        macro=Macros(category=_macro(macro_average([row.outcomes for row in groups["category"].values()]))),
-        largest_split=_split(largest_split(_variants(groups["variant"]))),
+        macro=Macros(category=macro_average([row.outcomes for row in groups["category"].values()])),
+        largest_split=largest_split(_variants(groups["variant"])),
         extremes=_extremes(groups["category"]),
         success_curves=success_curves(in_order),
         study=study,
@@ -340,25 +336,6 @@ def _variants(
         event, _, variant = name.rpartition("-")
         events.setdefault(event, {})[variant] = result.outcomes
     return events
-
-
-def _macro(macro: MacroAverage) -> Macro:
-    return Macro(
-        groups=macro.groups,
-        base_success=number(macro.base),
-        dynamic_success=number(macro.dynamic),
-        paired_change=number(macro.change),
-    )
-
-
-def _split(split: breakdowns.Split | None) -> Split | None:
-    if split is None:
-        return None
-    return Split(
-        event=split.event,
-        dynamic_success={name: number(rate) for name, rate in split.rates.items()},
-        difference=number(split.difference),
-    )
 
 
 def _selection(provenance: Json) -> PlayedSelection | None:

@@ -430,7 +430,8 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         return of_probe[0], scope, of_probe[1]
     if not words:
         names = known if scope else [*known, *DIMENSIONS, *VERSUS, EQUIVALENT]
-        name = ".".join(parts)
+        begun = any(one.startswith(f"{parts[0]}.") for one in known)
+        name = quantity if begun and scope is None else parts[0]
         raise OptionError.seen(
             "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
         )

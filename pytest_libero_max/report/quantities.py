@@ -41,7 +41,7 @@ class Cell(NamedTuple):
     format: Format
 
 
-Table = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
+TableKind = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
 """The tables of a report.
 
 ``summary``: every quantity of the whole run, one a row. ``groups``: one row a group, for pages.
@@ -84,7 +84,6 @@ class Quantity(Generic[R]):
         tables: Tables that have it. CSV files hold every column.
         line: Place in the terminal summary; None for none.
         gate: Name as a quantity of gates; the key where it is empty, None where no gate can ask for it.
-        width: Characters of the column in the terminal's narrow table.
         of_change: True for what the event changed, which needs pairs that can show it (see
             :mod:`pytest_libero_max.report.measurable`).
     """
@@ -94,10 +93,9 @@ class Quantity(Generic[R]):
     value: Callable[[R], Any]
     format: Format
     heading: str = ""
-    tables: tuple[Table, ...] = ("summary",)
+    tables: tuple[TableKind, ...] = ("summary",)
     line: Line | None = None
     gate: str | None = ""
-    width: int = 8
     of_change: bool = False
 
     def long(self, row: R) -> str:
@@ -130,7 +128,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     Quantity("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
     Quantity(
         "played", "Pairs played", lambda row: row, PairCount(), "Pairs",
-        tables=("summary", "groups", "narrow", "coverage"), gate=None, width=12,
+        tables=("summary", "groups", "narrow", "coverage"), gate=None,
     ),
     Quantity(
         "base_success", "Base success", lambda row: row.base_success, Rate(), "Base",
@@ -142,7 +140,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     ),
     Quantity(
         "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change [95%]",
-        tables=("summary", "groups", "narrow", "runs"), line=Line("Paired change"), gate="delta", width=24,
+        tables=("summary", "groups", "narrow", "runs"), line=Line("Paired change"), gate="delta",
         of_change=True,
     ),
     Quantity(
@@ -195,7 +193,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     ),
     Quantity(
         "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",
-        tables=("summary", "groups", "narrow", "runs"), line=Line(_LOST), width=9, of_change=True,
+        tables=("summary", "groups", "narrow", "runs"), line=Line(_LOST), of_change=True,
     ),
     Quantity(
         "retained", "Dynamic successes per Base success", lambda row: row.retained, Share(),
@@ -236,7 +234,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
 """Every column, in the order of all tables."""
 
 
-def quantities_in(table: Table) -> tuple[Quantity[Any], ...]:
+def quantities_in(table: TableKind) -> tuple[Quantity[Any], ...]:
     """Return the columns of a table, in their order."""
     return tuple(column for column in QUANTITIES if table in column.tables)
 
@@ -244,9 +242,3 @@ def quantities_in(table: Table) -> tuple[Quantity[Any], ...]:
 def quantity(key: str) -> Quantity[Any]:
     """Return a quantity by its key."""
     return next(one for one in QUANTITIES if one.key == key)
-
-
-def headings(table: Table) -> tuple[str, ...]:
-    """Return the headings of a table, short where it is narrow or its title says the rest."""
-    short = table in ("narrow", "given_response")
-    return tuple(column.short_heading if short else column.title for column in quantities_in(table))

@@ -6,12 +6,14 @@ from typing import Any, Final, Literal
 
 from msgspec import field
 
-from pytest_libero_max.report.studies.study_document import Study
+from pytest_libero_max.report.studies.study_document import (
+    Study,
+)
 from pytest_libero_max.stats.blocks import (
     Block,
     Change,
     Count,
-    Difference,
+    Macro,
     MeanDifference,
     Measure,
     Outcomes,
@@ -20,6 +22,7 @@ from pytest_libero_max.stats.blocks import (
     Ratio,
     Result,
     Share,
+    Split,
     Substrate,
     Text,
 )
@@ -322,23 +325,6 @@ class Cell(Block, frozen=True, kw_only=True):
     paired_change: Ratio
 
 
-class Macro(Block, frozen=True, kw_only=True):
-    """Unweighted means over groups.
-
-    Attributes:
-        groups: Number of groups that were averaged.
-        base_success: Mean of the groups' Base success rates, 0 to 1; None where a group has no played pair.
-        dynamic_success: Mean of the groups' Dynamic success rates, 0 to 1; None where a group has no played
-            pair.
-        paired_change: Mean of the groups' paired changes, -1 to 1; None where a group has no played pair.
-    """
-
-    groups: Count
-    base_success: Share | None
-    dynamic_success: Share | None
-    paired_change: Difference | None
-
-
 class Macros(Block, frozen=True, kw_only=True):
     """Unweighted means over groups; secondary to the rates over all pairs.
 
@@ -347,20 +333,6 @@ class Macros(Block, frozen=True, kw_only=True):
     """
 
     category: Macro
-
-
-class Split(Block, frozen=True, kw_only=True):
-    """The event whose parameter variants differ most in Dynamic success.
-
-    Attributes:
-        event: Name of the event.
-        dynamic_success: Dynamic success rate, 0 to 1, by variant.
-        difference: Largest less smallest of these rates, 0 to 1.
-    """
-
-    event: Text
-    dynamic_success: dict[str, Share | None]
-    difference: Share | None
 
 
 class Extremes(Block, frozen=True, kw_only=True):

@@ -357,6 +357,37 @@ class Result(Block, frozen=True, kw_only=True, omit_defaults=True):
     probes: dict[str, ProbeMean] = field(default_factory=dict)
 
 
+class Macro(Block, frozen=True, kw_only=True):
+    """Unweighted means over groups.
+
+    Attributes:
+        groups: Number of groups that were averaged.
+        base_success: Mean of the groups' Base success rates, 0 to 1; None where a group has no played pair.
+        dynamic_success: Mean of the groups' Dynamic success rates, 0 to 1; None where a group has no played
+            pair.
+        paired_change: Mean of the groups' paired changes, -1 to 1; None where a group has no played pair.
+    """
+
+    groups: Count
+    base_success: Share | None
+    dynamic_success: Share | None
+    paired_change: Difference | None
+
+
+class Split(Block, frozen=True, kw_only=True):
+    """The event whose parameter variants differ most in Dynamic success.
+
+    Attributes:
+        event: Name of the event.
+        dynamic_success: Dynamic success rate, 0 to 1, by variant.
+        difference: Largest less smallest of these rates, 0 to 1.
+    """
+
+    event: Text
+    dynamic_success: dict[str, Share | None]
+    difference: Share | None
+
+
 class SuccessDifference(Block, frozen=True, kw_only=True):
     """Success of the second run less that of the first.
 

@@ -3,45 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.blocks import Outcomes, Result
+from pytest_libero_max.stats.blocks import Macro, Outcomes, Result, Split
+from pytest_libero_max.stats.measured import number
 from pytest_libero_max.stats.paired import Pairs, measure_groups
-
-
-@dataclass(frozen=True)
-class MacroAverage:
-    """Unweighted mean over groups of unequal size; secondary to the rates over all pairs.
-
-    Attributes:
-        groups: Number of groups.
-        base: Mean of the groups' Base success rates; None where a group has no pair, like all below.
-        dynamic: Mean of their Dynamic success rates.
-        change: Mean of their paired changes.
-    """
-
-    groups: int
-    base: float | None
-    dynamic: float | None
-    change: float | None
-
-
-@dataclass(frozen=True)
-class Split:
-    """Two parameter variants of one event. They hold different source instances: a description, no effect.
-
-    Attributes:
-        rates: Dynamic success rate of each variant.
-        difference: Largest minus smallest.
-    """
-
-    event: str
-    rates: Mapping[str, float]
-    difference: float
 
 
 def breakdown(
@@ -69,19 +38,19 @@ def breakdown(
     return dict(zip(groups, results, strict=True))
 
 
-def macro_average(groups: Sequence[Outcomes]) -> MacroAverage:
+def macro_average(groups: Sequence[Outcomes]) -> Macro:
     """Average rates over groups, each with the same weight. None if a group is empty or there is none."""
     if not groups or any(group.total == 0 for group in groups):
-        return MacroAverage(len(groups), None, None, None)
+        return Macro(groups=len(groups), base_success=None, dynamic_success=None, paired_change=None)
 
-    def mean(rates: list[float | None]) -> float:
-        return float(np.mean(np.asarray(rates, dtype=np.float64)))
+    def mean(rates: list[float | None]) -> float | None:
+        return number(float(np.mean(np.asarray(rates, dtype=np.float64))))
 
-    return MacroAverage(
+    return Macro(
         groups=len(groups),
-        base=mean([group.base.value for group in groups]),
-        dynamic=mean([group.dynamic.value for group in groups]),
-        change=mean([group.change.value for group in groups]),
+        base_success=mean([group.base.value for group in groups]),
+        dynamic_success=mean([group.dynamic.value for group in groups]),
+        paired_change=mean([group.change.value for group in groups]),
     )
 
 
@@ -92,12 +61,16 @@ def largest_split(events: Mapping[str, Mapping[str, Outcomes]]) -> Split | None:
         events: Outcomes by event and variant. Variants without pairs are left out, and so are events with
             fewer than two variants left. None where no event remains.
     """
-    best: Split | None = None
+    best: tuple[float, str, dict[str, float]] | None = None
     for event, variants in events.items():
         rates = {name: rate for name, cell in variants.items() if (rate := cell.dynamic.value) is not None}
         if len(rates) < 2:
             continue
         difference = max(rates.values()) - min(rates.values())
-        if best is None or difference > best.difference:
-            best = Split(event, rates, difference)
-    return best
+        if best is None or difference > best[0]:
+            best = difference, event, rates
+    if best is None:
+        return None
+    difference, event, rates = best
+    dynamic = {name: number(rate) for name, rate in rates.items()}
+    return Split(event=event, dynamic_success=dynamic, difference=number(difference))

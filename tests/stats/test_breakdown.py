@@ -82,13 +82,13 @@ def test_contradicting_columns_are_refused() -> None:
 def test_a_macro_average_weighs_groups_alike() -> None:
     small, large = Outcomes(1, 0, 0, 0), Outcomes(0, 0, 50, 50)
     macro = macro_average([small, large])
-    assert (macro.base, macro.dynamic, macro.change) == (0.75, 0.5, -0.25)
+    assert (macro.base_success, macro.dynamic_success, macro.paired_change) == (0.75, 0.5, -0.25)
     assert macro.groups == 2
 
 
 def test_a_macro_average_over_an_empty_group_does_not_exist() -> None:
-    assert macro_average([Outcomes(1, 0, 0, 0), Outcomes(0, 0, 0, 0)]).change is None
-    assert macro_average([]).base is None
+    assert macro_average([Outcomes(1, 0, 0, 0), Outcomes(0, 0, 0, 0)]).paired_change is None
+    assert macro_average([]).base_success is None
 
 
 def test_the_largest_split_is_within_one_event() -> None:
@@ -101,7 +101,7 @@ def test_the_largest_split_is_within_one_event() -> None:
     )
     assert split is not None
     assert split.event == "obstacle_insertion"
-    assert split.rates == {"v0": 0.9, "v1": 0.2}
+    assert split.dynamic_success == {"v0": 0.9, "v1": 0.2}
     assert split.difference == pytest.approx(0.7)
     assert largest_split({"camera_shift": {"v0": Outcomes(1, 0, 0, 0)}}) is None
 

@@ -123,7 +123,7 @@ def row_of(
             dimension: {group: Rates.of(cell) for group, cell in groups.items()}
             for dimension, groups in counted.items()
         },
-        macro=macro_average([*counted["category"].values()]).change,
+        macro=macro_average([*counted["category"].values()]).paired_change,
         lowest_base={
             source: min(cells, key=lambda name: cells[name].base.value or 0.0)
             for source, cells in categories.items()
@@ -132,7 +132,7 @@ def row_of(
             source: min(cells, key=lambda name: cells[name].change.value or 0.0)
             for source, cells in categories.items()
         },
-        split=None if split is None else (split.event, split.difference),
+        split=None if split is None else (split.event, split.difference or 0.0),
         lite=Rates.of(tabulate(pairs.base[in_lite], pairs.dynamic[in_lite])) if lite else None,
         trigger=Ratio(int(pairs.triggered.sum()), len(pairs)),
         response=Ratio(int(pairs.responded.sum()), len(pairs)),

@@ -13,7 +13,9 @@ from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.formats import Ends, Estimate, interval_text, points
 from pytest_libero_max.report.page.page_frame import Viewed
 from pytest_libero_max.report.report_document import Cell, Report
-from pytest_libero_max.report.studies.study_document import Camera
+from pytest_libero_max.report.studies.study_document import (
+    Camera,
+)
 from pytest_libero_max.stats.blocks import Outcomes, Result
 
 OUTCOME_TITLES = {

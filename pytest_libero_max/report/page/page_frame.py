@@ -18,6 +18,7 @@ from markupsafe import Markup
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 from pytest_libero_max.report.document import Document, Table
+from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
 from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
@@ -59,8 +60,19 @@ def page_table(table: Table) -> PageTable:
     """Return a table whose rows lead to their cases, where they are of the groups of a dimension."""
     rows: list[list[Viewed | str]] = [[*row] for row in table.texts()]
     if table.dimension:
-        rows = [[Viewed(str(name), urlencode({table.dimension: name})), *cells] for name, *cells in rows]
+        rows = [[Viewed(str(name), _view(table.dimension, str(name))), *cells] for name, *cells in rows]
     return PageTable(table.title, table.headings(), rows, table.note)
+
+
+def _view(dimension: str, name: str) -> str:
+    """Return the view of the cases of a group."""
+    name = name.removesuffix(FLOOR_MARK)
+    if name == ALL_PAIRS:
+        return ""
+    if dimension == "variant":
+        event, _, variant = name.rpartition("-v")
+        return urlencode({"event": event, "variant": variant})
+    return urlencode({dimension: name})
 
 
 def document_page(template: str, document: Document, cases: Json | None = None, **values: Any) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import interval_text, points, rate_text
+from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.page.broken_cards import broken_sections
 from pytest_libero_max.report.page.charts import (
@@ -25,7 +26,7 @@ from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page, page_table
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
-from pytest_libero_max.report.quantities import Table, headings, quantities_in
+from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
@@ -34,14 +35,10 @@ from pytest_libero_max.report.studies.study_tables import study_notes, study_tab
 from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
-    ALL_PAIRS,
-    FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
     alarm_texts,
-    any_floor,
     chance_rows,
     clipping_text,
-    group_label,
     note_texts,
     selection_text,
     title_text,
@@ -63,20 +60,6 @@ SHOWN_FIRST = (
     "played",
 )
 """Quantities that the first screen shows; other tables have the others."""
-
-
-class Groups(NamedTuple):
-    """Results by group as a table.
-
-    Attributes:
-        head: Headings.
-        rows: One a group: its name, which leads to its cases, and the cells.
-        floor: True if the Base success of a group is too low to fall.
-    """
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[object]]
-    floor: bool
 
 
 def html(
@@ -133,7 +116,6 @@ def html(
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,
         provenance=[*_provenance(report, stored)],
-        floor_note=FLOOR_NOTE,
         beside_title=BESIDE_TITLE,
         beside=published_beside(report),
         **(_results(report) if pairs.played else {}),
@@ -145,6 +127,7 @@ def _results(report: Report) -> dict[str, Any]:
     overall, clipping = report.overall, clipping_text(report)
     remarks = [f"{title}: {text}" for title, text in chance_rows(report)]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
+    given = page_table(group_table("given_response", "Event", by_event))
     change = overall.paired_change
     all_respond = overall.response_coverage.count == overall.played  # then the results are those above
     return {
@@ -166,13 +149,13 @@ def _results(report: Report) -> dict[str, Any]:
         ],
         "category_map": category_map(report),
         "stale_histogram": histogram(overall.stale_actions.histogram),
-        "coverage": _groups("coverage", "Event", by_event),
+        "coverage": page_table(group_table("coverage", "Event", by_event)),
         "remarks": remarks if clipping is None else [*remarks, clipping],
         "given_response_note": GIVEN_RESPONSE_NOTE,
-        "given_response": None if all_respond else _groups("given_response", "Event", by_event),
+        "given_response": None if all_respond else given,
         "highlights": highlights,
         "breakdowns": [
-            (dimension.title, _groups("groups", dimension.title, report.by[key], key))
+            (dimension.title, page_table(group_table("groups", dimension.title, report.by[key], key)))
             for key, dimension in DIMENSIONS.items()
             if report.by[key]
         ],
@@ -209,24 +192,6 @@ def _event_steps(stored: StoredRun | None) -> dict[str, int]:
     """Return the policy steps before the event of each pair in which it happened, by item id."""
     records = () if stored is None else stored.records
     return {record.item_id: record.trigger.step for record in records if record.trigger is not None}
-
-
-def _groups(kind: Table, title: str, groups: Mapping[str, Result], dimension: str = "event") -> Groups:
-    columns = quantities_in(kind)
-    rows = [
-        (Viewed(group_label(name, row), _view(dimension, name)), *(column.long(row) for column in columns))
-        for name, row in groups.items()
-    ]
-    return Groups((title, *headings(kind)), rows, any_floor(groups.values()))
-
-
-def _view(dimension: str, name: str) -> str:
-    if name == ALL_PAIRS:
-        return ""
-    if dimension == "variant":
-        event, _, variant = name.rpartition("-v")
-        return urlencode({"event": event, "variant": variant})
-    return urlencode({dimension: name})
 
 
 def _provenance(report: Report, stored: StoredRun | None) -> Iterator[tuple[str, str]]:

@@ -41,7 +41,8 @@ def table_markdown(table: Table, level: int = 2) -> str:
     """Return a table with its title and its note, without a line end."""
     parts = [f"{'#' * level} {markdown_text(table.title)}"] if table.title else []
     parts.append("\n".join(markdown_table(table.headings(), table.texts())))
-    return "\n\n".join([*parts, *([markdown_text(table.note)] if table.note else [])])
+    note = markdown_text(table.note).replace("*", "\\*")
+    return "\n\n".join([*parts, *([note] if note else [])])
 
 
 def section_markdown(section: Section) -> str:

@@ -14,24 +14,20 @@ from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.studies.study_document import (
-    BestSetting,
     Cadence,
     CadenceSetting,
     Latencies,
     LatencySetting,
     SettingChange,
-    SettingDifference,
 )
-from pytest_libero_max.stats.best import Best, FromBest, best_of
+from pytest_libero_max.stats.best import best_of
 from pytest_libero_max.stats.blocks import MeanDifference
 from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import mean_change
 from pytest_libero_max.stats.measured import (
-    ends,
     interval_of,
     number,
     rate_of,
-    ratio_of,
     table_change_of,
 )
 from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
@@ -95,10 +91,8 @@ def cadence_results(study: CadenceSweep, records: Sequence[PairRecord]) -> Caden
     return Cadence(
         settings=[_setting(setting, records) for setting in settings],
         best={
-            "base_success": _best({setting.label: _successes(records, setting.base) for setting in settings}),
-            "dynamic_success": _best(
-                {setting.label: _successes(records, setting.dynamic) for setting in settings}
-            ),
+            "base_success": best_of({one.label: _successes(records, one.base) for one in settings}),
+            "dynamic_success": best_of({one.label: _successes(records, one.dynamic) for one in settings}),
         },
     )
 
@@ -178,21 +172,3 @@ def _whole_chunk(setting: Setting, records: Sequence[PairRecord]) -> int:
 
 def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:
     return np.array([record.arm(arm).success for record in records], dtype=np.bool_)
-
-
-def _best(successes: dict[str, BoolArray]) -> BestSetting:
-    best: Best = best_of(successes)
-    lower, upper = ends(best.interval)
-    return BestSetting(
-        setting=best.name,
-        **asdict(ratio_of(best.rate)),
-        lower=lower,
-        upper=upper,
-        not_worse=[name for name, difference in best.differences.items() if difference.may_equal],
-        differences={name: _difference(difference) for name, difference in best.differences.items()},
-    )
-
-
-def _difference(difference: FromBest) -> SettingDifference:
-    lower, upper = ends(difference.interval)
-    return SettingDifference(value=number(difference.value), lower=lower, upper=upper)

@@ -8,7 +8,11 @@ from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
 from pytest_libero_max.report.palette import ARMS, BOX, GAIN, INK, LOSS, MUTED, NEUTRAL
-from pytest_libero_max.report.studies.study_document import Camera, Setting, Study
+from pytest_libero_max.report.studies.study_document import (
+    Camera,
+    Setting,
+    Study,
+)
 from pytest_libero_max.report.writers.svg import circle, document, labelled_lines, line, rectangle, text
 
 _ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34

@@ -11,7 +11,11 @@ from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, 
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.studies.study_cadence import cadence_results, latency_results
 from pytest_libero_max.report.studies.study_camera import camera_results
-from pytest_libero_max.report.studies.study_document import ArmContrast, Executed, Study
+from pytest_libero_max.report.studies.study_document import (
+    ArmContrast,
+    Executed,
+    Study,
+)
 from pytest_libero_max.stats.blocks import Rate
 from pytest_libero_max.stats.measured import ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_difference

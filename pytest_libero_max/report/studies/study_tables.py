@@ -28,19 +28,21 @@ from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.studies.study_document import (
     Approach,
     ArmContrast,
-    BestSetting,
     Cadence,
     CadenceSetting,
     Camera,
-    ConditionContrast,
     Executed,
-    GroupInterval,
     Latencies,
     Setting,
-    SettingDifference,
     Study,
 )
 from pytest_libero_max.stats.blocks import Bootstrap, StaleActions
+from pytest_libero_max.stats.condition_blocks import (
+    BestSetting,
+    ConditionContrast,
+    GroupInterval,
+    SettingDifference,
+)
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 _LISTED = 16

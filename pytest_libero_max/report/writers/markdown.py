@@ -7,9 +7,10 @@ from urllib.parse import quote
 
 from pytest_libero_max.report import base_failures, highlights
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
-from pytest_libero_max.report.quantities import Table, headings, quantities_in
+from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.render.markdown import (
     Written,
     code,
@@ -20,25 +21,22 @@ from pytest_libero_max.report.render.markdown import (
 from pytest_libero_max.report.report_document import BaseFailures, Report
 from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
-from pytest_libero_max.report.studies.study_document import Study
+from pytest_libero_max.report.studies.study_document import (
+    Study,
+)
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers import broken
 from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
-    ALL_PAIRS,
-    FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
     alarm_texts,
-    any_floor,
     chance_rows,
     clipping_text,
-    group_label,
     note_texts,
     stopped_texts,
     title_text,
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
-from pytest_libero_max.stats.blocks import Result
 
 
 def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:
@@ -74,13 +72,16 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         *markdown_table(("What", "Where", "Value"), highlight_rows(report)),
     ]
     lines += ["", highlights.NOTE]
-    for key, dimension in DIMENSIONS.items():
-        if not report.by[key]:
-            continue
-        lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report.by[key])]
     by_event = {**report.by["event"], ALL_PAIRS: report.overall}
-    lines += ["", "## Coverage and stale actions", "", *_groups("coverage", "Event", by_event)]
-    lines += ["", "## Given a query after the event", "", *_groups("given_response", "Event", by_event)]
+    tables = {
+        dimension.title: group_table("groups", dimension.title, report.by[key], key)
+        for key, dimension in DIMENSIONS.items()
+        if report.by[key]
+    }
+    tables["Coverage and stale actions"] = group_table("coverage", "Event", by_event)
+    tables["Given a query after the event"] = group_table("given_response", "Event", by_event)
+    for title, table in tables.items():
+        lines += ["", f"## {title}", "", table_markdown(table)]
     lines += ["", GIVEN_RESPONSE_NOTE]
     intervals = "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. "
     lines += [
@@ -189,13 +190,3 @@ def _study(study: Study) -> list[str]:
     for table in study_tables(study):
         lines += [table_markdown(table, 3), ""]
     return lines
-
-
-def _groups(table: Table, title: str, groups: Mapping[str, Result]) -> list[str]:
-    """One row a group, and the note on groups whose Base success is too low."""
-    columns = quantities_in(table)
-    rows = [
-        (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
-    ]
-    note = ["", FLOOR_NOTE.replace("*", "\\*")] if any_floor(groups.values()) else []
-    return [*markdown_table((title, *headings(table)), rows), *note]
