@@ -244,7 +244,8 @@ class RunController:
         return stop.rule.check(declared)
 
     def _read_to_resume(self) -> None:
-        self._before = read_to_resume(self.settings.output)
+        cases = {case.case_id: case for case in self.cases.values()}
+        self._before = read_to_resume(self.settings.output, cases)
         if self._before is not None:
             self.end.lines += damage_said(self._before.damaged)
             before: list[PairRecord | PairError] = [*self._before.records, *self._before.refused]

@@ -85,9 +85,9 @@ def test_a_gate_is_open_exactly_where_a_comparison_warns(tmp_path: Path, name: s
     for result in verdicts(new, *allowed):
         assert result.passed
         assert "Accepted: the runs also differ in" in result.reason
-        assert result.accepted in gate_lines([result])[0]
-        assert result.accepted in gate_rows([result])[0].why
-    assert all(result.passed and not result.accepted for result in verdicts(store(tmp_path / "a"), *GATES))
+        assert result.differences in gate_lines([result])[0]
+        assert result.differences in gate_rows([result])[0].why
+    assert all(result.passed and not result.differences for result in verdicts(store(tmp_path / "a"), *GATES))
 
 
 def test_another_setting_than_the_one_that_is_accepted_keeps_a_gate_open(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_another_setting_than_the_one_that_is_accepted_keeps_a_gate_open(tmp_pat
     assert "allow=strength+query_interval" in result.detail
     (result,) = verdicts(new, "regressions_vs(old, allow=strength+query_interval) <= 0")
     assert result.passed
-    assert "strength (1.0 there, 0.05 here)" in result.accepted
+    assert "strength (1.0 there, 0.05 here)" in result.differences
 
 
 def test_policies_that_differ_are_what_a_gate_compares(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_policies_that_differ_are_what_a_gate_compares(tmp_path: Path) -> None:
     spec = {"name": "other", "revision": "v2", "cameras": [], "privileged": True}
     store(tmp_path / "old")
     new = store(tmp_path / "new", policy=policy, spec=spec)
-    assert all(result.passed and not result.accepted for result in verdicts(new, *GATES))
+    assert all(result.passed and not result.differences for result in verdicts(new, *GATES))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePath
 
 from pytest_libero_max.benchmark.tracks import GENUINE, load_track
@@ -104,7 +105,10 @@ def _own(
     lite = _lite_cases(_case_set(runs)) & {pair.case_id for pair in common.planned}
     names = _names(runs)
     rows = [
-        row_of(names[name], runs[name].policy, common.planned, pairs, lite)
+        replace(
+            row_of(names[name], runs[name].policy, common.planned, pairs, lite),
+            with_interval=not runs[name].stopped_by_rule,
+        )
         for name, pairs in common.pairs.items()
     ]
     substrate = substrate_of(next(iter(runs.values())).run.provenance, common.planned)

@@ -23,10 +23,10 @@ def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
         result: Its result over the cases that are compared.
     """
     warnings = [warning_of(result)]
-    if run.stopped is not None and run.stopped.rule is not None:
+    if run.stopped is not None and run.stopped.by_rule:
         warnings.append(
-            f"{run.stopped.text}. Intervals and p-values are for a number of pairs that is fixed before, "
-            "and do not hold for this run."
+            f"{run.stopped.text}. It has no 95% intervals and no p-values here: those hold for a number of "
+            "pairs that is fixed before."
         )
         warnings.append(bias_of(run.stopped))
     return [text for text in warnings if text]

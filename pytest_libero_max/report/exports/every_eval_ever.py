@@ -112,7 +112,7 @@ def _result(run: StoredRun, records: Sequence[PairRecord], arm: str) -> Json:
 def _interval(run: StoredRun, scores: Sequence[bool]) -> Json:
     """Return the interval of a rate; empty where a rule stopped the run, which no interval is for."""
     interval = clopper_pearson(Ratio(sum(scores), len(scores)))
-    if interval is None or (run.stopped is not None and run.stopped.rule is not None):
+    if interval is None or run.stopped_by_rule:
         return {}
     return {
         "confidence_interval": {
