@@ -30,10 +30,22 @@ def require_of_case(record: PairRecord, case: Case) -> None:
         ) from error
     for name, value, wanted in compared:
         if value != wanted:
+            name, value, wanted = _innermost(name, value, wanted)
             raise ReportError(
                 f"{record.item_id!r}: {name}={shown(value)}, but by its case it is {shown(wanted)}. Such a "
                 "pair was not played. Play it again."
             )
+
+
+def _innermost(name: str, value: Any, wanted: Any) -> tuple[str, Any, Any]:
+    """Return the first field within a field in which two values differ, where they are of one form."""
+    if type(value) is dict and type(wanted) is dict and value.keys() == wanted.keys():
+        key = next(key for key in value if value[key] != wanted[key])
+        return _innermost(f"{name}.{key}", value[key], wanted[key])
+    if type(value) is list and type(wanted) is list and len(value) == len(wanted):
+        index = next(index for index in range(len(value)) if value[index] != wanted[index])
+        return _innermost(f"{name}[{index}]", value[index], wanted[index])
+    return name, value, wanted
 
 
 def _compared(record: PairRecord, case: Case, strength: float) -> Iterator[tuple[str, Any, Any]]:
