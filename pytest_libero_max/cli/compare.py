@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.report.formats import counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -75,7 +76,7 @@ def _compare(options: argparse.Namespace) -> None:
         raise OptionError("--published adds rows to tables. Give --tables=FOLDER as well.")
     if options.tables:
         written = write_tables(runs, options.tables, options.restrict, options.published)
-        print(f"Written: {written[0]}, and {len(written) - 1} files beside it")
+        print(f"Written: {written[0]}, and {counted(len(written) - 1, 'file')} beside it")
         if len(runs) < 2:
             return
     comparison = compare_runs(runs, options.restrict)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.report.formats import counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.status import Seen
@@ -92,9 +93,9 @@ def _rates(seen: Seen) -> tuple[str, str, str]:
 
 
 def _status(seen: Seen) -> str:
-    count = f"{seen.progress.done} of {seen.progress.planned} pairs"
+    count = f"{seen.progress.done} of {counted(seen.progress.planned, 'pair')}"
     if seen.state != "ended":
         return f"{seen.state}, {count}"
     if seen.stopped is not None:
         return f"stopped, {count}"
-    return f"complete, {seen.progress.done} pairs" if seen.complete else f"incomplete, {count}"
+    return f"complete, {counted(seen.progress.done, 'pair')}" if seen.complete else f"incomplete, {count}"

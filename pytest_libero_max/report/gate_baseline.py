@@ -10,6 +10,7 @@ from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.comparison.contrasts import contrast_of
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_reach import require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult
 from pytest_libero_max.report.measurable import lacks_of
@@ -80,7 +81,7 @@ def read_baseline(stored: StoredRun, path: Path) -> Baseline | str | None:
     except ReportError as error:
         return str(error)
     if common.partial:
-        return f"it is a comparison on the {len(common.planned)} pairs that both policies support"
+        return f"it is a comparison on the {counted(len(common.planned), 'pair')} that both policies support"
     outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
     before, now = (outcomes[name] for name in (THERE, HERE))

@@ -16,7 +16,7 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
-from pytest_libero_max.report.formats import interval_text, p_number, percent, points
+from pytest_libero_max.report.formats import counted, interval_text, p_number, percent, points
 from pytest_libero_max.report.table import aligned
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
@@ -217,7 +217,7 @@ def old_less_new_lines(found: OldLessNew) -> list[str]:
         rows = [_cells(event, rows[arm]) for event, rows in found.by_event.items()]
         lines += ["", f"{arm}, by event (each interval for itself)", *aligned([_HEAD, *rows], numbers=True)]
     if found.left_out:
-        lines += ["", f"{found.left_out} cases are in cells that only one of the runs has, and are left out."]
+        lines += ["", f"Left out: {counted(found.left_out, 'case')}, in cells that only one of the runs has."]
     return [*lines, "", *_meaning(found)]
 
 

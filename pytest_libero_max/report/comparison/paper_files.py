@@ -26,6 +26,7 @@ from pytest_libero_max.report.comparison.paper_tables import (
     table_markdown,
 )
 from pytest_libero_max.report.comparison.run_notes import notes_of
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.report.published import (
     NOTE,
@@ -74,7 +75,7 @@ def write_tables(
         own, comparison, said = _own(compared, restrict)
         rows += own
         notes += said
-        title = f"Tables over {own[0].outcomes.total} cases of {_case_set(compared)}"
+        title = f"Tables over {counted(own[0].outcomes.total, 'case')} of {_case_set(compared)}"
         if comparison is not None:
             figures |= drawn(comparison)
             captions |= CAPTIONS

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import ApartRun, ComparedRun, Comparison
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.stopping_rule import bias_of
@@ -77,7 +78,7 @@ def _warnings(comparison: Comparison) -> Iterable[tuple[str, str]]:
 
 def _caveats(comparison: Comparison) -> Iterable[tuple[str, str]]:
     return (
-        (caveat.text, f"{caveat.pairs} of {caveat.played} pairs of {run.name}")
+        (caveat.text, f"{caveat.pairs} of {counted(caveat.played, 'pair')} of {run.name}")
         for run in _runs(comparison)
         for caveat in run.caveats
     )
