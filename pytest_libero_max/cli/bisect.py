@@ -17,7 +17,6 @@ from pytest_libero_max.benchmark.documents import canonical_digest, slug
 from pytest_libero_max.cli.arguments import Commands, option, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.formats import counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.bisection import Looked, Lost, Verdict
@@ -105,6 +104,7 @@ class Revision:
 def _bisect(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.bisection import GATE, Lost, first_bad, verdict_of
     from pytest_libero_max.report.exit_status import GATE_FAILED
+    from pytest_libero_max.report.formats import counted
 
     if not 0 < options.level <= 0.5:
         raise OptionError.seen("--level", options.level, ", but must be above 0 and at most 0.5.")
@@ -173,6 +173,7 @@ def _outcome(
     lost: Lost,
 ) -> Iterator[str]:
     from pytest_libero_max.report.bisection import completed, table
+    from pytest_libero_max.report.formats import counted
 
     yield ""
     yield from table(looked)

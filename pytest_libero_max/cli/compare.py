@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.arguments import Commands, option, switch, whole_number
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.report.formats import counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -66,6 +65,7 @@ def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.comparison.compare_files import write_comparison
     from pytest_libero_max.report.comparison.compare_text import comparison_lines
     from pytest_libero_max.report.comparison.paper_files import write_tables
+    from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     runs = read_runs(options.folders)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.formats import counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.status import Seen
@@ -93,6 +92,8 @@ def _rates(seen: Seen) -> tuple[str, str, str]:
 
 
 def _status(seen: Seen) -> str:
+    from pytest_libero_max.report.formats import counted
+
     count = f"{seen.progress.done} of {counted(seen.progress.planned, 'pair')}"
     if seen.state != "ended":
         return f"{seen.state}, {count}"
