@@ -17,7 +17,8 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.films.recorded import RecordedRun
 from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.plugin.pair_reports import RESULT_ATTRIBUTE, result_of
+from pytest_libero_max.plugin.pair_reports import result_of
+from pytest_libero_max.plugin.stash_keys import RESULT_ATTRIBUTE
 from pytest_libero_max.runs.agreement import Agreement
 from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs, read_to_resume
 
