@@ -78,6 +78,9 @@ _USUAL = {"protocol.strength": 1.0}
 _AS_PLAYED: Json = {"horizon": None, "query_interval": None, "repeatable": True, "wrappers": []}
 """Declarations of a policy as it was played that a comparison looks at; values of records without them."""
 
+_SETTINGS_AS_ASKED = ("horizon", "query_interval", "restore", "adaptive")
+"""Options about a policy that :data:`_AS_PLAYED` repeats as they were played."""
+
 THERE, HERE = "there", "here"
 """Names of another run and of this one."""
 
@@ -174,9 +177,13 @@ def listed(found: Iterable[Difference]) -> str:
 
 
 def policy_differences(sides: Mapping[str, Side]) -> list[Difference]:
-    """Return what policies of one name differ in; those of several are expected to differ in everything."""
+    """Return what policies of one name differ in; those of several are expected to differ in everything.
+
+    How they ask, and what is wrapped around them, are settings as it was played, and not repeated here.
+    """
     names = {(side.policy or {}).get("name") for side in sides.values()}
-    return differences_between(sides, OF_POLICIES) if len(names) == 1 else []
+    found = differences_between(sides, OF_POLICIES) if len(names) == 1 else []
+    return [one for one in found if one.name not in _SETTINGS_AS_ASKED]
 
 
 def is_file(field: str) -> bool:

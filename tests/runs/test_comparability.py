@@ -217,6 +217,8 @@ def test_files_that_policies_read_are_named_and_tolerated_in_comparisons(part: s
     assert differences_between(sides | {HERE: side()}, EVERYTHING) == []  # not recorded
     assert bool(differences_between(sides | {HERE: side(None, **{part: {}})}, EVERYTHING)) is only
     assert policy_differences(sides | {HERE: side(None, **{part: other, "name": "another"})}) == []
+    asked = side({"policy": {"horizon": 4, "restore": "gated"}}, **{part: one})
+    assert policy_differences(sides | {HERE: asked}) == []
 
 
 def test_addresses_of_servers_may_differ_where_the_records_name_the_weights() -> None:
