@@ -134,8 +134,8 @@ def _examine(options: argparse.Namespace, reference: str) -> int:
         print(f"Open {options.picture}: {who}.")
     if _has_stand_in(options.policy):
         print(
-            f"{options.policy} still has the Model of `libero-max init`, which looks at nothing. Put your own in "
-            "its place, and check again."
+            f"{options.policy} still has the Model of `libero-max init`, which looks at nothing. Put your "
+            "own in its place, and check again."
         )
     wrong, notes, skipped = (_count(findings, level) for level in ("wrong", "note", "skip"))
     could_not = f", {skipped} could not be examined" if skipped else ""

@@ -231,14 +231,14 @@ class RunEnd:
                 self.lines.append(f"The step summary was not written: {error}")
 
     def _suites_lines(self, report: Report) -> list[str]:
-        """Return the option with which the limit takes no pair that the policy does not play, if it took one."""
+        """Return the option with which the limit takes no unsupported pair, if it took one."""
         limit, pairs = self.settings.limit, report.pairs
         if limit is None or not pairs.unsupported:
             return []
         suites = ",".join((report.policy or {}).get("suites", ()))
         return [
-            f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of suites "
-            f"that it does not play among them. To choose among the others: --libero-max-suites={suites}"
+            f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of "
+            f"suites that it does not play among them. To choose among the others: --libero-max-suites={suites}"
         ]
 
     def _tell_reported(self, report: Report) -> None:
