@@ -238,7 +238,8 @@ class RunEnd:
         suites = ",".join((report.policy or {}).get("suites", ()))
         return [
             f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of "
-            f"suites that it does not play among them. To choose among the others: --libero-max-suites={suites}"
+            f"suites that it does not play among them. To choose among the others: add "
+            f"--libero-max-suites={suites}"
         ]
 
     def _tell_reported(self, report: Report) -> None:

@@ -420,7 +420,10 @@ def _batches(policy: Policy, shown: Shown) -> Iterator[Finding]:
         observed = f"answers change by up to {furthest:.1g} with the size of the batch alone"
         mistake = "Serve it with --pad-batch to get the same bytes whoever else asks."
     else:
-        observed = f"answers change by up to {furthest:.1g} with the other queries of the batch, also at the same size"
+        observed = (
+            f"answers change by up to {furthest:.1g} with the other queries of the batch, "
+            "also at the same size"
+        )
         mistake = "Serve it without --max-batch, or declare repeatable=False."
     yield note("batch", observed, "the same bytes alone and in a batch", mistake)
 
