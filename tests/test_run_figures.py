@@ -14,7 +14,9 @@ from pytest_libero_max.report.formats import count_text, interval_text, percent,
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.safety import PROBE, beyond
 from pytest_libero_max.report.studies.recovery import compare_recovery
-from pytest_libero_max.report.studies.study_document import (Camera,)
+from pytest_libero_max.report.studies.study_document import (
+    Camera,
+)
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.blocks import Rate

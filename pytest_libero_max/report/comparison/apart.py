@@ -9,6 +9,7 @@ from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warni
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.stats.breakdown import breakdown
+from pytest_libero_max.stats.measured import without_intervals
 from pytest_libero_max.stats.paired import measure
 
 Runs = dict[str, RunOutcomes]
@@ -48,13 +49,17 @@ def apart_run(name: str, run: RunOutcomes) -> ApartRun:
     played = [planned[run.case_ids[index]].suite for index in places]
     counts = {suite: suites.count(suite) for suite in sorted({*suites})}
     result = measure(pairs, len(planned))
+    by_suite = breakdown(pairs, played, [*counts], counts)
+    if run.stopped_by_rule:
+        result = without_intervals(result)
+        by_suite = {suite: without_intervals(row) for suite, row in by_suite.items()}
     return ApartRun(
         name=name,
         policy=run.policy,
         unsupported=len(unsupported),
         unsupported_suites=sorted({pair.suite for pair in unsupported}),
         result=result,
-        by_suite=breakdown(pairs, played, [*counts], counts),
+        by_suite=by_suite,
         warnings=run_warnings(run, result),
         caveats=run_caveats(run, planned),
     )

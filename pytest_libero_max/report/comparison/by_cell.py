@@ -17,9 +17,17 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.document import Document, Section, table_of
-from pytest_libero_max.report.formats import Interval, LogP, Share, Tenths, percent, points
+from pytest_libero_max.report.formats import Interval, LogP, Share, Tenths, counted, percent, points
 from pytest_libero_max.report.quantities import Quantity
-from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, differences_between, listed
+from pytest_libero_max.runs.comparability import (
+    COMPARISON,
+    HERE,
+    THERE,
+    differences_between,
+    is_file,
+    listed,
+    policy_differences,
+)
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.ratios import Ratio
@@ -136,9 +144,15 @@ def _require_alike(old: RunOutcomes, new: RunOutcomes) -> None:
             f"The runs are of the policies {policies[0]} and {policies[1]}, but old less new is of one. Play "
             "one policy on both case sets."
         )
+    sides = {THERE: old.side, HERE: new.side}
+    if files := [one for one in policy_differences(sides) if is_file(one.field)]:
+        raise ReportError(
+            f"The policy has read other files: {listed(files)}, but old less new is of one policy. Play it "
+            "with the same files, or declare PolicySpec(revision=...) where others are the same policy."
+        )
     found = [
         one
-        for one in differences_between({THERE: old.side, HERE: new.side}, COMPARISON)
+        for one in differences_between(sides, COMPARISON)
         if one.field == "versions.mujoco" or not one.accepted(_MAY_DIFFER)
     ]
     if found:
@@ -205,7 +219,7 @@ def document_of(result: OldLessNew) -> Document:
     for arm in ARMS:
         rows = [(event, rows[arm]) for event, rows in result.by_event.items()]
         tables.append(table_of(f"{arm}, by event (each interval for itself)", "", _QUANTITIES, rows))
-    left_out = f"{result.left_out} cases are in cells that only one of the runs has, and are left out."
+    left_out = f"Left out: {counted(result.left_out, 'case')}, in cells that only one of the runs has."
     return Document(
         f"Old less new: {old} less {new}, within {result.cells} cells of source, event and variant",
         sections=[

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +29,17 @@ from pytest_libero_max.report.comparison.comparison_document import (
 )
 from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
 from pytest_libero_max.report.statements import statements_of
-from pytest_libero_max.runs.comparability import COMPARISON, differences_between
+from pytest_libero_max.runs.comparability import (
+    COMPARISON,
+    Difference,
+    differences_between,
+    policy_differences,
+)
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
-from pytest_libero_max.stats.blocks import Result
+from pytest_libero_max.stats.blocks import ChangeContrast, GroupContrast, Result, SuccessContrast
 from pytest_libero_max.stats.breakdown import breakdown
 from pytest_libero_max.stats.comparison import (
     change_contrasts,
@@ -46,8 +51,10 @@ from pytest_libero_max.stats.comparison import (
     ranks,
 )
 from pytest_libero_max.stats.extremes import lowest_by_chance
-from pytest_libero_max.stats.measured import number
+from pytest_libero_max.stats.measured import number, without_intervals
 from pytest_libero_max.stats.paired import Pairs, measure_groups
+
+AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContrast)
 
 
 @dataclass(frozen=True)
@@ -186,6 +193,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """
     outcomes, apart = compared_and_apart(runs, restrict)
     common = common_cases(outcomes, restrict)
+    sides = {name: run.side for name, run in outcomes.items()}
     pairs = {name: columns.numbered() for name, columns in common.pairs.items()}
     labels = np.asarray([pair.event for pair in common.planned])
     events = sorted(set(labels.tolist()), key=lambda event: group_order("event", event))
@@ -208,34 +216,36 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     labelled = next(iter(pairs.values()))
     tasks, sources = labelled.task, labelled.source
     by_run = contrasts(dynamic, sources, tasks=tasks)
-    open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
+    stopped = {name for name, run in outcomes.items() if run.stopped_by_rule}
+    open_ranks = {}
+    if not stopped:
+        open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     case_ids = {pair.case_id for pair in common.planned}
     rows = []
     for name, result in results.items():
         highest, lowest = open_ranks.get(name, (None, None))
-        rows.append(
-            ComparedRun(
-                name=name,
-                rank=ranked[name],
-                highest_rank=highest,
-                lowest_rank=lowest,
-                policy=outcomes[name].policy,
-                replay=list(replay_command(outcomes[name])),
-                base_success=result.base_success,
-                dynamic_success=result.dynamic_success,
-                paired_change=result.paired_change,
-                outcomes=result.outcomes,
-                conditional_regression=result.conditional_regression,
-                trigger_coverage=result.trigger_coverage,
-                response_coverage=result.response_coverage,
-                by_event={event: group.paired_change for event, group in by_event[name].items()},
-                lowest_event=_lowest_event(by_event[name]),
-                warnings=run_warnings(outcomes[name], result),
-                caveats=run_caveats(outcomes[name], case_ids),
-            )
+        compared = ComparedRun(
+            name=name,
+            rank=ranked[name],
+            highest_rank=highest,
+            lowest_rank=lowest,
+            policy=outcomes[name].policy,
+            replay=list(replay_command(outcomes[name])),
+            base_success=result.base_success,
+            dynamic_success=result.dynamic_success,
+            paired_change=result.paired_change,
+            outcomes=result.outcomes,
+            conditional_regression=result.conditional_regression,
+            trigger_coverage=result.trigger_coverage,
+            response_coverage=result.response_coverage,
+            by_event={event: group.paired_change for event, group in by_event[name].items()},
+            lowest_event=_lowest_event(by_event[name]),
+            warnings=run_warnings(outcomes[name], result),
+            caveats=run_caveats(outcomes[name], case_ids),
         )
+        rows.append(without_intervals(compared) if name in stopped else compared)
     return Comparison(
         pairs=CommonPairs(
             common=len(common.planned),
@@ -244,18 +254,17 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             unsupported=dict(common.unsupported),
         ),
         substrate=substrate_of(next(iter(outcomes.values())).run.provenance, common.planned),
-        differences=[
-            RunDifference(field=one.field, values=dict(one.values))
-            for one in differences_between({name: run.side for name, run in outcomes.items()}, COMPARISON)
-        ],
+        differences=list(map(_difference, differences_between(sides, COMPARISON))),
+        policies=list(map(_difference, policy_differences(sides))),
         runs=rows,
         apart=[apart_run(name, run) for name, run in apart.items()],
-        contrasts=list(by_run),
-        base_contrasts=list(contrasts(base, sources, tasks=tasks)),
-        change_contrasts=list(change_contrasts(base, dynamic, tasks)),
+        contrasts=_of_fixed_runs(by_run, stopped),
+        base_contrasts=_of_fixed_runs(contrasts(base, sources, tasks=tasks), stopped),
+        change_contrasts=_of_fixed_runs(change_contrasts(base, dynamic, tasks), stopped),
         by_event={
             event: EventContrasts(
-                dynamic_success=list(by_group[event]), paired_change=list(changes_by_group[event])
+                dynamic_success=_of_fixed_runs(by_group[event], stopped),
+                paired_change=_of_fixed_runs(changes_by_group[event], stopped),
             )
             for event in events
         },
@@ -273,6 +282,22 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             [pair.case_id for pair in common.planned],
         ),
     )
+
+
+def _of_fixed_runs(contrasts: Iterable[AnyContrast], stopped: Collection[str]) -> list[AnyContrast]:
+    """Return contrasts, without intervals and p-values where a rule stopped one of the runs.
+
+    Args:
+        contrasts: The contrasts.
+        stopped: Names of the runs that a rule stopped.
+    """
+    return [
+        without_intervals(row) if row.first in stopped or row.second in stopped else row for row in contrasts
+    ]
+
+
+def _difference(difference: Difference) -> RunDifference:
+    return RunDifference(field=difference.field, values=dict(difference.values))
 
 
 def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:

@@ -26,6 +26,7 @@ from pytest_libero_max.report.formats import Interval, LogP, Number, Tenths, cou
 from pytest_libero_max.report.quantities import TEXT, Cell, Quantity, quantities_in, quantity
 from pytest_libero_max.report.render.terminal import WIDTH, section_lines, sections_lines
 from pytest_libero_max.report.writers.summary import substrate_lines
+from pytest_libero_max.runs.comparability import policies_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.stats import intervals
 from pytest_libero_max.stats.blocks import (
@@ -175,7 +176,9 @@ def comparison_warnings(comparison: Comparison) -> list[str]:
     unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
     if unsupported:
         warnings.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
-    return [*warnings, *difference_warnings(comparison.differences), *warnings_by_run(comparison)]
+    warnings += difference_warnings(comparison.differences)
+    policies = policies_text(difference.field for difference in comparison.policies)
+    return [*warnings, *filter(None, [policies]), *warnings_by_run(comparison)]
 
 
 def left_out_text(common: int, left_out: Mapping[str, Sequence[str]]) -> Iterator[str]:
@@ -294,17 +297,16 @@ def _by_event(comparison: Comparison) -> Iterator[Table]:
     for title, part in quantities:
         by_event = {event: part(contrasts) for event, contrasts in comparison.by_event.items()}
         head: tuple[str, ...] = ("Event", f"Contrasts with Holm p < {_LEVEL:g}")
-        rows: list[tuple[Any, ...]] = [
-            (event, f"{_small(contrasts)} of {len(contrasts)}") for event, contrasts in by_event.items()
-        ]
+        rows: list[tuple[Any, ...]] = [(event, _small(contrasts)) for event, contrasts in by_event.items()]
         if len(comparison.runs) == 2:
             head = ("Event", "Difference, pp", _SIMULTANEOUS, "Holm p")
             rows = [(event, *_contrast_cells(contrast)) for event, (contrast,) in by_event.items()]
         yield Table(f"{title} by event, contrasts", head, rows, note, "event")
 
 
-def _small(contrasts: Iterable[GroupContrast]) -> int:
-    return sum(10 ** (contrast.log10_p_value_holm or 0.0) < _LEVEL for contrast in contrasts)
+def _small(contrasts: Iterable[GroupContrast]) -> str:
+    tested = [row.log10_p_value_holm for row in contrasts if row.log10_p_value_holm is not None]
+    return f"{sum(10**log10_p < _LEVEL for log10_p in tested)} of {len(tested)}"
 
 
 def _profiles(comparison: Comparison) -> Iterator[Table]:

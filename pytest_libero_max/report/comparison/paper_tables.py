@@ -220,7 +220,7 @@ def _extreme(source: str, part: Callable[[PolicyRow], Mapping[str, str]]) -> Cal
 def _interval(row: PolicyRow) -> Value:
     outcomes = row.outcomes
     interval = paired_difference(outcomes.regression, outcomes.change_associated_success, outcomes.total)
-    return None if interval is None else Cell(interval, Interval())
+    return None if interval is None or not row.with_interval else Cell(interval, Interval())
 
 
 _PARTS: Mapping[str, Callable[[Rates], Cell]] = {

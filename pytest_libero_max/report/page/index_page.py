@@ -15,7 +15,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
-from pytest_libero_max.report.writers.summary import alarm_texts, policy_title, stopped_texts
+from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
 
 _SHOWN = (*quantities_in("runs"), quantity("trigger_coverage"))
 
@@ -76,7 +76,7 @@ def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
             policy_title(report), policy_title(report), quote(f"{_way(run.folder, beside)}/{MARKDOWN_NAME}")
         ),
         *(IndexCell(one.long(result), _number(one.format.numbers(one.value(result))[""])) for one in _SHOWN),
-        IndexCell(_notes(report), len(alarm_texts(report))),
+        IndexCell(_notes(report), len(report.warnings)),
         IndexCell(run.versions, run.versions),
         IndexCell(taken or "not taken", taken),
         IndexCell(run.digest[:DIGITS], run.digest),
@@ -88,7 +88,7 @@ def _notes(report: Report) -> str:
     """Return what belongs beside the numbers of a run: its alarms in full, its caveats by name."""
     caveats = ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in report.caveats)
     stopped = stopped_texts(report.pairs)
-    return " ".join([*alarm_texts(report), *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
+    return " ".join([*report.warnings, *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
 
 
 def _verified(run: IndexedRun) -> IndexCell:

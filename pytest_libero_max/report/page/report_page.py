@@ -36,7 +36,6 @@ from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
-    alarm_texts,
     chance_rows,
     clipping_text,
     note_texts,
@@ -98,7 +97,7 @@ def html(
         pairs=pairs,
         broken=broken_sections(report, films or {}, _event_steps(stored)),
         parts=("Breakdowns", "Events", "Provenance") if pairs.played else ("Events", "Provenance"),
-        alarms=alarm_texts(report),
+        alarms=report.warnings,
         notes=note_texts(report),
         gates=[(gate, gate.finding.replace(" ", "-"), _against(gate.lost)) for gate in gates],
         events=[] if stored is None else events_of(stored.run.planned, stored.records),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pytest_libero_max.report.document import Document, Section
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.studies.study_tables import study_tables
 
@@ -29,8 +30,8 @@ def audit_document(report: Report) -> Document:
     (table,) = study_tables(report.study)
     policy = report.policy
     played = (
-        f"{report.study.cases} cases; H={policy['horizon']}, Q={policy['query_interval']}; cameras: "
-        f"{', '.join(policy['cameras']) or 'none'}."
+        f"{counted(report.study.cases, 'case')}; H={policy['horizon']}, Q={policy['query_interval']}; "
+        f"cameras: {', '.join(policy['cameras']) or 'none'}."
     )
     reads = (
         "It reads the simulator (privileged): it can do without any of its inputs, and what follows says "

@@ -29,7 +29,6 @@ from pytest_libero_max.report.writers import broken
 from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
-    alarm_texts,
     chance_rows,
     clipping_text,
     note_texts,
@@ -49,7 +48,7 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     """
     provenance, pairs = report.provenance, report.pairs
     lines = [f"# {markdown_text(title_text(report))}", ""]
-    for text in alarm_texts(report):
+    for text in report.warnings:
         lines += [f"**{markdown_text(text)}**", ""]
     if report.substrate.note:
         lines += [markdown_text(report.substrate.note), ""]
