@@ -9,6 +9,8 @@ from pytest_libero_max.report import monitors, repeats, safety, timing
 from pytest_libero_max.report.measures import Measured
 from pytest_libero_max.report.probe_means import probe_key, probe_quantity
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.blocks import Measure
 
 GATED = {column.gate or column.key: column for column in QUANTITIES if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""
@@ -56,3 +58,16 @@ def probe_column(parts: Sequence[str], text: str) -> tuple[str, str | None] | No
 def row_quantity(name: str) -> Quantity[Any]:
     """Return a quantity of a set of pairs: what follows from how they end, or a column of a probe."""
     return GATED[name] if name in GATED else probe_quantity(name)
+
+
+def section_value(name: str, end: str | None, report: Report) -> tuple[float | None, str]:
+    """Return a quantity of a section, or the end of its interval; or None, and the reason it is not known."""
+    counts = report.pairs
+    if not counts.complete:
+        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    for section in report.sections.values():
+        for measure in section.values():
+            if isinstance(measure, Measure) and measure.key == name:
+                lack = measure.lack or "no pair to measure it on, or too few for an interval"
+                return getattr(measure, end or "value"), lack
+    return None, f"the report has no {name}: no pair was played with the probe or study that it needs"

@@ -84,12 +84,13 @@ from pytest_libero_max.report.gate_quantities import (
     measured_called,
     probe_column,
     row_quantity,
+    section_value,
 )
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.blocks import Measure, Result, SuccessContrast, SuccessDifference, TaskInterval
+from pytest_libero_max.stats.blocks import Result, SuccessContrast, SuccessDifference, TaskInterval
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval
@@ -361,7 +362,7 @@ def evaluate_gate(
     elif gate.name == BEYOND_SHAM:
         value, lack = _beyond_sham(gate, report)
     elif measured_called(gate.name) is not None:
-        value, lack = _in_section(gate, report)
+        value, lack = section_value(gate.name, gate.end, report)
     else:
         value, lack = _in_block(gate, report)
     if value is None:
@@ -542,22 +543,6 @@ def value_in(gate: Gate, row: Result) -> float | None:
     column = row_quantity(gate.name)
     value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
     return value
-
-
-def _in_section(gate: Gate, report: Report) -> tuple[float | None, str]:
-    """Return a quantity of a section, which is of the whole run."""
-    counts = report.pairs
-    if not counts.complete:
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
-    for section in report.sections.values():
-        for measure in section.values():
-            if isinstance(measure, Measure) and measure.key == gate.name:
-                lack = measure.lack or "no pair to measure it on, or too few for an interval"
-                return getattr(measure, gate.end or "value"), lack
-    return (
-        None,
-        f"the report has no {gate.name}: no pair was played with the probe or the study that it needs",
-    )
 
 
 def _whole_track(report: Report) -> tuple[float | None, str]:
