@@ -224,12 +224,13 @@ class RunController:
 
     def _require_usable_gates(self) -> None:
         if self.settings.gate:
-            from pytest_libero_max.report.gate_results import require_usable
+            from pytest_libero_max.report.gate_results import require_usable, require_watched
 
             pairs = map(PlannedPair.of, manifest_of(self.config))
             chosen = [PlannedPair.of(case) for case in cases_of_all_shards(self.config)]
             start = gates_from(self.config)
             require_usable(self.settings.gate, pairs, chosen, self.settings.output, start)
+            require_watched(self.settings.gate, self.settings.probe)
 
     def _checked_rule(self, stop: NamedRule) -> str | None:
         """Let the stopping rule look at what is declared of the run; return its remark."""

@@ -24,6 +24,9 @@ WHOLE_TRACK = "whole_track"
 MEASURED = {one.key: one for module in (safety, timing, repeats) for one in module.QUANTITIES}
 """Quantities of the sections of a run, by the name that gates use."""
 
+_WATCHED = {one.key: safety.PROBE for one in safety.QUANTITIES}
+_WATCHED |= {one.key: timing.PROBE for one in timing.OF_MOTION}
+
 _MONITOR = "monitor"
 """First part of the names of the quantities of monitors, which are of probes of any name."""
 
@@ -46,6 +49,16 @@ def measured_called(name: str) -> Measured | None:
 def is_of_pairs(name: str) -> bool:
     """Return True for a quantity that follows from how the pairs end, so that its extremes are known."""
     return name in (*COUNTS[1:], *GATED)
+
+
+def probe_of(name: str) -> str | None:
+    """Return the probe that a quantity is measured by; None for one that needs none."""
+    kind, _, rest = name.partition(".")
+    if kind == _MONITOR:
+        return rest.partition(".")[0]
+    if name in (*MEASURED, *GATED, *COUNTS, WHOLE_TRACK, BEYOND_SHAM):
+        return _WATCHED.get(name)
+    return kind
 
 
 def probe_column(parts: Sequence[str], text: str) -> tuple[str, str | None] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from pytest_libero_max.report.gate_baseline import (
     has_no_run,
     read_baseline,
 )
+from pytest_libero_max.report.gate_quantities import probe_of
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import (
     EQUIVALENT,
@@ -86,6 +87,21 @@ def require_usable(
             ) from error
         names = {pair.case_id for pair in chosen}
         require_reachable_vs(gate, [it.dynamic_success for it in earlier.records if it.case_id in names])
+
+
+def require_watched(gates: Iterable[Gate], probes: Collection[str]) -> None:
+    """Refuse gates on what a probe measures that is not asked for.
+
+    Raises:
+        OptionError: There is such a gate.
+    """
+    for gate in gates:
+        probe = None if gate.run is not None else probe_of(gate.name)
+        if probe is not None and probe not in probes:
+            raise OptionError(
+                f"gate={gate.text!r} is on what the probe {probe!r} measures, but this run does not ask for "
+                f"it. Add --libero-max-probe={probe}."
+            )
 
 
 def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:

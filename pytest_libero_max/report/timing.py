@@ -51,7 +51,10 @@ _JERKS = (
     Measured("timing.jerk.ratio", "Median jerk after the event, Dynamic / Base", "times"),
 )
 
-QUANTITIES = (*_MEANS, _DIFFERENCE, _CLUSTERED, *_SUCCESS, *_NEXT_STAGE, *_WAYS, *_JERKS)
+OF_MOTION = (*_WAYS, *_JERKS)
+"""Those that the probe measures."""
+
+QUANTITIES = (*_MEANS, _DIFFERENCE, _CLUSTERED, *_SUCCESS, *_NEXT_STAGE, *OF_MOTION)
 
 Measure = Callable[[PairRecord, str], float | None]
 

@@ -13,6 +13,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gate_quantities import MEASURED
 from pytest_libero_max.report.gate_reach import require_reachable
+from pytest_libero_max.report.gate_results import require_watched
 from pytest_libero_max.report.gates import GateResult, evaluate_gate, parse_gate
 from pytest_libero_max.report.run_tables import csv_text
 from pytest_libero_max.report.safety import LIMITS
@@ -77,6 +78,28 @@ def test_an_interval_has_its_ends() -> None:
 def test_what_nobody_watched_decides_nothing(gate: str) -> None:
     assert evaluate_gate(parse_gate(gate), UNWATCHED).verdict == "undecidable"
     require_reachable(parse_gate(gate), PAIRS)
+
+
+@pytest.mark.parametrize(
+    ("gate", "probe"),
+    [
+        ("safety.tilt_deg <= 15", "safety"),
+        ("event.camera_shift.motion.path_m <= 2", "motion"),
+        ("safety.unsafe.dynamic <= 10%", "safety"),
+        ("timing.jerk.ratio <= 2", "motion"),
+        ("monitor.chunk_change.alarm.dynamic >= 50%", "chunk_change"),
+        ("timing.mean.change <= 3", None),
+        ("delta.clustered.lower >= -10%", None),
+        ("dynamic_sr_vs(RUN) >= -5%", None),
+    ],
+)
+def test_a_run_that_does_not_ask_for_the_probe_is_refused(gate: str, probe: str | None) -> None:
+    if probe is None:
+        require_watched([parse_gate(gate)], ())
+        return
+    require_watched([parse_gate(gate)], (probe,))
+    with pytest.raises(OptionError, match=f"--libero-max-probe={probe}"):
+        require_watched([parse_gate(gate)], ())
 
 
 @pytest.mark.parametrize(

@@ -363,7 +363,7 @@ def test_what_belongs_to_the_numbers_of_a_run_is_said_wherever_they_are_printed(
         assert "0/32" in text
     full = "32 of 32 pairs of noisy: The policy draws noise of its own"
     assert [full in text for text in _texts(comparison)] == [False, False, True, True, True]
-    assert all("not_repeatable 32" in text for text in _texts(comparison)[:3])
+    assert all("not_repeatable 32" in text for text in _texts(comparison)[:2])
 
 
 def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
