@@ -39,15 +39,15 @@ Base successes lost             52.4% [29.8, 74.3]  11/21   retained 71.4%
 Event fired                     31/32   query after it 31/32
 Stale actions                   mean 2.00   median 2
 
-Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch                 4    50.0%    25.0%     -25.0 [-90.4, +69.1]       2/2
-camera_shift                        4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
-visual_theme_switch                 4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
-sensor_noise_onset                  4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
-target_relocation                   4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
-receptacle_relocation               4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
-distractor_burst                    4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
-obstacle_insertion                  4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+Event                  Pairs   Base  Dynamic          Change [95%]  Lost
+illumination_switch        4  50.0%    25.0%  -25.0 [-90.4, +69.1]   2/2
+camera_shift               4  75.0%    50.0%  -25.0 [-80.6, +52.7]   1/3
+visual_theme_switch        4  50.0%    50.0%   +0.0 [-75.5, +75.5]   1/2
+sensor_noise_onset         4  75.0%    50.0%  -25.0 [-90.4, +69.1]   2/3
+target_relocation          4  75.0%    50.0%  -25.0 [-80.6, +52.7]   1/3
+receptacle_relocation      4  50.0%    50.0%   +0.0 [-75.5, +75.5]   1/2
+distractor_burst           4  75.0%    50.0%  -25.0 [-90.4, +69.1]   2/3
+obstacle_insertion         4  75.0%    50.0%  -25.0 [-80.6, +52.7]   1/3
 
 What broke: 11 of 21 Base successes lost
 2 x illumination_switch
@@ -100,8 +100,8 @@ Base successes lost             50.0% [27.2, 72.8]  10/20   retained 75.0%
 Event fired                     30/30   query after it 30/30
 Stale actions                   mean 2.00   median 2
 
-Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch            2 of 4    50.0%    50.0%      +0.0 [-97.5, +97.5]       1/1"""
+Event                   Pairs   Base  Dynamic          Change [95%]  Lost
+illumination_switch    2 of 4  50.0%    50.0%   +0.0 [-97.5, +97.5]   1/1"""
 
 NOTHING = """\
 INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
@@ -127,8 +127,8 @@ Base successes lost             n/a  0/0   retained n/a
 Event fired                     0/32   query after it 0/32
 Stale actions                   mean n/a   median n/a
 
-Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch *               4     0.0%     0.0%      +0.0 [-60.2, +60.2]       0/0"""
+Event                    Pairs  Base  Dynamic         Change [95%]  Lost
+illumination_switch *        4  0.0%     0.0%  +0.0 [-60.2, +60.2]   0/0"""
 
 
 def _text(records: list[PairRecord], *paths: str, provenance: Json = PROVENANCE) -> str:
