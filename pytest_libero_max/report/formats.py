@@ -45,13 +45,6 @@ class Counted(Protocol):
     def of(self) -> int: ...
 
 
-class CountedShare(Counted, Protocol):
-    """A ratio with its counts."""
-
-    @property
-    def value(self) -> float | None: ...
-
-
 class CountedEstimate(Estimate, Counted, Protocol):
     """A ratio with its counts and interval."""
 
@@ -235,18 +228,18 @@ class Share(Format):
     def scale(self) -> Scale:
         return DIFFERENCE if self.signed else RATIO
 
-    def long(self, value: CountedShare) -> str:
+    def long(self, value: Any) -> str:
         return self.short(value) + ("" if self.signed else f"  {count_text(value)}")
 
-    def short(self, value: CountedShare) -> str:
+    def short(self, value: Any) -> str:
         return (
             f"{points(value.value)} pp" if self.signed and value.value is not None else percent(value.value)
         )
 
-    def latex(self, value: CountedShare) -> str:
+    def latex(self, value: Any) -> str:
         return MISSING if value.value is None else f"${tenths(value.value, self.signed)}$"
 
-    def numbers(self, value: CountedShare) -> dict[str, float | None]:
+    def numbers(self, value: Any) -> dict[str, float | None]:
         return {"": value.value}
 
 
@@ -254,10 +247,10 @@ class Share(Format):
 class Counts(Format):
     """A count over its denominator, for example ``3/8``."""
 
-    def long(self, value: CountedShare) -> str:
+    def long(self, value: Any) -> str:
         return count_text(value)
 
-    def numbers(self, value: CountedShare) -> dict[str, float | None]:
+    def numbers(self, value: Any) -> dict[str, float | None]:
         return {"": value.count, "_of": value.of}
 
 
@@ -280,6 +273,14 @@ class Tenths(Format):
         if value is None:
             return MISSING
         return f"${tenths(value, True)}$" if self.signed else tenths(value)
+
+
+@dataclass(frozen=True)
+class Percent(Format):
+    """A share in percent, with its unit."""
+
+    def long(self, value: float | None) -> str:
+        return percent(value)
 
 
 @dataclass(frozen=True)

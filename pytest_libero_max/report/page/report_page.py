@@ -25,7 +25,7 @@ from pytest_libero_max.report.page.charts import (
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import Viewed, page, page_table
-from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.sections import shown_sections
@@ -115,8 +115,7 @@ def html(
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,
         provenance=[*_provenance(report, stored)],
-        beside_title=BESIDE_TITLE,
-        beside=published_beside(report),
+        beside=None if (beside := published_beside(report)) is None else page_table(beside),
         **(_results(report) if pairs.played else {}),
     )
 

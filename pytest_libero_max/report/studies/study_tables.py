@@ -18,6 +18,7 @@ from pytest_libero_max.report.formats import (
     Format,
     Interval,
     LogP,
+    Percent,
     Rate,
     counted,
     interval_text,
@@ -443,18 +444,12 @@ class _Stale(Format):
         return {"_median": value.median, "_mean": value.mean}
 
 
-@dataclass(frozen=True)
-class _Percent(Format):
-    def long(self, value: float | None) -> str:
-        return percent(value)
-
-
 def _cadence(study: Cadence) -> list[Table]:
     rows = [
         (
             setting_text(setting),
             *_rates_of(setting),
-            Cell(setting.conditional_regression.value, _Percent()),
+            Cell(setting.conditional_regression.value, Percent()),
             Cell(setting.response_coverage, Counts()),
             Cell(setting.stale_actions, _Stale()),
         )
@@ -485,9 +480,9 @@ def _latency(study: Latencies) -> Table:
             *_rates_of(setting),
             "" if setting.own else Cell(setting.base_cost, Change()),
             "" if setting.own else Cell(setting.dynamic_cost, Change()),
-            Cell(setting.conditional_regression.value, _Percent()),
+            Cell(setting.conditional_regression.value, Percent()),
             Cell(setting.stale_actions, _Stale()),
-            Cell(setting.held, _Percent()),
+            Cell(setting.held, Percent()),
         )
         for setting in study.settings
     ]

@@ -9,7 +9,7 @@ from pytest_libero_max.report import base_failures, highlights
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.highlights import highlight_rows
-from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.render.markdown import (
     Written,
@@ -62,8 +62,8 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     lines += _broken(report, films or {})
     beside = published_beside(report)
     if beside is not None:
-        lines += ["", f"## {BESIDE_TITLE}", "", beside.note, ""]
-        lines += markdown_table(beside.head, beside.rows) if beside.rows else []
+        lines += ["", f"## {beside.title}", "", beside.note, ""]
+        lines += markdown_table(beside.headings(), beside.texts()) if beside.rows else []
     lines += [
         "",
         f"## {highlights.TITLE}",
