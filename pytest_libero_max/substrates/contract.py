@@ -163,7 +163,6 @@ class SubstrateKind:
             Raises :class:`.SubstrateError` where it has none.
         tracks: Returns the frozen tracks that it plays.
         plays_frozen: True if every case of the tracks that come with this package plays, wherever that is.
-        portable: True if its scenes are this package's own, so that pages may hold their shapes and textures.
         reads: Fields of :class:`SubstrateOptions` that it reads; giving it another is refused.
         comparable_with_published: False if its scores are never comparable with published ones, None if the
             caveats of a run decide.
@@ -183,7 +182,6 @@ class SubstrateKind:
     variation_of: Callable[[Case], Variation] = _no_variation
     tracks: Callable[[SubstrateOptions], Tracks] = _general_tracks
     plays_frozen: bool = False
-    portable: bool = False
     reads: frozenset[str] = frozenset()
     comparable_with_published: bool | None = False
     note: str | None = None
