@@ -171,13 +171,13 @@ class PairStore:
         try:
             if self._append_to_existing:
                 self._repair()
-                self._file = self.path.open("a+b", buffering=0)
+                self._file = self.path.open("ab", buffering=0)
                 return
             if self.path.exists():
                 _set_aside(self.path)
                 for name in COMPUTED_NAMES:
                     (self.path.parent / name).unlink(missing_ok=True)
-            self._file = self.path.open("w+b", buffering=0)
+            self._file = self.path.open("wb", buffering=0)
         except OSError as error:
             raise DiskError(
                 f"Cannot write {self.path}: {error}. Make room, or give a folder you can write to."
@@ -236,9 +236,8 @@ class PairStore:
         try:
             if self._file is None:
                 self.begin()
-            elif self._is_gone():
-                with self._lock:
-                    self._write_again()
+            else:
+                self._require_there()
             if stopped is not None:
                 self._write_line(_line("stopped", stopped))
             self._sync_rest()
@@ -268,8 +267,7 @@ class PairStore:
             )
         try:
             with self._lock:
-                if self._is_gone():
-                    self._write_again()
+                self._require_there()
                 if self._file.write(line) != len(line):
                     raise OSError("only a part of the line was written")
                 if time.monotonic() - self._synced >= SYNC_S:
@@ -281,6 +279,17 @@ class PairStore:
         except OSError as error:
             self._broken = error
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
+
+    def _require_there(self) -> None:
+        """Refuse to write into a file that was removed, which would take every line and keep none.
+
+        Raises:
+            DiskError: It was.
+        """
+        if not self.path.exists():
+            raise DiskError(
+                f"Cannot write {self.path}: it was removed while the run wrote to it. Begin the run again."
+            )
 
     def _wait_for_disk(self) -> None:
         assert self._file is not None
@@ -310,24 +319,6 @@ class PairStore:
                 raise late
             if self._sync is not None and self._broken is None:
                 self._wait_for_disk()
-
-    def _is_gone(self) -> bool:
-        """Return True if the file was removed, which stays readable as long as it is open."""
-        assert self._file is not None
-        return os.fstat(self._file.fileno()).st_nlink == 0
-
-    def _write_again(self) -> None:
-        assert self._file is not None
-        self._file.seek(0)
-        content = self._file.read()
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self._mark is not None and not self._mark.path.exists():
-            self._mark.remove()
-            self._mark = Mark(self.path.parent)
-        again = self.path.open("w+b", buffering=0)
-        again.write(content)
-        self._file.close()
-        self._file = again
 
 
 def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
