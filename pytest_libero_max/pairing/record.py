@@ -97,8 +97,6 @@ class FiringRecord(Document, frozen=True, kw_only=True):
         evidence: Values before and after the change, and mean absolute pixel change per camera (0 to 255).
     """
 
-    NOUN: ClassVar[str] = "firing"
-
     step: Count
     queries: Count
     distance_m: Distance

@@ -71,8 +71,6 @@ class PlannedPair(Document, frozen=True, kw_only=True):
             ``libero_goal/?`` where that is not known.
     """
 
-    NOUN: ClassVar[str] = "planned pair"
-
     case_id: Name
     item_id: FileName
     case_digest: Sha256
@@ -142,8 +140,6 @@ def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> li
 class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The substrate of a run, as far as it is read again."""
 
-    NOUN: ClassVar[str] = "provenance.substrate"
-
     name: Text
     roots: Texts = ()
     assets: Text | None = None
@@ -155,8 +151,6 @@ class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False
 class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The case set of a run, as far as it is read again."""
 
-    NOUN: ClassVar[str] = "provenance.case_set"
-
     name: Text
     digest: Text
     limit: Positive | None = None
@@ -167,8 +161,6 @@ class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
 
 class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The policy of a run as the user asked for it; None is the policy's own."""
-
-    NOUN: ClassVar[str] = "provenance.policy"
 
     reference: Text
     horizon: Positive | None = None
@@ -183,8 +175,6 @@ class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fal
 class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """Options of a run that may change results."""
 
-    NOUN: ClassVar[str] = "provenance.protocol"
-
     prefix: Text | None = None
     noise_floor: Positive | None = None
     sham: Share | None = None
@@ -197,16 +187,12 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
 class Scores(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """Standing of a run's scores; older runs know their substrate by its name alone."""
 
-    NOUN: ClassVar[str] = "provenance.scores"
-
     comparable_with_published: Flag | None
     note: Text | None
 
 
 class Git(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """State of the repository that a run was started in."""
-
-    NOUN: ClassVar[str] = "provenance.git"
 
     commit: Text
     dirty: Flag

@@ -59,8 +59,8 @@ def without_proof(values: Json) -> None:
     ("damage", "message"),
     [
         (renamed, "pair record has the unknown field 'event_name'. Did you mean 'event'"),
-        (in_arm, "arm has the unknown field 'sucess'. Did you mean 'success'"),
-        (without_proof, "Firing None lacks prefix_proof"),
+        (in_arm, "arms.base has the unknown field 'sucess'. Did you mean 'success'"),
+        (without_proof, r"arms.dynamic.firings\[0\] lacks prefix_proof"),
         (
             lambda values: values.update(schema_version=4),
             "schema_version=4 of a pair record, .* reads 2 and 3",
