@@ -138,8 +138,6 @@ def accept_kind(name: str, found: object) -> EventKind:
     ]
     if lacking:
         raise ValueError(f"{type(found).__name__} lacks {', '.join(lacking)}")
-    if found.name != name:
-        raise ValueError(f"name={found.name!r}, but it is registered as {name!r}; both must be the same")
     for attribute in ("name", "family"):
         word = getattr(found, attribute)
         if not isinstance(word, str) or not _WORD.fullmatch(word):

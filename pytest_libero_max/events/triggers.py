@@ -259,15 +259,11 @@ def _accept(name: str, found: object) -> type[Trigger]:
     """Return the class of triggers that was registered under ``name``.
 
     Raises:
-        ValueError: It is not one, or has another type.
+        ValueError: It is not one.
     """
     if not (isinstance(found, type) and issubclass(found, Trigger) and is_dataclass(found)):
         raise ValueError(
             f"{found!r} is not a frozen dataclass that extends pytest_libero_max.events.triggers.Trigger"
-        )
-    if getattr(found, "type", None) != name:
-        raise ValueError(
-            f"type={getattr(found, 'type', None)!r}, but it is registered as {name!r}; both must be the same"
         )
     if found.fires is Trigger.fires:
         raise ValueError(f"{found.__name__} has no rule: define fires(self, moment)")
@@ -280,6 +276,6 @@ def _own() -> Mapping[str, Callable[[], type[Trigger]]]:
 
 
 TRIGGERS: Registry[type[Trigger]] = Registry(
-    "trigger", "pytest_libero_max.triggers", _own, _accept, ManifestError
+    "trigger", "pytest_libero_max.triggers", _own, _accept, ManifestError, attribute="type"
 )
 """Every trigger by its type: this package's, then those that installed packages add."""

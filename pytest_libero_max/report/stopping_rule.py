@@ -6,7 +6,6 @@ So its decision is the same for any number of workers, whatever finishes first.
 
 from __future__ import annotations
 
-import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +17,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.registry import Registry, class_in, modules_in
 from pytest_libero_max.report.gates import Gate, parse_gates
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -122,17 +121,7 @@ class StoppingRule(ABC):
 
 
 def _own() -> Mapping[str, Callable[[], type[StoppingRule]]]:
-    return {name: partial(_load, name) for name in modules_in(RULES)}
-
-
-def _load(name: str) -> type[StoppingRule]:
-    module = importlib.import_module(f"{RULES}.{name}")
-    (rule,) = (
-        value
-        for value in vars(module).values()
-        if isinstance(value, type) and issubclass(value, StoppingRule) and value.__module__ == module.__name__
-    )
-    return rule
+    return {name: partial(class_in, f"{RULES}.{name}", StoppingRule) for name in modules_in(RULES)}
 
 
 def _accept(name: str, rule: object) -> type[StoppingRule]:
