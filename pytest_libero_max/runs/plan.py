@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Annotated, ClassVar
 
-from msgspec import Meta
 from msgspec.structs import force_setattr
 
 from pytest_libero_max.benchmark.cases import Case
@@ -35,7 +34,7 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, require_version
+from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, Version, require_version
 
 Moment = Annotated[
     str,
@@ -53,36 +52,33 @@ _UNKNOWN = "?"
 
 
 class PlannedPair(Document, frozen=True, kw_only=True):
-    """The identity of a case, and every label by which results are grouped.
-
-    Attributes:
-        case_id: Unique in the manifest.
-        item_id: Name of the test item.
-        case_digest: SHA-256 of the case.
-        source: Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task.
-        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
-        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
-        suite: LIBERO suite.
-        event: Name of the case's event.
-        family: The event's family.
-        variant: The event's parameter variant, 0 or 1.
-        severity: The event's severity.
-        task: The LIBERO task that the case is of or is a variation of, for example ``libero_goal/3``;
-            ``libero_goal/?`` where that is not known.
-    """
+    """The identity of a case, and every label by which results are grouped."""
 
     case_id: Name
+    """Unique in the manifest."""
     item_id: FileName
+    """Name of the test item."""
     case_digest: Sha256
+    """SHA-256 of the case."""
     source: SourceName
+    """Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task."""
     source_category: Name
+    """Category of the source variation; ``Unmodified`` for an unmodified task."""
     difficulty: Difficulty | None
+    """LIBERO-Plus difficulty 1 to 5, or None."""
     suite: Name
+    """LIBERO suite."""
     event: Name
+    """Name of the case's event."""
     family: Name
+    """The event's family."""
     variant: Variant
+    """The event's parameter variant, 0 or 1."""
     severity: Name
+    """The event's severity."""
     task: Name = _UNKNOWN  # not always written
+    """The LIBERO task that the case is of or is a variation of, for example ``libero_goal/3``;
+    ``libero_goal/?`` where that is not known."""
 
     def __post_init__(self) -> None:
         if self.task == _UNKNOWN:
@@ -221,21 +217,17 @@ class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fals
 
 
 class Run(Document, frozen=True, tag_field="line", tag="run"):
-    """A run before its first pair.
-
-    Attributes:
-        planned: Every assigned pair, in the order of play.
-        provenance: Origin of the run; see :func:`~pytest_libero_max.runs.provenance.collect`.
-    """
+    """A run before its first pair."""
 
     NOUN: ClassVar[str] = "run"
 
     planned: tuple[PlannedPair, ...]
+    """Every assigned pair, in the order of play."""
     provenance: Object
-    schema_version: Annotated[int, Meta(ge=1, le=RECORD_VERSION)] = RECORD_VERSION
+    """Origin of the run; see :func:`~pytest_libero_max.runs.provenance.collect`."""
+    schema_version: Version = RECORD_VERSION
 
     def __post_init__(self) -> None:
-        force_setattr(self, "schema_version", RECORD_VERSION)
         seen: set[str] = set()
         for pair in self.planned:
             if pair.case_id in seen:

@@ -28,7 +28,7 @@ from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
-from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairError, PairRecord
+from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.runs.agreement import Agreement
 from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
@@ -51,27 +51,22 @@ COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A ``pairs.jsonl`` as read.
-
-    Attributes:
-        run: The plan and provenance of its first line.
-        records: Measured pairs in the order of the file.
-        errors: Pairs that could not be measured, in the order of the file. A case played again after an
-            error has both; its record counts.
-        torn: True if the last line was cut off by a kill and has been left out.
-        damaged: Lines that no run writes, left out as well. Only a run that is to be resumed
-            is read like this; to any other reader such a line is an error.
-        state: Of the file when it was read, where the run is to go on.
-        stopped: Reason the run was stopped, if nothing was played after that.
-    """
+    """A ``pairs.jsonl`` as read."""
 
     run: Run
     records: tuple[PairRecord, ...]
     errors: tuple[PairError, ...]
+    """Pairs that could not be measured, in the order of the file. A case played again after an error has
+    both; its record counts."""
     torn: bool
+    """True if the last line was cut off by a kill and has been left out."""
     damaged: tuple[DamagedLine, ...] = ()
+    """Lines that no run writes, left out as well. Only a run that is to be resumed is read like this; to any
+    other reader such a line is an error."""
     state: FileState | None = None
+    """Of the file when it was read, where the run is to go on."""
     stopped: Stopped | None = None
+    """Reason the run was stopped, if nothing was played after that."""
 
     @property
     def measured(self) -> frozenset[str]:
@@ -97,10 +92,6 @@ class PairStore:
     folder is marked as one whose run is in progress. The file of an earlier run is set aside as
     ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written over, and so are its traces and films
     (``traces.1``, ``films.1``); the reports of that run are removed.
-
-    Args:
-        folder: Output folder; made if missing.
-        run: Content of the first line.
 
     Raises:
         OptionError: The folder cannot be written to, or another run is in progress in it. Found here, before
@@ -226,9 +217,6 @@ class PairStore:
 
     def close(self, stopped: Stopped | None = None) -> None:
         """End the run; one without a pair still gets its first line.
-
-        Args:
-            stopped: Reason it was stopped before every pair was played.
 
         Raises:
             DiskError: The file cannot be written any more.
@@ -507,7 +495,7 @@ def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
         raise ReportError(f"The line must be an object, but this is {shown(values)}.") from None
     if head.line not in ("run", "pair", "error", "stopped"):
         raise ReportError(f"line={shown(head.line)}, but must be 'run', 'pair', 'error' or 'stopped'.")
-    if head.line == "pair" and head.schema_version in READABLE_VERSIONS:
+    if head.line == "pair" and head.schema_version == RECORD_VERSION:
         return PairRecord.from_json(line)
     values = decode_json(line, "The line is damaged.")
     del values["line"]
