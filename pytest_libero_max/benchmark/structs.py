@@ -107,13 +107,10 @@ PlainObject = Annotated[
 
 
 class Document(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A stored JSON object: exactly these fields, each of its type.
-
-    Attributes:
-        NOUN: Its name in messages.
-    """
+    """A stored JSON object: exactly these fields, each of its type."""
 
     NOUN: ClassVar[str] = "object"
+    """Its name in messages."""
 
 
 def decode_json(content: bytes | str, cure: str) -> Any:

@@ -20,10 +20,6 @@ from pytest_libero_max.worlds.contract import AlterableWorld, Array
 class SetInstruction(ManifestFields):
     """Give the same task in other words.
 
-    Attributes:
-        instruction: The policy's instruction from now on; empty for none.
-        style: Kind of the rewording; a note that no policy sees.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -31,7 +27,9 @@ class SetInstruction(ManifestFields):
     operation: ClassVar[str] = "set_instruction"
 
     instruction: AnyText
+    """The policy's instruction from now on; empty for none."""
     style: Text | None = None
+    """Kind of the rewording; a note that no policy sees."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -58,10 +56,6 @@ _Goal = Annotated[tuple[_Fact, ...], rule("a non-empty list of predicates", min_
 class SetTask(ManifestFields):
     """Give another task in the same scene: a goal and its instruction.
 
-    Attributes:
-        instruction: The policy's instruction from now on.
-        goal: Predicates that must all hold, for example ``[["on", "akita_black_bowl_2", "plate_1"]]``.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -69,7 +63,9 @@ class SetTask(ManifestFields):
     operation: ClassVar[str] = "set_task"
 
     instruction: Text
+    """The policy's instruction from now on."""
     goal: _Goal
+    """Predicates that must all hold, for example ``[["on", "akita_black_bowl_2", "plate_1"]]``."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -102,11 +98,6 @@ _SaidGoal = Annotated[tuple[_Said, ...], rule("a non-empty list of predicates", 
 class ReplaceInstruction(ManifestFields):
     """Give another task in the same scene, as the authors' manifests spell it.
 
-    Attributes:
-        instruction: The policy's instruction from now on.
-        alternate_goal: Facts that must all hold from now on: ``predicate`` and ``arguments`` of each.
-        alternate_task_id: The task whose goal it is; a note.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -114,8 +105,11 @@ class ReplaceInstruction(ManifestFields):
     operation: ClassVar[str] = "replace_instruction"
 
     instruction: Text
+    """The policy's instruction from now on."""
     alternate_goal: _SaidGoal
+    """Facts that must all hold from now on: ``predicate`` and ``arguments`` of each."""
     alternate_task_id: Text | None = None
+    """The task whose goal it is; a note."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -149,13 +143,6 @@ class CancelInstruction(ManifestFields):
     case's trigger entity. The episode goes on to the end of its budget; the goal that was cancelled must not
     hold after any step of it.
 
-    Attributes:
-        instruction: The policy's instruction from now on.
-        stop_window_steps: Number of steps that are looked at.
-        eef_stop_threshold_m: Greatest distance of the hand between the first and the last of them, m.
-        eef_path_threshold_m: Greatest length of its way between them, m.
-        target_stop_threshold_m: Greatest distance of the trigger entity between them, m.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -163,10 +150,15 @@ class CancelInstruction(ManifestFields):
     operation: ClassVar[str] = "cancel_instruction"
 
     instruction: Text
+    """The policy's instruction from now on."""
     stop_window_steps: Annotated[int, rule("an integer from 2 to 520, the longest episode", ge=2, le=520)]
+    """Number of steps that are looked at."""
     eef_stop_threshold_m: Offset
+    """Greatest distance of the hand between the first and the last of them, m."""
     eef_path_threshold_m: Offset
+    """Greatest length of its way between them, m."""
     target_stop_threshold_m: Offset
+    """Greatest distance of the trigger entity between them, m."""
 
     @property
     def factors(self) -> frozenset[Factor]:

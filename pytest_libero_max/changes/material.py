@@ -39,11 +39,6 @@ class SetVisualTheme(ManifestFields):
 
     The new colour is ``clip(rgb[permutation] * multiplier, 0, 1)``, mixed with the old one by ``blend``.
 
-    Attributes:
-        rgb_permutation: Old channel that becomes red, green and blue: a permutation of 0, 1, 2.
-        rgb_multiplier: Factor on each new channel, at least 0.
-        blend: Share of the new colour, 0 to 1; None means all of it.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -51,8 +46,11 @@ class SetVisualTheme(ManifestFields):
     operation: ClassVar[str] = "set_visual_theme"
 
     rgb_permutation: tuple[_Channel, _Channel, _Channel]
+    """Old channel that becomes red, green and blue: a permutation of 0, 1, 2."""
     rgb_multiplier: Times3
+    """Factor on each new channel, at least 0."""
     blend: Share | None = None
+    """Share of the new colour, 0 to 1; None means all of it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -109,10 +107,6 @@ def _mean_colours(world: AlterableWorld) -> dict[str, Any]:
 class SetTexture(ManifestFields):
     """Show another texture of the scene on a material.
 
-    Attributes:
-        material: Name of the material, for example ``room_table``.
-        texture: Name of a texture that the scene has loaded.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -120,7 +114,9 @@ class SetTexture(ManifestFields):
     operation: ClassVar[str] = "set_texture"
 
     material: Text
+    """Name of the material, for example ``room_table``."""
     texture: Text
+    """Name of a texture that the scene has loaded."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -147,11 +143,6 @@ class CoverEntity(ManifestFields):
 
     Materials belong to a category, so every instance of the entity's category looks like that afterwards.
 
-    Attributes:
-        entity: The entity to cover.
-        rgb: Colour, 0 to 1; multiplies the texture.
-        texture: Name of a texture that the scene has loaded; None paints without any.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -160,7 +151,9 @@ class CoverEntity(ManifestFields):
 
     entity: Text
     rgb: tuple[Share, Share, Share]
+    """Colour, 0 to 1; multiplies the texture."""
     texture: Text | None = None
+    """Name of a texture that the scene has loaded; None paints without any."""
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -53,14 +53,12 @@ class DelayAnswers(Nothing):
 
     The runner sees it among the entries that have happened
     (:meth:`pytest_libero_max.pairing.trajectory.Trajectory.latency_of`).
-
-    Attributes:
-        latency: Time that a query takes, for example ``4steps`` or ``4steps,sync``; None for that of the arm.
     """
 
     operation: ClassVar[str] = CHANGED_BY
 
     latency: Annotated[str, _STEPS] | None = None
+    """Time that a query takes, for example ``4steps`` or ``4steps,sync``; None for that of the arm."""
 
     def takes(self, usual: Latency) -> Latency:
         """Return the time that a query takes, given that of the arm."""

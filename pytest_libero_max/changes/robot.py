@@ -30,11 +30,6 @@ _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
 class OffsetArm(ManifestFields):
     """Turn the arm's joints away from where they are; the arm is at rest there and the controller holds it.
 
-    Attributes:
-        delta_joint_rad: (7,) added to the joint positions, rad.
-        keep_clear: True: where the arm would touch something, the opposite offset is taken, and where that
-            does too, three quarters of the one or the other, and so on. The evidence has the offset taken.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -42,7 +37,10 @@ class OffsetArm(ManifestFields):
     operation: ClassVar[str] = "offset_arm"
 
     delta_joint_rad: _JointOffsets
+    """(7,) added to the joint positions, rad."""
     keep_clear: bool | None = None
+    """True: where the arm would touch something, the opposite offset is taken, and where that does too, three
+    quarters of the one or the other, and so on. The evidence has the offset taken."""
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -167,12 +167,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _listed(texts: Mapping[str, str], added: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Yield the commands by group, each with its help.
-
-    Args:
-        texts: Help by command.
-        added: Names of the commands that a module adds, by module.
-    """
+    """Yield the commands by group, each with its help."""
     for title, modules in GROUPS.items():
         yield f"{title}:"
         for name in (name for module in modules for name in added[module]):

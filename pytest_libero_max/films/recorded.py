@@ -137,14 +137,7 @@ def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tic
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """A run on the disk with everything that its pairs need to be played again.
-
-    Attributes:
-        folder: Its folder.
-        stored: Its pairs.
-        cases: Its cases, by id.
-        substrate: Builds their worlds.
-    """
+    """A run on the disk with everything that its pairs need to be played again."""
 
     folder: Path
     stored: StoredRun

@@ -33,19 +33,16 @@ BIAS = (
 
 @dataclass(frozen=True)
 class Declared:
-    """What is known of a run before it is played.
-
-    Attributes:
-        order: Order of play.
-        gates: Conditions that the finished report has to meet.
-        shards: Number of parts that the cases are divided into, of which the run plays one.
-        begun: Provenance of the run that is resumed; None for a new one.
-    """
+    """What is known of a run before it is played."""
 
     order: Order
+    """Order of play."""
     gates: Sequence[Gate]
+    """Conditions that the finished report has to meet."""
     shards: int
+    """Number of parts that the cases are divided into, of which the run plays one."""
     begun: Json | None
+    """Provenance of the run that is resumed; None for a new one."""
 
 
 class StoppingRule(ABC):
@@ -56,16 +53,14 @@ class StoppingRule(ABC):
 
     Raises:
         ValueError: The rule does not take it; names the accepted form.
-
-    Attributes:
-        decides_gates: True if the rule knows verdicts on gates, which are then a part of the run.
-        bias: The way in which the estimates of a stopped run are off on average, as sentences; None for a
-            rule that does not look at outcomes.
     """
 
     decides_gates: ClassVar[bool] = False
+    """True if the rule knows verdicts on gates, which are then a part of the run."""
 
     bias: ClassVar[str | None] = BIAS
+    """The way in which the estimates of a stopped run are off on average, as sentences; None for a rule that
+    does not look at outcomes."""
 
     def __init__(self, arguments: str) -> None:
         if arguments:
@@ -138,15 +133,12 @@ STOPPING_RULES: Registry[type[StoppingRule]] = Registry(
 
 @dataclass(frozen=True)
 class NamedRule:
-    """A stopping rule as asked for.
-
-    Attributes:
-        text: ``NAME`` or ``NAME:ARGUMENTS``.
-        rule: The rule that this makes.
-    """
+    """A stopping rule as asked for."""
 
     text: str
+    """``NAME`` or ``NAME:ARGUMENTS``."""
     rule: StoppingRule
+    """The rule that this makes."""
 
 
 def parse_rule(text: str) -> NamedRule:

@@ -33,11 +33,7 @@ def _class_in(name: str) -> type[Probe[Any]]:
 
 
 def own_schema(name: str) -> tuple[Column, ...] | None:
-    """Return the columns of a probe of this package; None of any other, which is not imported for its name.
-
-    Args:
-        name: Name of a probe in a record.
-    """
+    """Return the columns of a probe of this package; None of any other, which is not imported."""
     return _class_in(name).schema if name in {*_own(), "stages"} else None
 
 
