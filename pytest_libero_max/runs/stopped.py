@@ -36,6 +36,11 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
     """Number of pairs, the first ones in the order of play, on which the rule decided. Pairs that were played
     ahead of it or were in flight are stored as well. None without a rule."""
 
+    @property
+    def by_rule(self) -> bool:
+        """True if a rule stopped the run: no interval for a number of pairs that is fixed before is of it."""
+        return self.rule is not None
+
     def require_of(self, run: Run) -> None:
         """Check that a run may have been stopped like this.
 
