@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
 from pytest_libero_max.changes.measuring import filter_records
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, PixelFilter, World
 
@@ -67,7 +66,7 @@ def _still_images(world: World, cameras: tuple[str, ...], shape: tuple[int, int]
     return StillImages(digest.hexdigest(), shape, images)
 
 
-class _InputChange(ManifestFields):
+class _InputChange(Indivisible):
     """A change that adds one filter to a world."""
 
     @property
@@ -82,10 +81,6 @@ class _InputChange(ManifestFields):
         world.add_filter(self._filter(world))
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
-
-    def scaled(self, strength: float) -> Self | Nothing:
-        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def reverted(self, evidence: Evidence) -> Reversal:
         check_evidence(self, evidence)

@@ -10,14 +10,14 @@ from msgspec import Struct
 
 from pytest_libero_max.benchmark.structs import AnyText, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, Offset, all_or_nothing
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.fields import Offset
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, frozen, saved
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 
 @dataclass(frozen=True)
-class SetInstruction(ManifestFields):
+class SetInstruction(Indivisible):
     """Give the same task in other words.
 
     Raises:
@@ -44,16 +44,13 @@ class SetInstruction(ManifestFields):
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
-    def scaled(self, strength: float) -> SetInstruction | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 _Fact = Annotated[tuple[Text, ...], rule("a predicate and one or two names", min_length=2, max_length=3)]
 _Goal = Annotated[tuple[_Fact, ...], rule("a non-empty list of predicates", min_length=1)]
 
 
 @dataclass(frozen=True)
-class SetTask(ManifestFields):
+class SetTask(Indivisible):
     """Give another task in the same scene: a goal and its instruction.
 
     Raises:
@@ -80,9 +77,6 @@ class SetTask(ManifestFields):
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
-    def scaled(self, strength: float) -> SetTask | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 class _Said(Struct, frozen=True, forbid_unknown_fields=True):
     """A fact of a goal as the manifests of the benchmark's authors spell it."""
@@ -95,7 +89,7 @@ _SaidGoal = Annotated[tuple[_Said, ...], rule("a non-empty list of predicates", 
 
 
 @dataclass(frozen=True)
-class ReplaceInstruction(ManifestFields):
+class ReplaceInstruction(Indivisible):
     """Give another task in the same scene, as the authors' manifests spell it.
 
     Raises:
@@ -126,16 +120,13 @@ class ReplaceInstruction(ManifestFields):
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
-    def scaled(self, strength: float) -> ReplaceInstruction | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
     def parameters(self) -> dict[str, Any]:
         goal = [{"predicate": fact.predicate, "arguments": [*fact.arguments]} for fact in self.alternate_goal]
         return super().parameters() | {"alternate_goal": goal}
 
 
 @dataclass(frozen=True)
-class CancelInstruction(ManifestFields):
+class CancelInstruction(Indivisible):
     """Tell the policy to stop: from now on success is to stand still, and not to complete the task.
 
     Looked at are the first steps after the first query with the new instruction. The policy has stopped if
@@ -170,9 +161,6 @@ class CancelInstruction(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
-
-    def scaled(self, strength: float) -> CancelInstruction | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def stopped(self, hand: Array, entity: Array) -> bool:
         """Return True if the steps that are looked at are there, and nothing moved too much in them.

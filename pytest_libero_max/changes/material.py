@@ -16,10 +16,9 @@ from pytest_libero_max.changes.fields import (
     Share,
     Times3,
     Vector3,
-    all_or_nothing,
     strength_of,
 )
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld
@@ -104,7 +103,7 @@ def _mean_colours(world: AlterableWorld) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class SetTexture(ManifestFields):
+class SetTexture(Indivisible):
     """Show another texture of the scene on a material.
 
     Raises:
@@ -133,12 +132,9 @@ class SetTexture(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _material_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> SetTexture | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
-class CoverEntity(ManifestFields):
+class CoverEntity(Indivisible):
     """Cover an entity with a texture, or paint it in one colour: its own textures are not seen any more.
 
     Materials belong to a category, so every instance of the entity's category looks like that afterwards.
@@ -171,9 +167,6 @@ class CoverEntity(ManifestFields):
 
     def reverted(self, evidence: Evidence) -> Reversal:
         return _material_reversal(self, evidence)
-
-    def scaled(self, strength: float) -> CoverEntity | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 def _alter(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:

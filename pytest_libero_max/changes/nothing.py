@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 from pytest_libero_max.benchmark.latency import CHANGED_BY, Latency
 from pytest_libero_max.benchmark.structs import rule
@@ -34,6 +34,14 @@ class Nothing(ManifestFields):
     def scaled(self, strength: float) -> Nothing:
         strength_of(self.operation, strength)
         return self
+
+
+class Indivisible(ManifestFields):
+    """A change that has no other magnitude than its own."""
+
+    def scaled(self, strength: float) -> Self | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,12 @@ from pytest_libero_max.changes.fields import (
     ManifestFields,
     Offset,
     Place,
-    all_or_nothing,
     between,
     strength_of,
 )
 from pytest_libero_max.changes.lowering import lower, reach, top
 from pytest_libero_max.changes.measuring import measure_poses
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, former_poses, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds import rotations
@@ -143,7 +142,7 @@ class BumpObject(ManifestFields):
 
 
 @dataclass(frozen=True)
-class RemoveObject(ManifestFields):
+class RemoveObject(Indivisible):
     """Take an object out of the scene: unseen, untouchable and unmoved until it is inserted again.
 
     All or nothing: it cannot be scaled to anything between.
@@ -182,9 +181,6 @@ class RemoveObject(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> RemoveObject | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
 class Placement(ManifestFields):
@@ -210,7 +206,7 @@ class Placement(ManifestFields):
 
 
 @dataclass(frozen=True)
-class InsertObstacle(Placement):
+class InsertObstacle(Indivisible, Placement):
     """Bring one object back, next to an anchor, in the orientation it had when it was taken out.
 
     All or nothing: it cannot be scaled to anything between. Fields as in :class:`Placement`.
@@ -228,12 +224,9 @@ class InsertObstacle(Placement):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> InsertObstacle | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
-class InsertDistractors(ManifestFields):
+class InsertDistractors(Indivisible):
     """Bring several objects back at once, each in the orientation it had when it was taken out.
 
     All or nothing: it cannot be scaled to anything between.
@@ -275,12 +268,9 @@ class InsertDistractors(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> InsertDistractors | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
-class PutObject(ManifestFields):
+class PutObject(Indivisible):
     """Put an object down on something, a hair above touching it; one that was taken out comes back for it.
 
     All or nothing: it cannot be scaled to anything between.
@@ -335,9 +325,6 @@ class PutObject(ManifestFields):
 
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
-
-    def scaled(self, strength: float) -> PutObject | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 @dataclass(frozen=True)
