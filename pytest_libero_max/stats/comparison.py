@@ -34,17 +34,12 @@ _MOST = 2
 
 @dataclass(frozen=True)
 class ProfileAgreement:
-    """Agreement of several profiles (one value per event) in ranking their entries.
-
-    Attributes:
-        correlations: Spearman's coefficient by pair of names; None where a profile is constant.
-        mean: Mean over the pairs that have one; None without any, like the two below.
-        lowest: Smallest of them.
-        highest: Largest of them.
-    """
+    """Agreement of several profiles (one value per event) in ranking their entries."""
 
     correlations: Mapping[tuple[str, str], float | None]
+    """Spearman's coefficient by pair of names; None where a profile is constant."""
     mean: float | None
+    """Mean over the pairs that have one; None without any, like the two below."""
     lowest: float | None
     highest: float | None
 
@@ -281,10 +276,6 @@ def rank_sets(names: Sequence[str], family: Sequence[SuccessContrast]) -> dict[s
     worse. All sets together hold the true ranks with 95%. Reference: M. Mogstad, J. P. Romano, A. M. Shaikh
     and D. Wilhelm (2024), Inference for Ranks with Applications to Mobility across Neighbourhoods and
     Academic Achievement across Countries, Review of Economic Studies 91:476-518.
-
-    Args:
-        names: The conditions that are ranked.
-        family: Contrasts of all pairs of them, and maybe of others.
     """
     better, worse = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
     for contrast in family:

@@ -44,20 +44,18 @@ GROUP_REPLICATES = 10_000
 class Conditions:
     """Columns of cases, one row a case.
 
-    Attributes:
-        successes: (n,) bool by condition, whether the task was completed.
-        source: (n,) labels; strata.
-        task: (n,) labels of the reference task, the same in all sources.
-        configuration: (n,) labels of the configuration: cases of one differ in their event alone.
-
     Raises:
         ReportError: The columns differ in length.
     """
 
     successes: Mapping[str, BoolArray]
+    """(n,) bool by condition, whether the task was completed."""
     source: NDArray[np.str_]
+    """(n,) labels; strata."""
     task: NDArray[np.str_]
+    """(n,) labels of the reference task, the same in all sources."""
     configuration: NDArray[np.str_]
+    """(n,) labels of the configuration: cases of one differ in their event alone."""
 
     def __post_init__(self) -> None:
         columns = [*self.successes.values(), self.source, self.task, self.configuration]

@@ -45,26 +45,24 @@ Labels = NDArray[np.str_] | NDArray[np.int64]
 class Pairs:
     """Columns of measured pairs, one row a pair.
 
-    Attributes:
-        base: (n,) bool, Base completed the task.
-        dynamic: (n,) bool, Dynamic did.
-        triggered: (n,) bool, the event fired.
-        responded: (n,) bool, a query followed it.
-        stale: (n,) int, stale actions; -1 where the event never fired.
-        source: (n,) labels; strata of the fixed-composition bootstrap.
-        task: (n,) labels; pairs of one task are not independent.
-
     Raises:
         ReportError: The columns differ in length or contradict each other.
     """
 
     base: BoolArray
+    """(n,) bool, Base completed the task."""
     dynamic: BoolArray
+    """(n,) bool, Dynamic did."""
     triggered: BoolArray
+    """(n,) bool, the event fired."""
     responded: BoolArray
+    """(n,) bool, a query followed it."""
     stale: NDArray[np.int64]
+    """(n,) int, stale actions; -1 where the event never fired."""
     source: Labels
+    """(n,) labels; strata of the fixed-composition bootstrap."""
     task: Labels
+    """(n,) labels; pairs of one task are not independent."""
 
     def __post_init__(self) -> None:
         lengths = {name: len(column) for name, column in vars(self).items()}
