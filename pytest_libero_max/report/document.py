@@ -11,25 +11,21 @@ from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
 
 @dataclass(frozen=True)
 class Table:
-    """One table.
-
-    Attributes:
-        title: Heading.
-        head: Headings of the columns, or their quantities; the first one is of the names of the rows.
-        rows: As many cells as headings in each; the first one names the row. A cell is a :class:`.Cell`, or a
-            text, a whole number or None (nothing is known), which need no format.
-        note: Help for reading it; empty for none.
-        dimension: Dimension of the groups that the rows are of, so that a page leads to their cases; empty
-            for none.
-        narrow: Number of its columns that a report shows in the terminal; 0 for no table.
-    """
+    """One table."""
 
     title: str
+    """Heading."""
     head: Sequence[str | Quantity[Any]]
+    """Headings of the columns, or their quantities; the first one is of the names of the rows."""
     rows: Sequence[Sequence[Any]]
+    """As many cells as headings in each; the first one names the row. A cell is a :class:`.Cell`, or a text,
+    a whole number or None (nothing is known), which need no format."""
     note: str = ""
+    """Help for reading it; empty for none."""
     dimension: str = ""
+    """Dimension of the groups that the rows are of, so that a page leads to their cases; empty for none."""
     narrow: int = 0
+    """Number of its columns that a report shows in the terminal; 0 for no table."""
 
     def headings(self, short: bool = False) -> list[str]:
         """Return the headings of the columns."""
@@ -63,37 +59,31 @@ def table_of(
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a document.
-
-    Attributes:
-        title: Heading; empty for none.
-        tables: Its tables.
-        texts: Paragraphs below them.
-        items: A list below these.
-    """
+    """A part of a document."""
 
     title: str = ""
+    """Heading; empty for none."""
     tables: Sequence[Table] = ()
+    """Its tables."""
     texts: Sequence[str] = ()
+    """Paragraphs below them."""
     items: Sequence[str] = ()
+    """A list below these."""
 
 
 @dataclass(frozen=True)
 class Document:
-    """Everything that a terminal, a Markdown file and a page show.
-
-    Attributes:
-        title: Heading.
-        warnings: What has to be known before any number.
-        texts: Other paragraphs above the sections.
-        sections: In the order in which they are read.
-        caveats: Notes on single pairs.
-        statements: Limits of the numbers.
-    """
+    """Everything that a terminal, a Markdown file and a page show."""
 
     title: str
+    """Heading."""
     warnings: Sequence[str] = ()
+    """What has to be known before any number."""
     texts: Sequence[str] = ()
+    """Other paragraphs above the sections."""
     sections: Sequence[Section] = ()
+    """In the order in which they are read."""
     caveats: Sequence[str] = ()
+    """Notes on single pairs."""
     statements: Sequence[str] = ()
+    """Limits of the numbers."""

@@ -51,21 +51,18 @@ class CountedEstimate(Estimate, Counted, Protocol):
 
 @dataclass(frozen=True)
 class Scale:
-    """The values that a kind of quantity can have.
-
-    Attributes:
-        name: Name with its article.
-        least: Smallest value, None where there is none.
-        most: Largest value, None where there is none.
-        whole: True if all values are whole numbers.
-        percent: True if a percentage makes sense.
-    """
+    """The values that a kind of quantity can have."""
 
     name: str
+    """Name with its article."""
     least: int | None
+    """Smallest value, None where there is none."""
     most: int | None
+    """Largest value, None where there is none."""
     whole: bool = False
+    """True if all values are whole numbers."""
     percent: bool = True
+    """True if a percentage makes sense."""
 
 
 SHARE = Scale("a share from 0 to 1", 0, 1)
@@ -127,13 +124,10 @@ class _WithInterval(Format):
 
 @dataclass(frozen=True)
 class Rate(_WithInterval):
-    """A share of cases with its 95% interval.
-
-    Attributes:
-        counted: Narrow tables print the counts instead of the percentage.
-    """
+    """A share of cases with its 95% interval."""
 
     counted: bool = False
+    """Narrow tables print the counts instead of the percentage."""
 
     @property
     def scale(self) -> Scale:
@@ -172,15 +166,12 @@ class Change(_WithInterval):
 
 @dataclass(frozen=True)
 class Interval(Format):
-    """The ends of an interval in percent.
-
-    Attributes:
-        signed: True for those of a change.
-    """
+    """The ends of an interval in percent."""
 
     has_interval: ClassVar[bool] = True
 
     signed: bool = True
+    """True for those of a change."""
 
     @property
     def scale(self) -> Scale:
@@ -216,13 +207,10 @@ class TaskInterval(Interval):
 
 @dataclass(frozen=True)
 class Share(Format):
-    """A ratio of two counts without an interval.
-
-    Attributes:
-        signed: It is a difference of rates, printed in percentage points with its sign.
-    """
+    """A ratio of two counts without an interval."""
 
     signed: bool = False
+    """It is a difference of rates, printed in percentage points with its sign."""
 
     @property
     def scale(self) -> Scale:
@@ -256,15 +244,12 @@ class Counts(Format):
 
 @dataclass(frozen=True)
 class Tenths(Format):
-    """A share in percent, or a difference of shares in percentage points, without its unit.
-
-    Attributes:
-        signed: True for a difference.
-        missing: Text where there is none.
-    """
+    """A share in percent, or a difference of shares in percentage points, without its unit."""
 
     signed: bool = True
+    """True for a difference."""
     missing: str = NOT_AVAILABLE
+    """Text where there is none."""
 
     def long(self, value: float | None) -> str:
         return self.missing if value is None else tenths(value, self.signed)
@@ -285,15 +270,12 @@ class Percent(Format):
 
 @dataclass(frozen=True)
 class Number(Format):
-    """A plain number.
-
-    Attributes:
-        spec: A format specification, for example ``.2f``.
-        missing: Text where there is none.
-    """
+    """A plain number."""
 
     spec: str = "d"
+    """A format specification, for example ``.2f``."""
     missing: str = NOT_AVAILABLE
+    """Text where there is none."""
 
     @property
     def scale(self) -> Scale:

@@ -138,58 +138,52 @@ _CALL = re.compile(r"(?P<name>\w+)\((?P<arguments>[^()]+)\)(\.(?P<end>\w+))?")
 
 @dataclass(frozen=True)
 class Gate:
-    """A condition a report has to meet.
-
-    Attributes:
-        text: As written.
-        name: The quantity, without scope and end.
-        scope: Dimension and group, or None for the whole run.
-        end: ``lower`` or ``upper`` end of the interval, or None for the estimate.
-        run: Folder of the other run, for a quantity against another run.
-        operator: One of :data:`OPERATORS`.
-        threshold: Number that the quantity is compared with, exactly as written.
-        percent: True if it was written as a percentage.
-        allow: Names of settings in which the other run may differ.
-        first: True if the gate passes as long as there is no other run.
-    """
+    """A condition a report has to meet."""
 
     text: str
+    """As written."""
     name: str
+    """The quantity, without scope and end."""
     scope: tuple[str, str] | None
+    """Dimension and group, or None for the whole run."""
     end: str | None
+    """``lower`` or ``upper`` end of the interval, or None for the estimate."""
     run: str | None
+    """Folder of the other run, for a quantity against another run."""
     operator: str
+    """One of :data:`OPERATORS`."""
     threshold: Fraction
+    """Number that the quantity is compared with, exactly as written."""
     percent: bool = False
+    """True if it was written as a percentage."""
     allow: tuple[str, ...] = ()
+    """Names of settings in which the other run may differ."""
     first: bool = False
+    """True if the gate passes as long as there is no other run."""
 
 
 @dataclass(frozen=True)
 class GateResult:
-    """Verdict on a gate.
-
-    Attributes:
-        value: The quantity's value; None where it is undecidable.
-        detail: What explains the verdict, in the unit of the gate's number.
-        lost: Item ids of the pairs that count against a gate that failed: those that Base completes and
-            Dynamic does not, or that another run completes and this one does not.
-        not_shown: True for a gate on an end of an interval that failed, and whose other end meets it.
-        differences: Sentences on the settings in which the other run differs and which the gate allows, and
-            on what differs between policies of one name; empty for none.
-        no_baseline: True for a gate that passed because there is no other run yet.
-        waits: True for a gate of a shard, which is decided on all shards together.
-    """
+    """Verdict on a gate."""
 
     gate: Gate
     verdict: Verdict
     value: float | None
+    """The quantity's value; None where it is undecidable."""
     detail: str
+    """What explains the verdict, in the unit of the gate's number."""
     lost: tuple[str, ...] = ()
+    """Item ids of the pairs that count against a gate that failed: those that Base completes and Dynamic does
+    not, or that another run completes and this one does not."""
     not_shown: bool = False
+    """True for a gate on an end of an interval that failed, and whose other end meets it."""
     differences: str = ""
+    """Sentences on the settings in which the other run differs and which the gate allows, and on what differs
+    between policies of one name; empty for none."""
     no_baseline: bool = False
+    """True for a gate that passed because there is no other run yet."""
     waits: bool = False
+    """True for a gate of a shard, which is decided on all shards together."""
 
     @property
     def reason(self) -> str:

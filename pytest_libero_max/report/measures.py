@@ -27,19 +27,16 @@ Rows = dict[str, Measure | Plain]
 
 
 class Unit(NamedTuple):
-    """A unit of measures.
-
-    Attributes:
-        scale: Values that there can be.
-        digits: Decimals that are printed; of a share those of percent.
-        sign: True for a difference, which has its sign.
-        text: Text behind the number.
-    """
+    """A unit of measures."""
 
     scale: Scale
+    """Values that there can be."""
     digits: int
+    """Decimals that are printed; of a share those of percent."""
     sign: bool
+    """True for a difference, which has its sign."""
     text: str
+    """Text behind the number."""
 
     def number(self, value: float) -> str:
         """Return a value without the unit."""
@@ -84,17 +81,14 @@ def section_rows(section: Mapping[str, Measure | Plain]) -> list[tuple[str, obje
 
 @dataclass(frozen=True)
 class Measured:
-    """A quantity of a section, declared once.
-
-    Attributes:
-        key: Name in gates.
-        title: Name of its row.
-        unit: One of :data:`UNITS`.
-    """
+    """A quantity of a section, declared once."""
 
     key: str
+    """Name in gates."""
     title: str
+    """Name of its row."""
     unit: str
+    """One of :data:`UNITS`."""
 
     def row(self, value: float | None, interval: Interval | None = None, **more: Any) -> Rows:
         """Return the row of a value with its interval."""

@@ -30,15 +30,12 @@ TEXT = Text()
 
 
 class Cell(NamedTuple):
-    """A number of a table, with the way in which it is printed.
-
-    Attributes:
-        value: The number, or a block with its counts and interval.
-        format: Format of it.
-    """
+    """A number of a table, with the way in which it is printed."""
 
     value: Any
+    """The number, or a block with its counts and interval."""
     format: Format
+    """Format of it."""
 
 
 TableKind = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
@@ -53,19 +50,16 @@ one row an event.
 
 @dataclass(frozen=True)
 class Line:
-    """Place of a quantity in the terminal summary.
-
-    Attributes:
-        title: Beginning of the line. Columns with the same title share a line, in the order of the table.
-        mark: Text before the value, for all but the first quantity of a line.
-        short: True to print the value as in narrow tables.
-        optional: True to leave the quantity out where it has no number.
-    """
+    """Place of a quantity in the terminal summary."""
 
     title: str
+    """Beginning of the line. Columns with the same title share a line, in the order of the table."""
     mark: str = ""
+    """Text before the value, for all but the first quantity of a line."""
     short: bool = False
+    """True to print the value as in narrow tables."""
     optional: bool = False
+    """True to leave the quantity out where it has no number."""
 
 
 @dataclass(frozen=True)
@@ -74,29 +68,27 @@ class Quantity(Generic[R]):
 
     A row is the result of a set of pairs: ``report.overall`` or a group such as
     ``report.by["event"].camera_shift``.
-
-    Attributes:
-        key: Name in CSV files; columns with an interval have ``KEY_lower`` and ``KEY_upper`` as well.
-        title: Heading in wide tables.
-        value: Returns the quantity of a row.
-        format: Way in which it is printed.
-        heading: Heading in narrow tables; the title where it is empty.
-        tables: Tables that have it. CSV files hold every column.
-        line: Place in the terminal summary; None for none.
-        gate: Name as a quantity of gates; the key where it is empty, None where no gate can ask for it.
-        of_change: True for what the event changed, which needs pairs that can show it (see
-            :mod:`pytest_libero_max.report.measurable`).
     """
 
     key: str
+    """Name in CSV files; columns with an interval have ``KEY_lower`` and ``KEY_upper`` as well."""
     title: str
+    """Heading in wide tables."""
     value: Callable[[R], Any]
+    """Returns the quantity of a row."""
     format: Format
+    """Way in which it is printed."""
     heading: str = ""
+    """Heading in narrow tables; the title where it is empty."""
     tables: tuple[TableKind, ...] = ("summary",)
+    """Tables that have it. CSV files hold every column."""
     line: Line | None = None
+    """Place in the terminal summary; None for none."""
     gate: str | None = ""
+    """Name as a quantity of gates; the key where it is empty, None where no gate can ask for it."""
     of_change: bool = False
+    """True for what the event changed, which needs pairs that can show it (see
+    :mod:`pytest_libero_max.report.measurable`)."""
 
     def long(self, row: R) -> str:
         """Return the cell in a wide table."""

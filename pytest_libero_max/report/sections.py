@@ -20,17 +20,14 @@ NOTES: Mapping[str, str] = {timing.TITLE: timing.NOTE, repeats.TITLE: repeats.NO
 
 
 class ShownSection(NamedTuple):
-    """A section as writers print it.
-
-    Attributes:
-        title: Heading.
-        note: Help for reading it; empty for none.
-        rows: Names and values.
-    """
+    """A section as writers print it."""
 
     title: str
+    """Heading."""
     note: str
+    """Help for reading it; empty for none."""
     rows: Sequence[tuple[str, object]]
+    """Names and values."""
 
 
 def shown_sections(report: Report) -> list[ShownSection]:

@@ -51,19 +51,16 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """Success in one arm.
-
-    Attributes:
-        old: Successes on the old cases.
-        new: Successes on the new cases.
-        difference: Old less new, within cells.
-        adjusted_log10_p: Decimal logarithm of the p-value, adjusted for both arms; None for a single event.
-    """
+    """Success in one arm."""
 
     old: Ratio
+    """Successes on the old cases."""
     new: Ratio
+    """Successes on the new cases."""
     difference: StratifiedDifference
+    """Old less new, within cells."""
     adjusted_log10_p: float | None = None
+    """Decimal logarithm of the p-value, adjusted for both arms; None for a single event."""
 
     @property
     def fitted(self) -> bool:
@@ -80,21 +77,18 @@ class Row:
 
 @dataclass(frozen=True)
 class OldLessNew:
-    """Comparison of a policy on old and new cases.
-
-    Attributes:
-        names: Case sets of the old and of the new run.
-        cells: Number of cells with cases in both.
-        left_out: Cases in cells that only one of the runs has.
-        arms: Both arms over all cells.
-        by_event: Both arms by event.
-    """
+    """Comparison of a policy on old and new cases."""
 
     names: tuple[str, str]
+    """Case sets of the old and of the new run."""
     cells: int
+    """Number of cells with cases in both."""
     left_out: int
+    """Cases in cells that only one of the runs has."""
     arms: Mapping[str, Row]
+    """Both arms over all cells."""
     by_event: Mapping[str, Mapping[str, Row]]
+    """Both arms by event."""
 
     def to_dict(self) -> Json:
         """As JSON values."""

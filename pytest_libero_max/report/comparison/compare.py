@@ -59,19 +59,16 @@ AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContr
 
 @dataclass(frozen=True)
 class CommonCases:
-    """The cases several runs share, in one order.
-
-    Attributes:
-        planned: The common cases, by case id.
-        pairs: Outcomes of each run in that order.
-        left_out: Planned cases of each run that are not compared.
-        unsupported: Number of planned cases of each run that its policy does not support.
-    """
+    """The cases several runs share, in one order."""
 
     planned: tuple[PlannedPair, ...]
+    """The common cases, by case id."""
     pairs: Mapping[str, Pairs]
+    """Outcomes of each run in that order."""
     left_out: Mapping[str, tuple[str, ...]]
+    """Planned cases of each run that are not compared."""
     unsupported: Mapping[str, int]
+    """Number of planned cases of each run that its policy does not support."""
 
     @property
     def partial(self) -> bool:

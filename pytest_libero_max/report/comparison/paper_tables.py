@@ -37,15 +37,12 @@ def _points(value: float | None) -> Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class PaperTable(Table):
-    """A table of policies.
-
-    Attributes:
-        stem: Stem of its file names.
-        published: True for each row that is a result of the paper.
-    """
+    """A table of policies."""
 
     stem: str
+    """Stem of its file names."""
     published: tuple[bool, ...]
+    """True for each row that is a result of the paper."""
 
 
 Column = tuple[str, Callable[[PolicyRow], Value]]

@@ -26,19 +26,16 @@ HEAD = (
 
 
 class IndexCell(NamedTuple):
-    """A cell of the table.
-
-    Attributes:
-        text: What it says.
-        order: By which its column is sorted.
-        link: Address that it leads to; empty for none.
-        kind: Class of its text; empty for none.
-    """
+    """A cell of the table."""
 
     text: str
+    """What it says."""
     order: float | str
+    """By which its column is sorted."""
     link: str = ""
+    """Address that it leads to; empty for none."""
     kind: str = ""
+    """Class of its text; empty for none."""
 
 
 def index_html(index: RunIndex, beside: Path) -> str:

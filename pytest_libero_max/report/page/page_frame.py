@@ -28,31 +28,25 @@ DETAILS_IN_A_PART = 100
 
 
 class Viewed(NamedTuple):
-    """A name that leads to a view of the table of cases.
-
-    Attributes:
-        text: The name.
-        view: Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere.
-    """
+    """A name that leads to a view of the table of cases."""
 
     text: str
+    """The name."""
     view: str
+    """Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere."""
 
 
 class PageTable(NamedTuple):
-    """A table as templates print it.
-
-    Attributes:
-        title: Heading; empty for none.
-        head: Headings of the columns.
-        rows: Cells as text; the first one may lead to the cases of the row.
-        note: Text below; empty for none.
-    """
+    """A table as templates print it."""
 
     title: str
+    """Heading; empty for none."""
     head: Sequence[str]
+    """Headings of the columns."""
     rows: Sequence[Sequence[Viewed | str]]
+    """Cells as text; the first one may lead to the cases of the row."""
     note: str
+    """Text below; empty for none."""
 
 
 def page_table(table: Table) -> PageTable:
