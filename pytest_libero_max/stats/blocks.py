@@ -27,134 +27,107 @@ class Block(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Ratio(Block, frozen=True, kw_only=True):
-    """A ratio with its counts.
-
-    Attributes:
-        count: Numerator; negative for a loss.
-        of: Denominator.
-        value: count / of; None where the denominator is zero.
-    """
+    """A ratio with its counts."""
 
     count: int
+    """Numerator; negative for a loss."""
     of: Count
+    """Denominator."""
     value: float | None
+    """count / of; None where the denominator is zero."""
 
 
 class Rate(Block, frozen=True, kw_only=True):
-    """A rate with its counts and 95% interval; None where the denominator is zero.
-
-    Attributes:
-        count: Pairs that have the property.
-        of: Pairs that were asked: the denominator.
-        value: count / of, 0 to 1; None where the denominator is zero.
-        lower: Lower end of the exact 95% interval (Clopper and Pearson); None where a rule stopped the run.
-        upper: Upper end of the exact 95% interval (Clopper and Pearson); None where a rule stopped the run.
-    """
+    """A rate with its counts and 95% interval; None where the denominator is zero."""
 
     count: Count
+    """Pairs that have the property."""
     of: Count
+    """Pairs that were asked: the denominator."""
     value: Share | None
+    """count / of, 0 to 1; None where the denominator is zero."""
     lower: Share | None
+    """Lower end of the exact 95% interval (Clopper and Pearson); None where a rule stopped the run."""
     upper: Share | None
+    """Upper end of the exact 95% interval (Clopper and Pearson); None where a rule stopped the run."""
 
 
 class Interval(Block, frozen=True, kw_only=True):
-    """A 95% interval.
-
-    Attributes:
-        lower: Lower end; None where there is none.
-        upper: Upper end; None where there is none.
-    """
+    """A 95% interval."""
 
     lower: WideDifference | None
+    """Lower end; None where there is none."""
     upper: WideDifference | None
+    """Upper end; None where there is none."""
 
 
 class IntervalByTask(Block, frozen=True, kw_only=True):
-    """A 95% interval for statements about other tasks: tasks are resampled with all their pairs.
-
-    Attributes:
-        tasks: Tasks that the pairs are of.
-        effective_tasks: (sum of n)^2 / (sum of n^2) over the numbers of pairs of the tasks.
-        changed_tasks: Tasks in which a pair changed; between runs, with a case that tells them apart; for a
-            rate, the smaller of the tasks with a success and those with a failure.
-        lower: Lower end; None where too few tasks changed to decide.
-        upper: Upper end; None where too few tasks changed to decide.
-    """
+    """A 95% interval for statements about other tasks: tasks are resampled with all their pairs."""
 
     tasks: Count
+    """Tasks that the pairs are of."""
     effective_tasks: Amount
+    """(sum of n)^2 / (sum of n^2) over the numbers of pairs of the tasks."""
     changed_tasks: Count
+    """Tasks in which a pair changed; between runs, with a case that tells them apart; for a rate, the smaller
+    of the tasks with a success and those with a failure."""
     lower: WideDifference | None
+    """Lower end; None where too few tasks changed to decide."""
     upper: WideDifference | None
+    """Upper end; None where too few tasks changed to decide."""
 
 
 class TaskInterval(IntervalByTask, frozen=True, kw_only=True):
-    """A 95% interval for statements about other tasks, with the estimate.
-
-    Attributes:
-        value: The estimate over all pairs.
-    """
+    """A 95% interval for statements about other tasks, with the estimate."""
 
     value: WideDifference | None
+    """The estimate over all pairs."""
 
 
 class RatesByTask(Block, frozen=True, kw_only=True):
-    """Rates with their intervals for statements about other tasks.
-
-    Attributes:
-        base_success: Base success rate.
-        dynamic_success: Dynamic success rate.
-        conditional_regression: Share of Base successes lost.
-    """
+    """Rates with their intervals for statements about other tasks."""
 
     base_success: TaskInterval
+    """Base success rate."""
     dynamic_success: TaskInterval
+    """Dynamic success rate."""
     conditional_regression: TaskInterval
+    """Share of Base successes lost."""
 
 
 class Bootstrap(Block, frozen=True, kw_only=True):
-    """The paper's percentile bootstrap.
-
-    Attributes:
-        lower: Lower end of the 95% interval.
-        upper: Upper end of the 95% interval.
-        degenerate: True if all differences are equal, so that the interval has no width and says nothing
-            about precision.
-    """
+    """The paper's percentile bootstrap."""
 
     lower: WideDifference | None
+    """Lower end of the 95% interval."""
     upper: WideDifference | None
+    """Upper end of the 95% interval."""
     degenerate: bool | None
+    """True if all differences are equal, so that the interval has no width and says nothing about
+    precision."""
 
 
 class Bootstraps(Bootstrap, frozen=True, kw_only=True):
-    """The paper's percentile bootstrap over all pairs alike, and with the sources kept.
-
-    Attributes:
-        by_source: The same with the number of pairs of each source kept.
-    """
+    """The paper's percentile bootstrap over all pairs alike, and with the sources kept."""
 
     by_source: Bootstrap
+    """The same with the number of pairs of each source kept."""
 
 
 class MeanDifference(Block, frozen=True, kw_only=True):
-    """A mean of paired differences of success with its interval.
-
-    Attributes:
-        count: Pairs in which only the one succeeds, less those in which only the other does.
-        of: Pairs: the denominator.
-        value: count / of, -1 to 1.
-        lower: Lower end of the melded exact 95% interval, which takes all pairs as independent; None where a
-            rule stopped the run.
-        upper: Upper end of the melded exact 95% interval; None where a rule stopped the run.
-    """
+    """A mean of paired differences of success with its interval."""
 
     count: int
+    """Pairs in which only the one succeeds, less those in which only the other does."""
     of: Count
+    """Pairs: the denominator."""
     value: Difference | None
+    """count / of, -1 to 1."""
     lower: Difference | None
+    """Lower end of the melded exact 95% interval, which takes all pairs as independent; None where a rule
+    stopped the run."""
     upper: Difference | None
+    """Upper end of the melded exact 95% interval; None where a rule stopped the run."""
 
 
 class Change(MeanDifference, frozen=True, kw_only=True):
@@ -174,19 +147,16 @@ class Change(MeanDifference, frozen=True, kw_only=True):
 
 
 class Outcomes(Block, frozen=True):
-    """Pairs by outcome, written (Base, Dynamic).
-
-    Attributes:
-        preserved_success: Pairs that succeed in Base and in Dynamic, (1,1).
-        change_associated_success: Pairs that fail in Base and succeed in Dynamic, (0,1).
-        regression: Pairs that succeed in Base and fail in Dynamic, (1,0).
-        persistent_failure: Pairs that fail in both, (0,0).
-    """
+    """Pairs by outcome, written (Base, Dynamic)."""
 
     preserved_success: Count
+    """Pairs that succeed in Base and in Dynamic, (1,1)."""
     change_associated_success: Count
+    """Pairs that fail in Base and succeed in Dynamic, (0,1)."""
     regression: Count
+    """Pairs that succeed in Base and fail in Dynamic, (1,0)."""
     persistent_failure: Count
+    """Pairs that fail in both, (0,0)."""
 
     @property
     def total(self) -> int:
@@ -219,303 +189,255 @@ class Outcomes(Block, frozen=True):
 
 
 class McNemar(Block, frozen=True, kw_only=True):
-    """Exact two-sided McNemar test of regressions against gains.
-
-    Attributes:
-        regressions: Pairs (1,0).
-        gains: Pairs (0,1).
-        p_value: 0 where below the smallest double; the logarithm stays exact.
-        log10_p_value: Decimal logarithm of the p-value; None without a pair (1,0) or (0,1), and where a rule
-            stopped the run.
-    """
+    """Exact two-sided McNemar test of regressions against gains."""
 
     regressions: Count
+    """Pairs (1,0)."""
     gains: Count
+    """Pairs (0,1)."""
     p_value: Share | None
+    """0 where below the smallest double; the logarithm stays exact."""
     log10_p_value: Log10 | None
+    """Decimal logarithm of the p-value; None without a pair (1,0) or (0,1), and where a rule stopped the
+    run."""
 
 
 class StaleActions(Block, frozen=True, kw_only=True):
-    """Queued actions executed between the event and the next query.
-
-    Attributes:
-        pairs: Pairs in which a query followed the event.
-        unanswered: Pairs whose episode ended between the event and the next query; not counted in the numbers
-            below.
-        mean: Mean number of actions executed between the event and the next query; None without a pair.
-        median: Median of the same; the mean of the middle two for an even number of pairs.
-        quantiles: Quantiles of the same by probability (0.05, 0.25, 0.75, 0.95), by inverse CDF; None without
-            a pair.
-        histogram: Pairs by number of stale actions, written as text.
-    """
+    """Queued actions executed between the event and the next query."""
 
     pairs: Count
+    """Pairs in which a query followed the event."""
     unanswered: Count
+    """Pairs whose episode ended between the event and the next query; not counted in the numbers below."""
     mean: Amount | None
+    """Mean number of actions executed between the event and the next query; None without a pair."""
     median: Amount | None
+    """Median of the same; the mean of the middle two for an even number of pairs."""
     quantiles: dict[str, Count | None]
+    """Quantiles of the same by probability (0.05, 0.25, 0.75, 0.95), by inverse CDF; None without a pair."""
     histogram: dict[str, Count]
+    """Pairs by number of stale actions, written as text."""
 
 
 class GivenResponse(Block, frozen=True, kw_only=True):
-    """Results over the pairs in which a query followed the event.
-
-    Attributes:
-        base_success: Base success rate.
-        dynamic_success: Dynamic success rate.
-        paired_change: Mean of Dynamic less Base success.
-        outcomes: Pairs by outcome.
-    """
+    """Results over the pairs in which a query followed the event."""
 
     base_success: Ratio
+    """Base success rate."""
     dynamic_success: Ratio
+    """Dynamic success rate."""
     paired_change: Ratio
+    """Mean of Dynamic less Base success."""
     outcomes: Outcomes
+    """Pairs by outcome."""
 
 
 class Measure(Block, frozen=True, kw_only=True, omit_defaults=True):
-    """A number of a section of the report.
-
-    Attributes:
-        key: Name in gates.
-        unit: share (of 1), change (a difference of shares), error (a standard error of one), variance, steps,
-            more steps (a difference), m, m/s^3, times (a ratio).
-        value: The number; None where there is none.
-        lower: Lower end of its 95% interval; None where there is none.
-        upper: Upper end of the same.
-        count: Numerator of a share, or pairs that have the quantity.
-        of: Pairs that were asked.
-        lack: Reason for a lacking number or interval; empty where none is needed.
-    """
+    """A number of a section of the report."""
 
     key: Text
+    """Name in gates."""
     unit: Text
+    """share (of 1), change (a difference of shares), error (a standard error of one), variance, steps, more
+    steps (a difference), m, m/s^3, times (a ratio)."""
     value: float | None
+    """The number; None where there is none."""
     lower: float | None = None
+    """Lower end of its 95% interval; None where there is none."""
     upper: float | None = None
+    """Upper end of the same."""
     count: Count | None = None
+    """Numerator of a share, or pairs that have the quantity."""
     of: Count | None = None
+    """Pairs that were asked."""
     lack: str = ""
+    """Reason for a lacking number or interval; empty where none is needed."""
 
 
 class ProbeMean(Block, frozen=True, kw_only=True):
-    """A column of a probe in an arm, over the pairs that have it. True counts as 1, so a mean is a share.
-
-    Attributes:
-        pairs: Number of these pairs.
-        mean: Mean over them.
-        largest: Largest value of a pair.
-    """
+    """A column of a probe in an arm, over the pairs that have it. True counts as 1, so a mean is a share."""
 
     pairs: Positive
+    """Number of these pairs."""
     mean: float
+    """Mean over them."""
     largest: float
+    """Largest value of a pair."""
 
 
 class Result(Block, frozen=True, kw_only=True, omit_defaults=True):
-    """The result of a set of pairs: a row of the tables.
-
-    Attributes:
-        planned: Planned pairs of the group.
-        played: Played pairs of the group; everything below is over these.
-        base_success: Base success rate.
-        dynamic_success: Dynamic success rate.
-        paired_change: Mean of Dynamic less Base success.
-        by_task: The rates with their intervals for statements about other tasks.
-        outcomes: Pairs by outcome, written (Base, Dynamic).
-        conditional_regression: Of the Base successes, those that fail in Dynamic.
-        retained: Dynamic successes over Base successes, newly solved cases included.
-        mcnemar: Exact two-sided McNemar test of regressions against gains.
-        trigger_coverage: Pairs whose event fired.
-        response_coverage: Pairs in which the policy was queried after the event.
-        stale_actions: Queued actions executed between the event and the next query, with latency its answer,
-            over the pairs that have one. They measure the delay of feedback under the policy's own serving
-            protocol, not whether a change was noticed.
-        given_response: The same results over the pairs in which a query followed the event. The rollout
-            itself decides whether one did, so these do not replace the results over all pairs.
-        floor: True if Base success is below the level at which a small change says nothing about robustness;
-            None without a pair.
-        probes: By probe, column and arm, joined by dots: columns of the probes that were asked for; those of
-            lists and of texts are left out.
-    """
+    """The result of a set of pairs: a row of the tables."""
 
     planned: Count
+    """Planned pairs of the group."""
     played: Count
+    """Played pairs of the group; everything below is over these."""
     base_success: Rate
+    """Base success rate."""
     dynamic_success: Rate
+    """Dynamic success rate."""
     paired_change: Change
+    """Mean of Dynamic less Base success."""
     by_task: RatesByTask
+    """The rates with their intervals for statements about other tasks."""
     outcomes: Outcomes
+    """Pairs by outcome, written (Base, Dynamic)."""
     conditional_regression: Rate
+    """Of the Base successes, those that fail in Dynamic."""
     retained: Ratio
+    """Dynamic successes over Base successes, newly solved cases included."""
     mcnemar: McNemar
+    """Exact two-sided McNemar test of regressions against gains."""
     trigger_coverage: Rate
+    """Pairs whose event fired."""
     response_coverage: Rate
+    """Pairs in which the policy was queried after the event."""
     stale_actions: StaleActions
+    """Queued actions executed between the event and the next query, with latency its answer, over the pairs
+    that have one. They measure the delay of feedback under the policy's own serving protocol, not whether a
+    change was noticed."""
     given_response: GivenResponse
+    """The same results over the pairs in which a query followed the event. The rollout itself decides whether
+    one did, so these do not replace the results over all pairs."""
     floor: bool | None
+    """True if Base success is below the level at which a small change says nothing about robustness; None
+    without a pair."""
     probes: dict[str, ProbeMean] = field(default_factory=dict)
+    """By probe, column and arm, joined by dots: columns of the probes that were asked for; those of lists and
+    of texts are left out."""
 
 
 class Macro(Block, frozen=True, kw_only=True):
-    """Unweighted means over groups.
-
-    Attributes:
-        groups: Number of groups that were averaged.
-        base_success: Mean of the groups' Base success rates, 0 to 1; None where a group has no played pair.
-        dynamic_success: Mean of the groups' Dynamic success rates, 0 to 1; None where a group has no played
-            pair.
-        paired_change: Mean of the groups' paired changes, -1 to 1; None where a group has no played pair.
-    """
+    """Unweighted means over groups."""
 
     groups: Count
+    """Number of groups that were averaged."""
     base_success: Share | None
+    """Mean of the groups' Base success rates, 0 to 1; None where a group has no played pair."""
     dynamic_success: Share | None
+    """Mean of the groups' Dynamic success rates, 0 to 1; None where a group has no played pair."""
     paired_change: Difference | None
+    """Mean of the groups' paired changes, -1 to 1; None where a group has no played pair."""
 
 
 class Split(Block, frozen=True, kw_only=True):
-    """The event whose parameter variants differ most in Dynamic success.
-
-    Attributes:
-        event: Name of the event.
-        dynamic_success: Dynamic success rate, 0 to 1, by variant.
-        difference: Largest less smallest of these rates, 0 to 1.
-    """
+    """The event whose parameter variants differ most in Dynamic success."""
 
     event: Text
+    """Name of the event."""
     dynamic_success: dict[str, Share | None]
+    """Dynamic success rate, 0 to 1, by variant."""
     difference: Share | None
+    """Largest less smallest of these rates, 0 to 1."""
 
 
 class SuccessDifference(Block, frozen=True, kw_only=True):
-    """Success of the second run less that of the first.
-
-    Attributes:
-        value: Estimate, -1 to 1.
-        lower: Lower end of the 95% interval.
-        upper: Upper end of the 95% interval.
-        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts: all of them together
-            hold their differences with 95%.
-        bootstrap: The paired percentile bootstrap, as in the paper.
-        by_task: The 95% interval that takes the cases of a task as one draw; None in a gate's contrast.
-    """
+    """Success of the second run less that of the first."""
 
     value: Difference | None
+    """Estimate, -1 to 1."""
     lower: Difference | None
+    """Lower end of the 95% interval."""
     upper: Difference | None
+    """Upper end of the 95% interval."""
     simultaneous: Interval
+    """The interval at the level 1 - 0.05 / m for a family of m contrasts: all of them together hold their
+    differences with 95%."""
     bootstrap: Interval
+    """The paired percentile bootstrap, as in the paper."""
     by_task: IntervalByTask | None = None
+    """The 95% interval that takes the cases of a task as one draw; None in a gate's contrast."""
 
 
 class SuccessContrast(Block, frozen=True, kw_only=True):
-    """A contrast of the success of two runs.
-
-    Attributes:
-        first: Name of the first run.
-        second: Name of the second run.
-        cases: Cases that both runs played.
-        first_only: Cases in which only the first run succeeds.
-        second_only: Cases in which only the second run succeeds.
-        difference: Success of the second less that of the first.
-        p_value: Exact two-sided McNemar test of this contrast alone; 1 where no case tells the runs apart,
-            None without a case.
-        log10_p_value: Decimal logarithm of the same.
-        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
-    """
+    """A contrast of the success of two runs."""
 
     first: Text
+    """Name of the first run."""
     second: Text
+    """Name of the second run."""
     cases: Count
+    """Cases that both runs played."""
     first_only: Count
+    """Cases in which only the first run succeeds."""
     second_only: Count
+    """Cases in which only the second run succeeds."""
     difference: SuccessDifference
+    """Success of the second less that of the first."""
     p_value: Share | None
+    """Exact two-sided McNemar test of this contrast alone; 1 where no case tells the runs apart, None without
+    a case."""
     log10_p_value: Log10 | None
+    """Decimal logarithm of the same."""
     log10_p_value_holm: Log10 | None
+    """Decimal logarithm of the p-value after Holm's correction over the family."""
 
 
 class ChangeDifference(Block, frozen=True, kw_only=True):
-    """Paired change of the second run less that of the first.
-
-    Attributes:
-        value: Estimate, -2 to 2.
-        lower: Lower end of the 95% interval.
-        upper: Upper end of the 95% interval.
-        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts.
-        by_task: The 95% interval that takes the cases of a task as one draw.
-    """
+    """Paired change of the second run less that of the first."""
 
     value: WideDifference | None
+    """Estimate, -2 to 2."""
     lower: WideDifference | None
+    """Lower end of the 95% interval."""
     upper: WideDifference | None
+    """Upper end of the 95% interval."""
     simultaneous: Interval
+    """The interval at the level 1 - 0.05 / m for a family of m contrasts."""
     by_task: IntervalByTask | None = None
+    """The 95% interval that takes the cases of a task as one draw."""
 
 
 class ChangeContrast(Block, frozen=True, kw_only=True):
-    """A contrast of the paired changes of two runs.
-
-    Attributes:
-        first: Name of the first run.
-        second: Name of the second run.
-        second_lower: Cases in which the second run loses more, or gains less, than the first.
-        second_higher: Cases in which it loses less, or gains more.
-        difference: Paired change of the second less that of the first.
-        log10_p_value: Decimal logarithm of the p-value of the exact sign-flip test of this contrast alone.
-        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
-    """
+    """A contrast of the paired changes of two runs."""
 
     first: Text
+    """Name of the first run."""
     second: Text
+    """Name of the second run."""
     second_lower: Count
+    """Cases in which the second run loses more, or gains less, than the first."""
     second_higher: Count
+    """Cases in which it loses less, or gains more."""
     difference: ChangeDifference
+    """Paired change of the second less that of the first."""
     log10_p_value: Log10 | None
+    """Decimal logarithm of the p-value of the exact sign-flip test of this contrast alone."""
     log10_p_value_holm: Log10 | None
+    """Decimal logarithm of the p-value after Holm's correction over the family."""
 
 
 class GroupDifference(Block, frozen=True, kw_only=True):
-    """Value of the second run less that of the first, in an event.
-
-    Attributes:
-        value: Estimate.
-        simultaneous: The interval at the level 1 - 0.05 / m for a family of m contrasts.
-    """
+    """Value of the second run less that of the first, in an event."""
 
     value: WideDifference | None
+    """Estimate."""
     simultaneous: Interval
+    """The interval at the level 1 - 0.05 / m for a family of m contrasts."""
 
 
 class GroupContrast(Block, frozen=True, kw_only=True):
-    """A contrast of two runs in an event.
-
-    Attributes:
-        first: Name of the first run.
-        second: Name of the second run.
-        cases: Common cases of the event.
-        difference: Value of the second less that of the first.
-        log10_p_value_holm: Decimal logarithm of the p-value after Holm's correction over the family.
-    """
+    """A contrast of two runs in an event."""
 
     first: Text
+    """Name of the first run."""
     second: Text
+    """Name of the second run."""
     cases: Count
+    """Common cases of the event."""
     difference: GroupDifference
+    """Value of the second less that of the first."""
     log10_p_value_holm: Log10 | None
+    """Decimal logarithm of the p-value after Holm's correction over the family."""
 
 
 class Substrate(Block, frozen=True, kw_only=True):
-    """The substrate of a run, and the standing of its scores.
-
-    Attributes:
-        name: Name of the substrate, for example embedded or libero.
-        scores_comparable_with_published: False where scores must not be compared with published ones; None
-            where that depends on the installations, event semantics and variations in the provenance.
-        note: A sentence to print beside every score; None where none is needed.
-    """
+    """The substrate of a run, and the standing of its scores."""
 
     name: Text
+    """Name of the substrate, for example embedded or libero."""
     scores_comparable_with_published: bool | None
+    """False where scores must not be compared with published ones; None where that depends on the
+    installations, event semantics and variations in the provenance."""
     note: str | None
+    """A sentence to print beside every score; None where none is needed."""
