@@ -19,23 +19,20 @@ from pytest_libero_max.stats.significance import mcnemar
 
 @dataclass(frozen=True)
 class Ending:
-    """Counts of a set of pairs once all of them are played.
-
-    Attributes:
-        pairs: All pairs.
-        base: Those that Base completes.
-        losses: Those that Base alone completes.
-        gains: Those that Dynamic alone completes.
-        fired: Those in which the event happened.
-        answered: Those with a query after it.
-    """
+    """Counts of a set of pairs once all of them are played."""
 
     pairs: int = 0
+    """All pairs."""
     base: int = 0
+    """Those that Base completes."""
     losses: int = 0
+    """Those that Base alone completes."""
     gains: int = 0
+    """Those that Dynamic alone completes."""
     fired: int = 0
+    """Those in which the event happened."""
     answered: int = 0
+    """Those with a query after it."""
 
     @classmethod
     def of(cls, record: PairRecord) -> Ending:
@@ -105,17 +102,14 @@ def verdict_at(gate: Gate, end: Ending, value: float | None) -> Verdict:
 
 @dataclass(frozen=True)
 class Outlook:
-    """A gate over several endings.
-
-    Attributes:
-        verdict: The one that all of them have; None where they differ.
-        least: Smallest value of the quantity; None where it has none in one of them.
-        most: Largest value.
-    """
+    """A gate over several endings."""
 
     verdict: Verdict | None
+    """The one that all of them have; None where they differ."""
     least: float | None
+    """Smallest value of the quantity; None where it has none in one of them."""
     most: float | None
+    """Largest value."""
 
 
 def outlook(gate: Gate, endings: Iterable[Ending]) -> Outlook:

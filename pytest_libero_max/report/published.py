@@ -34,76 +34,67 @@ NOTE = (
 
 @dataclass(frozen=True)
 class Printed:
-    """Values of a policy that the paper prints without their counts: percent and percentage points.
-
-    Attributes:
-        family: Paired change by event family. They follow from the event changes, but of fifteen ties the
-            paper rounds two towards zero.
-        source: By source Base success, Dynamic success and paired change.
-        lowest_base: By source the category of lowest Base success.
-        largest_loss: By source the category of largest loss.
-        macro: Unweighted mean of the paired changes of the 17 source categories.
-        suite: Paired change by suite.
-        severity: Paired change by severity.
-        split_event: Event whose parameter variants differ most in Dynamic success.
-        split: That difference.
-        lite: Base success, Dynamic success and paired change on the authors' Lite.
-    """
+    """Values of a policy that the paper prints without their counts: percent and percentage points."""
 
     family: Mapping[str, float]
+    """Paired change by event family. They follow from the event changes, but of fifteen ties the paper rounds
+    two towards zero."""
     source: Mapping[str, tuple[float, float, float]]
+    """By source Base success, Dynamic success and paired change."""
     lowest_base: Mapping[str, str]
+    """By source the category of lowest Base success."""
     largest_loss: Mapping[str, str]
+    """By source the category of largest loss."""
     macro: float
+    """Unweighted mean of the paired changes of the 17 source categories."""
     suite: Mapping[str, float]
+    """Paired change by suite."""
     severity: Mapping[str, float]
+    """Paired change by severity."""
     split_event: str
+    """Event whose parameter variants differ most in Dynamic success."""
     split: float
+    """That difference."""
     lite: tuple[float, float, float]
+    """Base success, Dynamic success and paired change on the authors' Lite."""
 
 
 @dataclass(frozen=True)
 class PublishedPolicy:
-    """One policy of the LIBERO-MAX paper on the 8,000 pairs of Max.
-
-    Attributes:
-        key: Short name.
-        name: As printed.
-        family: ``VLA``, ``WAM`` or ``VLA+WAM``.
-        outcomes: The four printed counts.
-        net_change: Gained minus regressed pairs of each event, of 1,000.
-        scale: Scale that its authors report; None where they report none. All are checkpoints that were
-            released for LIBERO, and were not trained for this benchmark.
-        printed: Values that are printed without counts.
-    """
+    """One policy of the LIBERO-MAX paper on the 8,000 pairs of Max."""
 
     key: str
+    """Short name."""
     name: str
+    """As printed."""
     family: str
+    """``VLA``, ``WAM`` or ``VLA+WAM``."""
     horizon: int
     query_interval: int
     outcomes: Outcomes
+    """The four printed counts."""
     net_change: Mapping[str, int]
+    """Gained minus regressed pairs of each event, of 1,000."""
     scale: str | None
+    """Scale that its authors report; None where they report none. All are checkpoints that were released for
+    LIBERO, and were not trained for this benchmark."""
     printed: Printed
+    """Values that are printed without counts."""
 
 
 @dataclass(frozen=True)
 class PartialPolicy:
-    """The policy of the paper that has no checkpoint for LIBERO-10, and is in none of its rankings.
-
-    Attributes:
-        name: As printed.
-        by_suite: Pairs, and printed percentages of Base success, Dynamic success and paired change; None for
-            the suite that it does not support.
-        total: The same over the supported pairs.
-    """
+    """The policy of the paper that has no checkpoint for LIBERO-10, and is in none of its rankings."""
 
     name: str
+    """As printed."""
     horizon: int
     query_interval: int
     by_suite: Mapping[str, tuple[int, float | None, float | None, float | None]]
+    """Pairs, and printed percentages of Base success, Dynamic success and paired change; None for the suite
+    that it does not support."""
     total: tuple[int, float, float, float]
+    """The same over the supported pairs."""
 
 
 def published_policies() -> tuple[PublishedPolicy, ...]:

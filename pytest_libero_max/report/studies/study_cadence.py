@@ -39,21 +39,18 @@ from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of a sweep as it was played.
-
-    Attributes:
-        horizon: H.
-        query_interval: Q.
-        base: Name of its Base arm.
-        dynamic: Name of its Dynamic arm.
-        own: True for the policy's own cadence.
-    """
+    """A setting of a sweep as it was played."""
 
     horizon: int
+    """H."""
     query_interval: int
+    """Q."""
     base: str
+    """Name of its Base arm."""
     dynamic: str
+    """Name of its Dynamic arm."""
     own: bool
+    """True for the policy's own cadence."""
 
     @property
     def label(self) -> str:

@@ -19,18 +19,15 @@ TARGETS = (0.8, 0.9)
 
 @dataclass(frozen=True)
 class Expectation:
-    """Expected rates of a set of pairs before it is played.
-
-    Attributes:
-        name: ``overall`` or an event.
-        base: Base success rate.
-        gain: Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As
-            many are expected to be lost by chance.
-    """
+    """Expected rates of a set of pairs before it is played."""
 
     name: str
+    """``overall`` or an event."""
     base: float
+    """Base success rate."""
     gain: float
+    """Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As many are
+    expected to be lost by chance."""
 
     @property
     def loss(self) -> float:
