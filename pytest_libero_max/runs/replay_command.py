@@ -24,6 +24,9 @@ OUTPUT = "libero-max-replay"
 OUTSIDE = "outside"
 """The ``code`` of a policy that another evaluation loop plays (:class:`~pytest_libero_max.gym.PairedRun`)."""
 
+OBJECT = "object"
+"""The ``code`` of a policy that was an object of a program (:func:`pytest_libero_max.evaluate`)."""
+
 _IN_ITS_LOOP = "in the evaluation loop of that run, in another folder: no command here can load its policy."
 
 _SUBSTRATE = {

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.plugin.options import OPTIONS
+from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.studies.registry import STUDIES
 from tests.plugin.conftest import REACHER, tiny_manifest
 

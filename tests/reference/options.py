@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 from types import ModuleType
 
+from pytest_libero_max.evaluation.settings import OPTIONS, Option
 from pytest_libero_max.plugin import hooks, hookspec, ray
-from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.report import exit_status
 from pytest_libero_max.runs import progress
 from tests.reference.docstrings import constants, description

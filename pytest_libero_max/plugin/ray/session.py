@@ -17,14 +17,15 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.evaluation.processes.crash_log import Death
+from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.evaluation.work_queue import WorkQueue
 from pytest_libero_max.plugin.collection import PairItem, only_lists
-from pytest_libero_max.plugin.options import Settings, usage_errors
-from pytest_libero_max.plugin.processes.crash_log import Death
+from pytest_libero_max.plugin.options import usage_errors
 from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.ray.connection import Cluster
 from pytest_libero_max.plugin.ray.remote import identity
-from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 

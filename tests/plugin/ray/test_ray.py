@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.evaluation.work_queue import WorkQueue
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.ray.connection import actor_capacity
-from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
 from tests.plugin.test_run import Results, Run
 
 needs_ray = pytest.mark.skipif(

@@ -136,7 +136,9 @@ def test_tickets_of_tls_are_no_end_of_a_connection(monkeypatch: pytest.MonkeyPat
     """A server sends them after the handshake, so that the first query finds the connection readable."""
     monkeypatch.setenv("SSL_CERT_FILE", str(CERTIFICATE))
     each, opened = BY_SCHEME["https"], []
-    monkeypatch.setattr(http, "connect", lambda address: opened.append(address) or connection.connect(address))
+    monkeypatch.setattr(
+        http, "connect", lambda address: opened.append(address) or connection.connect(address)
+    )
     with each.serve() as port, forwarded(port, tls=True) as outer:
         policy = each.open(f"https://127.0.0.1:{outer}")
         sock = policy.client._link._connection.sock

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ReportError, did_you_mean
-from pytest_libero_max.plugin.array_jobs import shard_of_job
+from pytest_libero_max.evaluation.array_jobs import shard_of_job
 from pytest_libero_max.runs.media import selection_named
 
 if TYPE_CHECKING:

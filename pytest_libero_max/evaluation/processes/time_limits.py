@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from pytest_libero_max.errors import LimitReached
-from pytest_libero_max.plugin.processes.crash_log import (
+from pytest_libero_max.evaluation.processes.crash_log import (
     Activity,
     CrashLog,
     place_of,

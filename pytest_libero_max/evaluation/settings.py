@@ -1,0 +1,742 @@
+"""Settings of a run: each is one field, which says how it is read and what it belongs to.
+
+pytest's options, their ini twins and the arguments of :func:`pytest_libero_max.evaluate` are these fields.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
+from pytest_libero_max.benchmark.order import Order
+from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.evaluation import option_values as read
+from pytest_libero_max.evaluation.processes.time_limits import Limits
+from pytest_libero_max.pairing.probes.registry import PROBES
+from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
+from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
+from pytest_libero_max.substrates.contract import SubstrateOptions
+from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.programs import Program
+    from pytest_libero_max.report.gates import Gate
+    from pytest_libero_max.report.stopping_rule import NamedRule
+    from pytest_libero_max.studies.study import Study
+
+DEFAULT_OUTPUT = "libero-max-results"
+
+
+SAID: Any = object()
+"""No value of a setting: each one is said."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What the records of a run say of a setting that may change a result.
+
+    Agreement of records with their run, differences between runs, headers and replay commands follow from it.
+
+    Attributes:
+        part: Part of the provenance that holds it, under the name of the setting.
+        usual: Value that is not said anywhere; :data:`SAID` where every value is said.
+        value: Returns what the provenance holds.
+        header: Returns words for the header of a session; None for none.
+        played: True if each record says with which value it was played, among its fingerprints.
+    """
+
+    part: Literal["protocol", "policy"]
+    usual: Any = None
+    value: Callable[[Any], Any] = lambda value: value
+    header: Callable[[Any], str] | None = None
+    played: bool = False
+
+    def says(self, value: Any) -> bool:
+        """Return True if a value is not the usual one."""
+        return bool(value != self.usual)
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting: its flag is ``--libero-max-<name>``, its ini key ``libero_max_<name>``.
+
+    Attributes:
+        parse: Turns the text into a value; raises ``ValueError`` with the accepted form.
+        many: True if it may be given several times (in the ini file: one a line).
+        switch: True for a flag without a value (in the ini file: true or false).
+        recorded: What records say of it; None for a setting that changes no result.
+        session: True if it is about pytest's session, or about machines that only a session uses.
+    """
+
+    name: str
+    metavar: str
+    help: str
+    parse: Callable[[str], Any]
+    default: Any = None
+    many: bool = False
+    switch: bool = False
+    recorded: Recorded | None = None
+    session: bool = False
+
+    @property
+    def flag(self) -> str:
+        return f"--libero-max-{self.name}"
+
+    @property
+    def field(self) -> str:
+        """Name of the field of :class:`Settings`."""
+        return self.name.replace("-", "_")
+
+    @property
+    def key(self) -> str:
+        return f"libero_max_{self.field}"
+
+    def read(self, text: str, where: str) -> Any:
+        """Return the value of a text.
+
+        Raises:
+            OptionError: It is not of the option's form.
+        """
+        try:
+            return self.parse(text)
+        except (ValueError, LiberoMaxError) as error:
+            raise OptionError(f"{where}={text!r}: {error}") from None
+
+
+def setting(
+    metavar: str,
+    help: str,
+    parse: Callable[[str], Any],
+    *,
+    default: Any = None,
+    many: bool = False,
+    recorded: Recorded | None = None,
+    session: bool = False,
+) -> Any:
+    """Declare a field of :class:`Settings`; arguments as of :class:`Option`."""
+    default = () if many else default
+    declared = {"metavar": metavar, "help": help, "parse": parse, "default": default, "many": many}
+    return field(metadata={**declared, "recorded": recorded, "session": session})
+
+
+def switch(help: str, *, session: bool = False) -> Any:
+    """Declare a setting that is on or off, likewise."""
+    declared = {"metavar": "", "help": help, "parse": bool, "default": False}
+    return field(metadata={**declared, "switch": True, "session": session})
+
+
+def _program_value(program: Program) -> Json:
+    return {**program.to_dict(), "digest": program.digest}
+
+
+def _program_words(program: Program) -> str:
+    return f"program {program.name} ({program.digest[:12]})"
+
+
+def played_text(value: Any) -> str:
+    """Return a value as the fingerprints of a record hold it."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Resolved settings. Without a policy the plugin only offers its fixtures.
+
+    Each field declares an option: its name, its type once resolved, how it is read and what it belongs to.
+    They are in the order of the help, whose texts have a capital letter, and no final period for one phrase.
+    """
+
+    policy: str | None = setting(
+        "ADAPTER",
+        "Policy to test: the name of a policy (expert, stale_expert, servo, noop, random), FILE.py, "
+        "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
+        "profile), several equal ones with commas between, or a .toml file that lists them; given "
+        "on the command line without test paths, every pair of the track is collected; given in the ini "
+        "file, pytest libero-max plays them, and so does testpaths = libero-max",
+        read.text,
+    )
+    profile: str | None = setting(
+        "NAME|PATH",
+        "Profile of the policy behind a server's address: one of this package, or a TOML file",
+        read.text,
+        recorded=Recorded("policy"),
+    )
+    revision: str | None = setting(
+        "TEXT",
+        "Identity of the weights behind servers, for example a checkpoint's digest; runs over other "
+        "addresses that declare the same are one measurement",
+        read.text,
+        recorded=Recorded("policy"),
+    )
+    track: str = setting(
+        "NAME",
+        "Frozen set of cases to play (default: smoke; on the libero substrate, original if what is installed "
+        "does not play smoke)",
+        read.text,
+    )
+    manifest: Path | None = setting("PATH", "Play the cases of this manifest instead of a track", read.text)
+    program: Program | None = setting(
+        "NAME|FILE",
+        "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
+        "`libero-max programs`, or a JSON file",
+        read.text,
+        recorded=Recorded("protocol", value=_program_value, header=_program_words),
+    )
+    only_installed: bool = switch(
+        "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
+        "otherwise nothing is played; before the limit"
+    )
+    limit: int | None = setting("N", "Play a stratified, deterministic subset of N cases", read.positive)
+    shard: tuple[int, int] | None = setting(
+        "I/N",
+        "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
+        "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
+        "say it); join the runs with libero-max merge",
+        read.shard,
+    )
+    order: Order = setting(
+        "ORDER",
+        "Order of play: sorted, which keeps the cases of a scene together; blocks:SEED, a permutation in "
+        "which every prefix has about the same share of each event and suite; or shuffled:SEED, one in which "
+        "every prefix is a simple random sample, which the rule anytime needs; results do not depend on it "
+        "(default: sorted)",
+        read.order,
+    )
+    stop: NamedRule | None = setting(
+        "RULE",
+        "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
+        " not be measured), first_regression, certain (no remaining outcome can change a gate), "
+        "strata:LEVEL (a change in some event of some suite is shown at this level), "
+        "anytime:LEVEL (at this level, a sequential test has decided the gates, or without gates has found a "
+        "change), worse_than:RUN (Dynamic is shown to be worse than that of an earlier run), or a rule of "
+        "another package, NAME or NAME:ARGUMENTS (default: none)",
+        read.stopping_rule,
+    )
+    substrate: str = setting(
+        "NAME",
+        "Builder of the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
+        "(a toy scene for manifests that name its entities)",
+        read.known_in(SUBSTRATES),
+        default="embedded",
+    )
+    libero: tuple[Path, ...] = setting(
+        "FOLDER",
+        "Checkout of LIBERO, LIBERO-Plus or LIBERO-PRO for the libero substrate; may be repeated, once a "
+        "kind (default: what import libero finds)",
+        read.text,
+        many=True,
+    )
+    libero_assets: Path | None = setting(
+        "FOLDER",
+        "Models and textures for an installation of the libero substrate that has none of its own",
+        read.text,
+    )
+    semantics: Literal["published", "corrected"] = setting(
+        "WHICH",
+        "Events of the libero substrate as published, defects included, or corrected",
+        read.known_in(SEMANTICS),
+        default="published",
+    )
+    instruction: Literal["published", "clean"] = setting(
+        "WHICH",
+        "Prompts of the libero substrate as published, where LIBERO-Plus's name the variation, or clean",
+        read.known_in(INSTRUCTIONS),
+        default="published",
+    )
+    source_variations: Literal["installed", "own"] = setting(
+        "WHICH",
+        "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: the installed ones, or "
+        "this package's own, made at reset on LIBERO's scenes",
+        read.known_in(SOURCE_VARIATIONS),
+        default="installed",
+    )
+    prefix: Literal["fork", "replay"] = setting(
+        "MODE",
+        "Way of Dynamic to the event: fork (from a snapshot taken in Base) or "
+        "replay (the recorded actions, from reset)",
+        read.known_in(("fork", "replay")),
+        default="fork",
+        recorded=Recorded("protocol"),
+    )
+    strength: float = setting(
+        "FRACTION",
+        "Let every event happen at this share of its change, 0 to 1; refused for events that happen whole or "
+        "not at all",
+        read.fraction,
+        default=1.0,
+        recorded=Recorded("protocol", usual=1.0, header="events at strength {:g}".format, played=True),
+    )
+    study: Study | None = setting(
+        "NAME",
+        "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
+        "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
+        "audit and repeats, or one of another package",
+        read.known_in(STUDIES),
+        recorded=Recorded(
+            "protocol", value=lambda study: study.to_dict(), header=lambda study: f"study {study.name}"
+        ),
+    )
+    cadence: str | None = setting(
+        "SETTINGS",
+        "Play the study cadence with these settings: values of Q, for example 2,4,8, or of H/Q, for example "
+        "2/2,4/4,8/8; the policy's own cadence is always played",
+        read.text,
+    )
+    delays: str | None = setting(
+        "SETTINGS",
+        "Play the study latency with these settings: steps that a query takes, for example 1,2,4,8, or 4sync "
+        "for the runner that waits; no delay is always played",
+        read.text,
+    )
+    repeats: str | None = setting(
+        "PLAYS",
+        "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
+        "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
+        read.text,
+    )
+    probe: tuple[str, ...] = setting(
+        "NAME",
+        "Read this in every arm as well, and keep its columns in the records; may be repeated "
+        "(contact_timeline, or a probe of another package)",
+        read.known_in(PROBES),
+        many=True,
+    )
+    latency: Latency = setting(
+        "TIME",
+        "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
+        "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
+        "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
+        "query from the query times of a run",
+        read.latency,
+        recorded=Recorded("protocol", usual=NO_LATENCY, value=str, header="latency {}".format, played=True),
+    )
+    horizon: int | None = setting(
+        "ACTIONS",
+        "Override H (chunk size), the most actions a query returns",
+        read.positive,
+        recorded=Recorded("policy", usual=SAID),
+    )
+    query_interval: int | None = setting(
+        "ACTIONS",
+        "Override Q (execution horizon, replan steps), the actions executed before the next query",
+        read.positive,
+        recorded=Recorded("policy", usual=SAID),
+    )
+    restore: Literal["native", "always", "gated"] = setting(
+        "MODE",
+        "Restore the images before the policy sees them, by what they show alone: native (never), gated "
+        "(those that look damaged) or always",
+        read.known_in(("native", "gated", "always")),
+        default="native",
+        recorded=Recorded("policy", usual="native"),
+    )
+    adaptive: Literal["image", "privileged"] | None = setting(
+        "WATCH",
+        "Execute whole chunks, and ask the policy early where something changed, on average no oftener than "
+        "every Q steps; watched are the fixed cameras (image) or the objects (privileged)",
+        read.known_in(("image", "privileged")),
+        recorded=Recorded("policy"),
+    )
+    strict: str | None = setting(
+        "WHAT",
+        "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
+        read.selection_in(("regressions",)),
+        session=True,
+    )
+    traces: str = setting(
+        "WHICH",
+        "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
+        "films: none, regressions, changed (Base and Dynamic end differently) or all",
+        read.selection_in(SELECTIONS),
+        default="none",
+    )
+    film: str = setting(
+        "WHICH",
+        "Film these pairs when all are measured, into films in the output folder: none, regressions, "
+        "changed (Base and Dynamic end differently) or all",
+        read.selection_in(SELECTIONS),
+        default="none",
+        session=True,
+    )
+    film_limit: int | None = setting(
+        "PAIRS",
+        "Film at most so many regressions and so many gains: at first one of each cause and event (default: "
+        f"{MOST_FILMS}; with --libero-max-film=all, all pairs)",
+        read.positive,
+        session=True,
+    )
+    progress: str = setting(
+        "FORM",
+        "Progress of the run: live (a line below pytest's output that is redrawn), lines (one a "
+        "minute, later fewer), none, or auto (live in a terminal, otherwise lines, and with -q none)",
+        read.known_in(("auto", "live", "lines", "none")),
+        default="auto",
+        session=True,
+    )
+    noise_floor: int | None = setting(
+        "PAIRS",
+        "Play Base twice for a stratified subset of so many pairs and report how often it flips",
+        read.positive,
+        recorded=Recorded("protocol", usual=SAID),
+    )
+    sham: float | None = setting(
+        "SHARE",
+        "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given "
+        "other seeds, and nothing changes. What is lost then is lost by the policy's own chance. Dynamic is "
+        "played with other seeds as well, so that flips beyond chance are known (default: 0.2 for a policy "
+        "that is not repeatable, else 0)",
+        read.fraction,
+        recorded=Recorded("protocol"),
+    )
+    verify: int = setting(
+        "PAIRS",
+        "At the end play so many pairs again, by turns of each suite, each in a process of its own with a "
+        "new home, cache and working folder, and compare outcome, steps and proofs: what a policy keeps from "
+        "pair to pair shows there",
+        read.count,
+        default=0,
+        session=True,
+    )
+    gate: tuple[Gate, ...] = setting(
+        "CONDITION",
+        "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. "
+        "Then the pairs are played by a worker, also without -n; gates of a shard are decided by "
+        "libero-max merge",
+        read.gate,
+        many=True,
+    )
+    query_timeout: float | None = setting(
+        "SECONDS",
+        "Wall-clock limit of one call of the policy; what takes longer makes its pair an error, never a "
+        "failed episode (default: none)",
+        read.seconds,
+    )
+    step_timeout: float | None = setting(
+        "SECONDS",
+        "Wall-clock limit of one step, reset or image of the simulator (default: none)",
+        read.seconds,
+    )
+    pair_timeout: float | None = setting(
+        "SECONDS",
+        "Wall-clock limit of a pair with all its arms, without the loading of the policy (default: none)",
+        read.seconds,
+    )
+    retries: int = setting(
+        "N",
+        "Play a pair again in a fresh process, so many times, after the process that played it has died",
+        read.count,
+        default=2,
+    )
+    isolate: bool = switch(
+        "Play each pair in a process of its own, with the policy loaded in it", session=True
+    )
+    memory: float | None = setting(
+        "GIB",
+        "Memory limit of a process that plays pairs: GiB, none, or auto, which is its share of 0.9 of this "
+        "machine's memory and at least 4 (default: auto)",
+        read.gibibytes,
+    )
+    ray: str | None = setting(
+        "ADDRESS",
+        "Play the pairs on a Ray cluster: HOST:PORT, ray://HOST:PORT, or auto for the cluster that this "
+        "machine belongs to; needs the extra ray",
+        read.text,
+        session=True,
+    )
+    ray_actors: int | None = setting(
+        "N",
+        "Actors that play at once on the Ray cluster, or auto: as many as have room, also when nodes join or "
+        "leave (default: auto)",
+        read.positive_or_auto,
+        session=True,
+    )
+    ray_cpus: float = setting(
+        "CPUS", "CPUs of the Ray cluster that an actor takes", read.amount, default=1.0, session=True
+    )
+    ray_gpus: float = setting(
+        "GPUS",
+        "GPUs of the Ray cluster that an actor takes, for example 0.25 where four policies share one "
+        "(default: none)",
+        read.amount,
+        default=0.0,
+        session=True,
+    )
+    ray_ship: bool = switch(
+        "Send the folder in which pytest is called to the nodes of the Ray cluster, which do not share it",
+        session=True,
+    )
+    output: Path = setting(
+        "FOLDER|auto",
+        f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
+        "--libero-max-resume the last of them",
+        read.text,
+        default=DEFAULT_OUTPUT,
+    )
+    compare: str | None = setting(
+        "RUN|last",
+        "At the end, compare the run with this one; last: with the last complete run of the same cases "
+        "beside the output folder",
+        read.text,
+        session=True,
+    )
+    resume: bool = switch("Continue the run in the output folder, skipping the pairs it has measured")
+
+    @property
+    def reference(self) -> str:
+        """Name, path or address that the policy is loaded from."""
+        assert self.policy is not None
+        return self.policy
+
+    @property
+    def substrate_options(self) -> SubstrateOptions:
+        """Options of the substrate."""
+        return SubstrateOptions(
+            self.libero, self.libero_assets, self.semantics, self.instruction, self.source_variations
+        )
+
+    @property
+    def timeouts(self) -> Limits:
+        """Wall-clock limits, s."""
+        return Limits(self.query_timeout, self.step_timeout, self.pair_timeout)
+
+    @property
+    def in_order(self) -> bool:
+        """True if pairs are to be handed out one by one: scenes are mixed, or a rule looks at the prefix."""
+        return self.order.seed is not None or self.stop is not None
+
+    def recorded(self, part: Literal["protocol", "policy"]) -> Json:
+        """Return what the provenance of a run says in one of its parts, by setting."""
+        return {
+            option.field: option.recorded.value(value)
+            for option, value in self._recorded()
+            if option.recorded.part == part and option.recorded.says(value)
+        }
+
+    @property
+    def played(self) -> dict[str, str]:
+        """What each record says of the settings it was played with, among its fingerprints."""
+        return {
+            option.field: played_text(option.recorded.value(value))
+            for option, value in self._recorded()
+            if option.recorded.played and option.recorded.says(value)
+        }
+
+    @property
+    def extras(self) -> str:
+        """Words for pytest's header; empty for a plain run."""
+        words = (
+            option.recorded.header(value)
+            for option, value in self._recorded()
+            if option.recorded.header is not None and option.recorded.says(value)
+        )
+        return "".join(f", {text}" for text in words)
+
+    def _recorded(self) -> Iterator[tuple[Any, Any]]:
+        for option in options_of(type(self)):
+            if option.recorded is not None:
+                yield option, getattr(self, option.field)
+
+    @property
+    def case_set(self) -> str:
+        """Name of the track or manifest for people."""
+        return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
+
+
+def options_of(kind: type[Settings]) -> tuple[Option, ...]:
+    """Return the options that the fields of a class declare, in the order of the help."""
+    return tuple(Option(item.name.replace("_", "-"), **item.metadata) for item in fields(kind))
+
+
+OPTIONS = options_of(Settings)
+"""Every option, in the order of the help."""
+
+
+def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) -> Settings:
+    """Return settings from values that have been read, in which options may contradict each other.
+
+    Args:
+        values: By the names of the fields; each is there, None where nothing was asked for.
+        here: Folder that relative paths start from.
+        given: Names of the settings that were asked for in so many words, and not by an ini file.
+
+    Raises:
+        OptionError: Two options contradict each other, or name what does not exist.
+    """
+    values = dict(values)
+    if values["manifest"] is not None:
+        if "track" in given:
+            raise OptionError(
+                "--libero-max-track and --libero-max-manifest both name the cases; give one of them."
+            )
+        values["manifest"] = path_from(here, values["manifest"])
+    values["output"] = _output(values["output"], here, resume=values["resume"])
+    values["program"] = _program(values, here)
+    values["libero"] = tuple(path_from(here, folder) for folder in values["libero"])
+    if values["libero_assets"] is not None:
+        values["libero_assets"] = path_from(here, values["libero_assets"])
+    _check_substrate_options(given, values["substrate"])
+    values["order"] = values["order"] or Order()
+    _check_ray(given, values)
+    values["study"] = _study(values)
+    values["latency"] = values["latency"] or NO_LATENCY
+    _check_timing(values)
+    settings = Settings(**values)
+    return replace(settings, track=_track(settings, values["track"]))
+
+
+def path_from(here: Path, text: str | Path) -> Path:
+    """Return a path as given; reports write the home folder as ``~``, and their commands are to work."""
+    return Path(here, Path(text).expanduser())
+
+
+def _output(text: str, here: Path, *, resume: bool) -> Path:
+    """Return the output folder."""
+    if text == "auto":
+        made = sorted(here.glob(f"{DEFAULT_OUTPUT}-[0-9][0-9][0-9][0-9]"))
+        last = int(made[-1].name[-4:]) if made else 0
+        text = f"{DEFAULT_OUTPUT}-{last + (not made or not resume):04d}"
+    return path_from(here, text)
+
+
+def _check_timing(values: Mapping[str, Any]) -> None:
+    """Check the options about when a policy is asked.
+
+    Raises:
+        OptionError: They contradict each other.
+    """
+    if values["latency"] != NO_LATENCY and values["adaptive"] is not None:
+        raise OptionError(
+            f"--libero-max-latency={values['latency']} is of a policy that is asked every Q steps, but "
+            f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
+        )
+    horizon, interval = values["horizon"], values["query_interval"]
+    if horizon is not None and interval is not None and interval > horizon:
+        raise OptionError(
+            f"--libero-max-query-interval={interval} > --libero-max-horizon={horizon}: a query returns "
+            "at most H actions, so no more than H can be executed before the next (Q <= H). "
+            "Lower Q or raise H."
+        )
+
+
+_SUBSTRATE_OPTIONS = {
+    "libero": "installations",
+    "libero-assets": "assets",
+    "semantics": "semantics",
+    "instruction": "instruction",
+    "source-variations": "variations",
+}
+"""The field of :class:`.SubstrateOptions` that an option fills, by the option's name."""
+
+
+def _check_substrate_options(given: Collection[str], substrate: str) -> None:
+    """Check that the substrate reads the options that are given for it.
+
+    Raises:
+        OptionError: It does not.
+    """
+    for name, filled in _SUBSTRATE_OPTIONS.items():
+        if name.replace("-", "_") in given and filled not in SUBSTRATES[substrate].reads:
+            readers = [kind.name for kind in SUBSTRATES.values() if filled in kind.reads]
+            raise OptionError(
+                f"--libero-max-{name} is for the {' or '.join(readers)} substrate, but the substrate is "
+                f"{substrate}. Add --libero-max-substrate={readers[0]}."
+            )
+
+
+def _check_ray(given: Collection[str], values: Mapping[str, Any]) -> None:
+    """Check the options about actors.
+
+    Raises:
+        OptionError: There is no cluster for them, or nothing says how many have room.
+    """
+    actors = [option.flag for option in OPTIONS if option.name.startswith("ray-") and option.field in given]
+    if actors and values["ray"] is None:
+        raise OptionError(f"{actors[0]} is for a Ray cluster. Add --libero-max-ray=ADDRESS.")
+    if values["ray_actors"] is None and not values["ray_cpus"] and not values["ray_gpus"]:
+        raise OptionError(
+            "--libero-max-ray-cpus=0: nothing says how many actors have room. Give --libero-max-ray-actors=N."
+        )
+
+
+def _track(settings: Settings, name: str | None) -> str:
+    from pytest_libero_max.evaluation.case_support import supported_track
+
+    if settings.manifest is not None:
+        return name or ""
+    return supported_track(name, settings.substrate, settings.substrate_options)
+
+
+def _study(values: dict[str, Any]) -> Study | None:
+    """Return the study that is asked for; the track becomes that of the study where none is named.
+
+    Raises:
+        OptionError: Its settings are missing, of another form or those of another study, or it sets
+            strengths itself.
+    """
+    options = SETTINGS_OPTIONS.items()
+    chosen = {swept: text for swept, option in options if (text := values[option]) is not None}
+    name = values["study"] = values["study"] or next(iter(chosen), None)
+    for swept in chosen:
+        if swept != name:
+            raise OptionError(
+                f"--libero-max-{SETTINGS_OPTIONS[swept]} is for the study {swept}, but the study is {name}. "
+                "Take one of the two away."
+            )
+    if name is None:
+        return None
+    study = STUDIES[name].of(chosen.get(name))
+    if name in ("cadence", "latency") and values["adaptive"] is not None:
+        raise OptionError(
+            f"--libero-max-study={name} plays fixed query intervals, but "
+            f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
+        )
+    if name == "latency" and values["latency"] not in (None, NO_LATENCY):
+        raise OptionError(
+            "--libero-max-study=latency plays delays of its own, but "
+            f"--libero-max-latency={values['latency']} is given. Leave one of the two out."
+        )
+    if study.scales and values["strength"] != 1.0:
+        raise OptionError(
+            f"--libero-max-study={name} plays the event at strengths of its own, but "
+            f"--libero-max-strength={values['strength']:g} is given. Leave one of the two out."
+        )
+    if values["track"] is None:
+        values["track"] = study.track
+    return study
+
+
+def _program(values: Mapping[str, Any], here: Path) -> Program | None:
+    """Return the program that is named.
+
+    Raises:
+        OptionError: It cannot be read, or a study is asked for as well.
+    """
+    if values["program"] is None:
+        return None
+    from pytest_libero_max.benchmark.programs import find_program
+
+    if values["study"] is not None:
+        raise OptionError(
+            f"--libero-max-study={values['study']} plays its arms beside Base and Dynamic of the event, but "
+            "--libero-max-program chooses the arms. Leave one of the two out."
+        )
+    with about("--libero-max-program: "):
+        return find_program(values["program"], here)
+
+
+@contextmanager
+def about(begin: str) -> Iterator[None]:
+    """Let the message of an error in the block begin with these words.
+
+    Raises:
+        OptionError: An error of this package was raised in the block.
+    """
+    try:
+        yield
+    except LiberoMaxError as error:
+        raise OptionError(f"{begin}{error}") from None
