@@ -19,6 +19,7 @@ from pytest_libero_max.evaluation import option_values as read
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
+from pytest_libero_max.runs.protocol import fingerprint_text, protocol_words
 from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
@@ -46,14 +47,12 @@ class Recorded:
         part: Part of the provenance that holds it, under the name of the setting.
         usual: Value that is not said anywhere; :data:`SAID` where every value is said.
         value: Returns what the provenance holds.
-        header: Returns words for the header of a session; None for none.
         played: True if each record says with which value it was played, among its fingerprints.
     """
 
     part: Literal["protocol", "policy"]
     usual: Any = None
     value: Callable[[Any], Any] = lambda value: value
-    header: Callable[[Any], str] | None = None
     played: bool = False
 
     def says(self, value: Any) -> bool:
@@ -134,15 +133,6 @@ def _program_value(program: Program) -> Json:
     return {**program.to_dict(), "digest": program.digest}
 
 
-def _program_words(program: Program) -> str:
-    return f"program {program.name} ({program.digest[:12]})"
-
-
-def played_text(value: Any) -> str:
-    """Return a value as the fingerprints of a record hold it."""
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
 @dataclass(frozen=True)
 class Settings:
     """Resolved settings. Without a policy the plugin only offers its fixtures.
@@ -185,7 +175,7 @@ class Settings:
         "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
         "`libero-max programs`, or a JSON file",
         read.text,
-        recorded=Recorded("protocol", value=_program_value, header=_program_words),
+        recorded=Recorded("protocol", value=_program_value),
     )
     only_installed: bool = switch(
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
@@ -269,7 +259,7 @@ class Settings:
         "not at all",
         read.fraction,
         default=1.0,
-        recorded=Recorded("protocol", usual=1.0, header="events at strength {:g}".format, played=True),
+        recorded=Recorded("protocol", usual=1.0, played=True),
     )
     study: Study | None = setting(
         "NAME",
@@ -277,9 +267,7 @@ class Settings:
         "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
         "audit and repeats, or one of another package",
         read.known_in(STUDIES),
-        recorded=Recorded(
-            "protocol", value=lambda study: study.to_dict(), header=lambda study: f"study {study.name}"
-        ),
+        recorded=Recorded("protocol", value=lambda study: study.to_dict()),
     )
     cadence: str | None = setting(
         "SETTINGS",
@@ -313,7 +301,7 @@ class Settings:
         "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
         "query from the query times of a run",
         read.latency,
-        recorded=Recorded("protocol", usual=NO_LATENCY, value=str, header="latency {}".format, played=True),
+        recorded=Recorded("protocol", usual=NO_LATENCY, value=str, played=True),
     )
     horizon: int | None = setting(
         "ACTIONS",
@@ -521,7 +509,7 @@ class Settings:
     def played(self) -> dict[str, str]:
         """What each record says of the settings it was played with, among its fingerprints."""
         return {
-            option.field: played_text(option.recorded.value(value))
+            option.field: fingerprint_text(option.recorded.value(value))
             for option, value in self._recorded()
             if option.recorded.played and option.recorded.says(value)
         }
@@ -529,12 +517,7 @@ class Settings:
     @property
     def extras(self) -> str:
         """Words for pytest's header; empty for a plain run."""
-        words = (
-            option.recorded.header(value)
-            for option, value in self._recorded()
-            if option.recorded.header is not None and option.recorded.says(value)
-        )
-        return "".join(f", {text}" for text in words)
+        return "".join(f", {words}" for words in protocol_words(self.recorded("protocol")).values())
 
     def _recorded(self) -> Iterator[tuple[Any, Any]]:
         for option in options_of(type(self)):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.releases import RELEASED, ReleasedFile
 from pytest_libero_max.report.formats import percent, points
+from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.outcome_table import Outcomes
 
 if TYPE_CHECKING:
@@ -205,7 +206,7 @@ def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None
         return f"its cases are {case_set['name']}, not those of {file}"
     if played < file.cases:
         return f"it measured {played:,} of the {file.cases:,} cases"
-    extra = [key for key in ("program", "latency", "strength", "study") if provenance["protocol"].get(key)]
+    extra = protocol_words(provenance["protocol"])
     if extra:
         return f"it played another protocol ({', '.join(extra)})"
     other = [name for name, value in asked.items() if substrate.get(name) != value]

@@ -12,6 +12,7 @@ from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairEr
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
 from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.protocol import fingerprint_text
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
@@ -238,15 +239,17 @@ def _other_kind(first: Played, other: Played) -> list[str]:
 def _require_header(run: Run, record: Played) -> None:
     """Check that a record agrees with the header of its run."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
-    strength = run.provenance["protocol"].get("strength")
     adaptive = asked.get("adaptive") is not None  # then the record holds H and Q of the wrapper
     header = {
         ("policy", "horizon"): None if adaptive else asked.get("horizon"),
         ("policy", "query_interval"): None if adaptive else asked.get("query_interval"),
         ("fingerprints", "adapter"): asked.get("code"),
-        ("fingerprints", "latency"): run.provenance["protocol"].get("latency"),
-        ("fingerprints", "strength"): None if strength is None else f"{strength:g}",
         ("fingerprints", "substrate"): run.provenance["substrate"]["name"],
+        **{
+            ("fingerprints", name): fingerprint_text(value)
+            for name, value in run.provenance["protocol"].items()
+            if isinstance(value, str | int | float)  # a program is a digest, which is of the case
+        },
         **{("fingerprints", name): version for name, version in versions.items()},
     }
     for (part, name), wanted in header.items():

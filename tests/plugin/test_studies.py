@@ -29,7 +29,7 @@ def test_a_strength_is_in_the_header_the_records_and_the_report(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
     done = run(*CAMERA, "--libero-max-strength=0.5")
-    done.stdout.fnmatch_lines(["*, events at strength 0.5", "*, events at strength 0.5:*"])
+    done.stdout.fnmatch_lines(["*, strength 0.5", "*, strength 0.5:*"])
     assert header(pytester)["strength"] == 0.5
     records, report = results()
     assert {record["fingerprints"]["strength"] for record in records} == {"0.5"}
