@@ -151,8 +151,12 @@ def test_many_runs_in_one_process_leave_nothing_behind(folder: Path) -> None:
             logging.root.handlers[:],
         )
 
+    def kept() -> int:
+        gc.collect()
+        return sum(isinstance(each, RunKeeper | PairStore | TinyWorld) for each in gc.get_objects())
+
     evaluate("adapter.py", limit=1, **HOW)
-    before = state()
+    before, kept_before = state(), kept()
     modules = set(sys.modules)
     for _ in range(3):
         evaluate("adapter.py", limit=1, **HOW)
@@ -160,9 +164,7 @@ def test_many_runs_in_one_process_leave_nothing_behind(folder: Path) -> None:
     assert state() == before
     assert set(sys.modules) == modules
     assert len([*folder.glob("libero-max-results/pairs*.jsonl")]) == 7
-    gc.collect()
-    kept = [each for each in gc.get_objects() if isinstance(each, RunKeeper | PairStore | TinyWorld)]
-    assert not kept
+    assert kept() == kept_before
 
 
 def test_an_interrupted_run_goes_on(folder: Path) -> None:
