@@ -22,8 +22,9 @@ from pytest_libero_max.evaluation.keeper import RunKeeper, problem_text
 from pytest_libero_max.evaluation.policy_source import GivenPolicy, PolicySource
 from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.processes.time_limits import Limits
+from pytest_libero_max.evaluation.resolving import resolve
 from pytest_libero_max.evaluation.run_cases import RunCases
-from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, OPTIONS, Option, Settings, resolve
+from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, OPTIONS, Option, Settings
 from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.evaluation.workers import CasePlayer, Job, Workers, for_workers, result_in
 from pytest_libero_max.pairing.record import RECORD_PHASE, PairError, PairRecord

@@ -28,9 +28,10 @@ from pytest_libero_max.errors import (
 )
 from pytest_libero_max.evaluation.case_support import require_support
 from pytest_libero_max.evaluation.policy_source import PolicySource
+from pytest_libero_max.evaluation.resolving import about
 from pytest_libero_max.evaluation.resource_checks import require_disk_space
 from pytest_libero_max.evaluation.run_cases import RunCases, markers_of
-from pytest_libero_max.evaluation.settings import Settings, about
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.pairing.record import POLICY_PHASE, RECORD_PHASE, PairError, PairRecord

@@ -10,7 +10,8 @@ from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
 from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.evaluation.case_support import supported_cases
-from pytest_libero_max.evaluation.settings import Settings, about
+from pytest_libero_max.evaluation.resolving import about
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.events.registry import check_cases, family_of
 
 

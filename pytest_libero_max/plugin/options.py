@@ -15,8 +15,9 @@ import pytest
 
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import option_values as read
-from pytest_libero_max.evaluation import settings as run_settings
-from pytest_libero_max.evaluation.settings import OPTIONS, Option, Settings, path_from
+from pytest_libero_max.evaluation import resolving
+from pytest_libero_max.evaluation.resolving import path_from
+from pytest_libero_max.evaluation.settings import OPTIONS, Option, Settings
 from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.runs.replay_command import Places
 
@@ -61,7 +62,7 @@ def resolve(config: pytest.Config) -> Settings:
     values = {option.field: _value(config, option) for option in OPTIONS}
     given = {option.field for option in OPTIONS if config.getoption(option.key) is not None}
     with usage_errors():
-        settings = run_settings.resolve(values, config.invocation_params.dir, given)
+        settings = resolving.resolve(values, config.invocation_params.dir, given)
     # Workers are given the options: what is chosen by this machine's files and environment is kept in them.
     if values["output"] == "auto":
         config.option.libero_max_output = str(settings.output)

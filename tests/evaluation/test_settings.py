@@ -11,7 +11,8 @@ import pytest
 
 from pytest_libero_max.errors import OptionError, OtherRunError
 from pytest_libero_max.evaluation import option_values as read
-from pytest_libero_max.evaluation.settings import OPTIONS, Option, Recorded, Settings, resolve, setting
+from pytest_libero_max.evaluation.resolving import resolve
+from pytest_libero_max.evaluation.settings import OPTIONS, Option, Recorded, Settings, setting
 from pytest_libero_max.runs.agreement import Agreement
 from pytest_libero_max.runs.comparability import measurement_differences
 from pytest_libero_max.runs.plan import Run
