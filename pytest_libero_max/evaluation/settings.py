@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 DEFAULT_OUTPUT = "libero-max-results"
 
+Group = Literal["everyday", "protocol", "machines"]
+
 
 SAID: Any = object()
 """No value of a setting: each one is said."""
@@ -69,6 +71,7 @@ class Option:
         switch: True for a flag without a value (in the ini file: true or false).
         recorded: What records say of it; None for a setting that changes no result.
         session: True if it is about pytest's session, or about machines that only a session uses.
+        group: Group of the help: what one needs every day, what may change a result, and the rest.
     """
 
     name: str
@@ -80,6 +83,7 @@ class Option:
     switch: bool = False
     recorded: Recorded | None = None
     session: bool = False
+    group: Group = "everyday"
 
     @property
     def flag(self) -> str:
@@ -115,17 +119,19 @@ def setting(
     many: bool = False,
     recorded: Recorded | None = None,
     session: bool = False,
+    group: Group = "everyday",
 ) -> Any:
-    """Declare a field of :class:`Settings`; arguments as of :class:`Option`."""
+    """Declare a field of :class:`Settings`; arguments as of :class:`Option`. What is recorded is protocol."""
     default = () if many else default
+    group = "protocol" if recorded is not None else group
     declared = {"metavar": metavar, "help": help, "parse": parse, "default": default, "many": many}
-    return field(metadata={**declared, "recorded": recorded, "session": session})
+    return field(metadata={**declared, "recorded": recorded, "session": session, "group": group})
 
 
-def switch(help: str, *, session: bool = False) -> Any:
+def switch(help: str, *, session: bool = False, group: Group = "everyday") -> Any:
     """Declare a setting that is on or off, likewise."""
     declared = {"metavar": "", "help": help, "parse": bool, "default": False}
-    return field(metadata={**declared, "switch": True, "session": session})
+    return field(metadata={**declared, "switch": True, "session": session, "group": group})
 
 
 def _program_value(program: Program) -> Json:
@@ -178,7 +184,8 @@ class Settings:
     )
     only_installed: bool = switch(
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
-        "otherwise nothing is played; before the limit"
+        "otherwise nothing is played; before the limit",
+        group="machines",
     )
     limit: int | None = setting("N", "Play a stratified, deterministic subset of N cases", read.positive)
     shard: tuple[int, int] | None = setting(
@@ -187,6 +194,7 @@ class Settings:
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
         "say it); join the runs with libero-max merge",
         read.shard,
+        group="machines",
     )
     order: Order = setting(
         "ORDER",
@@ -195,6 +203,7 @@ class Settings:
         "every prefix is a simple random sample, which the rule anytime needs; results do not depend on it "
         "(default: sorted)",
         read.order,
+        group="machines",
     )
     stop: NamedRule | None = setting(
         "RULE",
@@ -219,23 +228,27 @@ class Settings:
         "kind (default: what import libero finds)",
         read.text,
         many=True,
+        group="machines",
     )
     libero_assets: Path | None = setting(
         "FOLDER",
         "Models and textures for an installation of the libero substrate that has none of its own",
         read.text,
+        group="machines",
     )
     semantics: Literal["published", "corrected"] = setting(
         "WHICH",
         "Events of the libero substrate as published, defects included, or corrected",
         read.known_in(SEMANTICS),
         default="published",
+        group="protocol",
     )
     instruction: Literal["published", "clean"] = setting(
         "WHICH",
         "Prompts of the libero substrate as published, where LIBERO-Plus's name the variation, or clean",
         read.known_in(INSTRUCTIONS),
         default="published",
+        group="protocol",
     )
     source_variations: Literal["installed", "own"] = setting(
         "WHICH",
@@ -243,6 +256,7 @@ class Settings:
         "this package's own, made at reset on LIBERO's scenes",
         read.known_in(SOURCE_VARIATIONS),
         default="installed",
+        group="protocol",
     )
     prefix: Literal["fork", "replay"] = setting(
         "MODE",
@@ -273,18 +287,21 @@ class Settings:
         "Play the study cadence with these settings: values of Q, for example 2,4,8, or of H/Q, for example "
         "2/2,4/4,8/8; the policy's own cadence is always played",
         read.text,
+        group="protocol",
     )
     delays: str | None = setting(
         "SETTINGS",
         "Play the study latency with these settings: steps that a query takes, for example 1,2,4,8, or 4sync "
         "for the runner that waits; no delay is always played",
         read.text,
+        group="protocol",
     )
     repeats: str | None = setting(
         "PLAYS",
         "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
         "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
         read.text,
+        group="protocol",
     )
     probe: tuple[str, ...] = setting(
         "NAME",
@@ -292,6 +309,7 @@ class Settings:
         "(contact_timeline, or a probe of another package)",
         read.known_in(PROBES),
         many=True,
+        group="protocol",
     )
     latency: Latency = setting(
         "TIME",
@@ -364,6 +382,7 @@ class Settings:
         read.known_in(("auto", "live", "lines", "none")),
         default="auto",
         session=True,
+        group="machines",
     )
     noise_floor: int | None = setting(
         "PAIRS",
@@ -388,6 +407,7 @@ class Settings:
         read.count,
         default=0,
         session=True,
+        group="machines",
     )
     gate: tuple[Gate, ...] = setting(
         "CONDITION",
@@ -402,31 +422,38 @@ class Settings:
         "Wall-clock limit of one call of the policy; what takes longer makes its pair an error, never a "
         "failed episode (default: none)",
         read.seconds,
+        group="machines",
     )
     step_timeout: float | None = setting(
         "SECONDS",
         "Wall-clock limit of one step, reset or image of the simulator (default: none)",
         read.seconds,
+        group="machines",
     )
     pair_timeout: float | None = setting(
         "SECONDS",
         "Wall-clock limit of a pair with all its arms, without the loading of the policy (default: none)",
         read.seconds,
+        group="machines",
     )
     retries: int = setting(
         "N",
         "Play a pair again in a fresh process, so many times, after the process that played it has died",
         read.count,
         default=2,
+        group="machines",
     )
     isolate: bool = switch(
-        "Play each pair in a process of its own, with the policy loaded in it", session=True
+        "Play each pair in a process of its own, with the policy loaded in it",
+        session=True,
+        group="machines",
     )
     memory: float | None = setting(
         "GIB",
         "Memory limit of a process that plays pairs: GiB, none, or auto, which is its share of 0.9 of this "
         "machine's memory and at least 4 (default: auto)",
         read.gibibytes,
+        group="machines",
     )
     ray: str | None = setting(
         "ADDRESS",
@@ -434,6 +461,7 @@ class Settings:
         "machine belongs to; needs the extra ray",
         read.text,
         session=True,
+        group="machines",
     )
     ray_actors: int | None = setting(
         "N",
@@ -441,9 +469,15 @@ class Settings:
         "leave (default: auto)",
         read.positive_or_auto,
         session=True,
+        group="machines",
     )
     ray_cpus: float = setting(
-        "CPUS", "CPUs of the Ray cluster that an actor takes", read.amount, default=1.0, session=True
+        "CPUS",
+        "CPUs of the Ray cluster that an actor takes",
+        read.amount,
+        default=1.0,
+        session=True,
+        group="machines",
     )
     ray_gpus: float = setting(
         "GPUS",
@@ -452,10 +486,12 @@ class Settings:
         read.amount,
         default=0.0,
         session=True,
+        group="machines",
     )
     ray_ship: bool = switch(
         "Send the folder in which pytest is called to the nodes of the Ray cluster, which do not share it",
         session=True,
+        group="machines",
     )
     output: Path = setting(
         "FOLDER|auto",

@@ -17,11 +17,18 @@ from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import option_values as read
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
-from pytest_libero_max.evaluation.settings import OPTIONS, Option, Settings
+from pytest_libero_max.evaluation.settings import OPTIONS, Group, Option, Settings
 from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.runs.replay_command import Places
 
 POLICY_FLAG = "--libero-max-policy"
+
+_GROUPS: dict[Group, str] = {
+    "everyday": "LIBERO-MAX: paired evaluation of robot policies under mid-execution events",
+    "protocol": "LIBERO-MAX, protocol: what may change a result",
+    "machines": "LIBERO-MAX, machines: processes, limits, installations, parts of a run",
+}
+"""Title of each group of the help."""
 
 _OPTION_OF = {option.key: option for option in OPTIONS}
 
@@ -37,20 +44,17 @@ def usage_errors(begin: str = "") -> Iterator[None]:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare every option and its ini twin."""
-    group = parser.getgroup(
-        "libero-max", "LIBERO-MAX: paired evaluation of robot policies under mid-execution events"
-    )
-    for option in OPTIONS:
+    for option in sorted(OPTIONS, key=lambda option: [*_GROUPS].index(option.group)):
+        group = parser.getgroup(f"libero-max {option.group}", _GROUPS[option.group])
         default = f" (default: {option.default})" if option.default else ""
         how: dict[str, Any] = {"metavar": option.metavar, "action": "append" if option.many else "store"}
         if option.switch:
             how = {"action": "store_true"}
         group.addoption(option.flag, dest=option.key, default=None, help=option.help + default, **how)
-        words = f"{option.help}{default}; overridden by {option.flag}"
         kind: Literal["linelist", "string", "bool"] = "linelist" if option.many else "string"
         if option.switch:
             kind = "bool"
-        parser.addini(option.key, words, kind, default=None)
+        parser.addini(option.key, f"See {option.flag}", kind, default=None)
 
 
 def resolve(config: pytest.Config) -> Settings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -77,3 +78,9 @@ def test_an_option_is_its_field() -> None:
     with pytest.raises(OptionError, match="new_thing='x': expected an integer"):
         option.read("x", "new_thing")
     assert [item.name for item in fields(Settings)] == [option.field for option in OPTIONS]
+
+
+def test_what_is_needed_every_day_fits_on_a_screen() -> None:
+    by_group = Counter(option.group for option in OPTIONS)
+    assert by_group["everyday"] <= 14
+    assert {option.group for option in OPTIONS if option.recorded} == {"protocol"}
