@@ -125,7 +125,7 @@ def evaluate(
         settings: Any other option of pytest's command line that is about a run, under its name with
             underscores: ``horizon``, ``query_interval``, ``profile``, ``revision``, ``manifest``,
             ``program``, ``substrate``, ``order``, ``stop``, ``strength``, ``latency``, ``study``,
-            ``traces``, ``query_timeout``, ``retries``, ... Values are as there, or Python's own. Limits of
+            ``traces``, ``timeout``, ``retries``, ... Values are as there, or Python's own. Limits of
             time and memory need processes of their own, which are then started for one worker as well.
 
     Returns:
@@ -153,7 +153,7 @@ class _Run:
             raise OptionError.seen("workers", workers, ", but must be an integer of at least 1.")
         settings = self._settings = source.settings
         self._source, self._workers = source, workers
-        limited = settings.timeouts != Limits() or settings.memory
+        limited = settings.timeout != Limits() or settings.memory
         self._apart = workers > 1 or bool(limited)
         if self._apart:
             Job(source, 0.0, workers).require_sendable()

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, OPTIONS, Settings
-from pytest_libero_max.studies.registry import SETTINGS_OPTIONS, STUDIES
+from pytest_libero_max.evaluation.processes.time_limits import Limits
+from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, Settings
+from pytest_libero_max.studies.registry import STUDIES
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
 if TYPE_CHECKING:
@@ -45,9 +46,9 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
         values["libero_assets"] = path_from(here, values["libero_assets"])
     _check_substrate_options(given, values["substrate"])
     values["order"] = values["order"] or Order()
-    _check_ray(given, values)
     values["study"] = _study(values)
     values["latency"] = values["latency"] or NO_LATENCY
+    values["timeout"] = values["timeout"] or Limits()
     _check_timing(values)
     settings = Settings(**values)
     return replace(settings, track=_track(settings, values["track"]))
@@ -112,21 +113,6 @@ def _check_substrate_options(given: Collection[str], substrate: str) -> None:
             )
 
 
-def _check_ray(given: Collection[str], values: Mapping[str, Any]) -> None:
-    """Check the options about actors.
-
-    Raises:
-        OptionError: There is no cluster for them, or nothing says how many have room.
-    """
-    actors = [option.flag for option in OPTIONS if option.name.startswith("ray-") and option.field in given]
-    if actors and values["ray"] is None:
-        raise OptionError(f"{actors[0]} is for a Ray cluster. Add --libero-max-ray=ADDRESS.")
-    if values["ray_actors"] is None and not values["ray_cpus"] and not values["ray_gpus"]:
-        raise OptionError(
-            "--libero-max-ray-cpus=0: nothing says how many actors have room. Give --libero-max-ray-actors=N."
-        )
-
-
 def _track(settings: Settings, name: str | None) -> str:
     from pytest_libero_max.evaluation.case_support import supported_track
 
@@ -139,21 +125,12 @@ def _study(values: dict[str, Any]) -> Study | None:
     """Return the study that is asked for; the track becomes that of the study where none is named.
 
     Raises:
-        OptionError: Its settings are missing, of another form or those of another study, or it sets
-            strengths itself.
+        OptionError: Its settings are missing or of another form, or contradict another option.
     """
-    options = SETTINGS_OPTIONS.items()
-    chosen = {swept: text for swept, option in options if (text := values[option]) is not None}
-    name = values["study"] = values["study"] or next(iter(chosen), None)
-    for swept in chosen:
-        if swept != name:
-            raise OptionError(
-                f"--libero-max-{SETTINGS_OPTIONS[swept]} is for the study {swept}, but the study is {name}. "
-                "Take one of the two away."
-            )
-    if name is None:
+    if values["study"] is None:
         return None
-    study = STUDIES[name].of(chosen.get(name))
+    name, _, sweep = values["study"].partition(":")
+    study = STUDIES[name].of(sweep or None)
     if name in ("cadence", "latency") and values["adaptive"] is not None:
         raise OptionError(
             f"--libero-max-study={name} plays fixed query intervals, but "

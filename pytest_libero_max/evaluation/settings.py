@@ -19,7 +19,6 @@ from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
 from pytest_libero_max.runs.protocol import fingerprint_text, protocol_words
-from pytest_libero_max.studies.registry import STUDIES
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
@@ -275,33 +274,14 @@ class Settings:
         recorded=Recorded("protocol", usual=1.0, played=True),
     )
     study: Study | None = setting(
-        "NAME",
+        "NAME[:SETTINGS]",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
-        "track camera unless another one is named), event-timing, cadence and latency (of the track lite), "
-        "audit and repeats, or one of another package",
-        read.known_in(STUDIES),
+        "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
+        "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
+        "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
+        "smoke: each case 3 or so many times, with other seeds of the policy), or one of another package",
+        read.study,
         recorded=Recorded("protocol", value=lambda study: study.to_dict()),
-    )
-    cadence: str | None = setting(
-        "SETTINGS",
-        "Play the study cadence with these settings: values of Q, for example 2,4,8, or of H/Q, for example "
-        "2/2,4/4,8/8; the policy's own cadence is always played",
-        read.text,
-        group="protocol",
-    )
-    delays: str | None = setting(
-        "SETTINGS",
-        "Play the study latency with these settings: steps that a query takes, for example 1,2,4,8, or 4sync "
-        "for the runner that waits; no delay is always played",
-        read.text,
-        group="protocol",
-    )
-    repeats: str | None = setting(
-        "PLAYS",
-        "Play each case so often, with other seeds of the policy, and report the variance between seeds, "
-        "cases and tasks: the study repeats, which plays 3 (of the track smoke unless another one is named)",
-        read.text,
-        group="protocol",
     )
     probe: tuple[str, ...] = setting(
         "NAME",
@@ -417,23 +397,12 @@ class Settings:
         read.gate,
         many=True,
     )
-    query_timeout: float | None = setting(
-        "SECONDS",
-        "Wall-clock limit of one call of the policy; what takes longer makes its pair an error, never a "
-        "failed episode (default: none)",
-        read.seconds,
-        group="machines",
-    )
-    step_timeout: float | None = setting(
-        "SECONDS",
-        "Wall-clock limit of one step, reset or image of the simulator (default: none)",
-        read.seconds,
-        group="machines",
-    )
-    pair_timeout: float | None = setting(
-        "SECONDS",
-        "Wall-clock limit of a pair with all its arms, without the loading of the policy (default: none)",
-        read.seconds,
+    timeout: Limits = setting(
+        "query:S,step:S,pair:S",
+        "Wall-clock limits, s, one or more of: query, one call of the policy; step, one step, reset or image "
+        "of the simulator; pair, a pair with all its arms, without the loading of the policy. What takes "
+        "longer makes its pair an error, never a failed episode (default: none)",
+        read.limits,
         group="machines",
     )
     retries: int = setting(
@@ -455,41 +424,14 @@ class Settings:
         read.gibibytes,
         group="machines",
     )
-    ray: str | None = setting(
-        "ADDRESS",
+    ray: read.Cluster | None = setting(
+        "ADDRESS[,actors=N,cpus=N,gpus=N,ship]",
         "Play the pairs on a Ray cluster: HOST:PORT, ray://HOST:PORT, or auto for the cluster that this "
-        "machine belongs to; needs the extra ray",
-        read.text,
-        session=True,
-        group="machines",
-    )
-    ray_actors: int | None = setting(
-        "N",
-        "Actors that play at once on the Ray cluster, or auto: as many as have room, also when nodes join or "
-        "leave (default: auto)",
-        read.positive_or_auto,
-        session=True,
-        group="machines",
-    )
-    ray_cpus: float = setting(
-        "CPUS",
-        "CPUs of the Ray cluster that an actor takes",
-        read.amount,
-        default=1.0,
-        session=True,
-        group="machines",
-    )
-    ray_gpus: float = setting(
-        "GPUS",
-        "GPUs of the Ray cluster that an actor takes, for example 0.25 where four policies share one "
-        "(default: none)",
-        read.amount,
-        default=0.0,
-        session=True,
-        group="machines",
-    )
-    ray_ship: bool = switch(
-        "Send the folder in which pytest is called to the nodes of the Ray cluster, which do not share it",
+        "machine belongs to; needs the extra ray. Behind it: actors that play at once (default: as many as "
+        "have room, also when nodes join or leave), CPUs and GPUs that each takes (default: 1 and 0; 0.25 "
+        "where four policies share a GPU), and ship, which sends the folder in which pytest is called to "
+        "nodes that do not share it",
+        read.cluster,
         session=True,
         group="machines",
     )
@@ -521,11 +463,6 @@ class Settings:
         return SubstrateOptions(
             self.libero, self.libero_assets, self.semantics, self.instruction, self.source_variations
         )
-
-    @property
-    def timeouts(self) -> Limits:
-        """Wall-clock limits, s."""
-        return Limits(self.query_timeout, self.step_timeout, self.pair_timeout)
 
     @property
     def in_order(self) -> bool:
@@ -563,6 +500,21 @@ class Settings:
     def case_set(self) -> str:
         """Name of the track or manifest for people."""
         return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
+
+
+GONE = {
+    "cadence": "study=cadence:SETTINGS",
+    "delays": "study=latency:SETTINGS",
+    "repeats": "study=repeats:PLAYS",
+    "query-timeout": "timeout=query:S",
+    "step-timeout": "timeout=step:S",
+    "pair-timeout": "timeout=pair:S",
+    "ray-actors": "ray=ADDRESS,actors=N",
+    "ray-cpus": "ray=ADDRESS,cpus=N",
+    "ray-gpus": "ray=ADDRESS,gpus=N",
+    "ray-ship": "ray=ADDRESS,ship",
+}
+"""Options of before, with what says the same now."""
 
 
 def options_of(kind: type[Settings]) -> tuple[Option, ...]:

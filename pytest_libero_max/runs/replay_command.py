@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.runs.protocol import option_values
-from pytest_libero_max.studies.registry import SETTINGS_OPTIONS
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -105,8 +104,7 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     options.append(("libero-assets", places.assets))
     options += option_values(provenance)
     study = provenance["protocol"].get("study") or {}
-    settings = SETTINGS_OPTIONS.get(str(study.get("name")), "cadence")
-    options += [("study", study.get("name")), (settings, study.get("settings"))]
+    options.append(("study", ":".join(filter(None, [study.get("name"), study.get("settings")])) or None))
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
     given = (f"--libero-max-{name}={value}" for name, value in options if value is not None)

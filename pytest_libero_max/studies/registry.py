@@ -28,11 +28,6 @@ _OWN = MappingProxyType(
     }
 )
 
-SETTINGS_OPTIONS: Mapping[str, str] = MappingProxyType(
-    {"cadence": "cadence", "latency": "delays", "repeats": "repeats"}
-)
-"""By study the option that holds its settings, without ``--libero-max-``."""
-
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
 
 

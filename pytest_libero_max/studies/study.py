@@ -27,8 +27,7 @@ class Study(ABC):
         track: The track that is played unless another one is asked for.
         about: Effect of the event of its cases, in words that follow "whose event".
         scales: True if the study itself sets strengths, so that a run cannot set one as well.
-        option: The option that holds its settings, without ``--libero-max-``; None if it has none.
-        example: Settings, as they are given on the command line.
+        example: Settings, as they are given behind its name: ``--libero-max-study=NAME:SETTINGS``.
     """
 
     name: ClassVar[str]
@@ -36,7 +35,6 @@ class Study(ABC):
     track: ClassVar[str]
     about: ClassVar[str] = "is of any kind"
     scales: ClassVar[bool] = False
-    option: ClassVar[str | None] = None
     example: ClassVar[str] = ""
 
     @classmethod

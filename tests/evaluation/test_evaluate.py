@@ -252,7 +252,7 @@ def test_a_script_without_a_guard_is_told_so(folder: Path) -> None:
     ("arguments", "message"),
     [
         ({"workers": 2}, "workers=2 with a policy object"),
-        ({"query_timeout": 5}, "with a policy object"),
+        ({"timeout": "query:5"}, "with a policy object"),
         ({"workers": 0}, "workers=0"),
         ({"limit": 0}, "limit='0'"),
         ({"limitt": 1}, "Did you mean 'limit'"),

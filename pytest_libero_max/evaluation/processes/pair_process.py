@@ -58,7 +58,7 @@ class PairProcess(Playing):
     """
 
     def __init__(self, settings: Settings, workers: int, log: CrashLog | None, stderr: int = 2) -> None:
-        super().__init__(Watchdog(settings.timeouts, log, stderr))
+        super().__init__(Watchdog(settings.timeout, log, stderr))
         return_large_blocks()
         self._log = log
         self._memory_gib = memory_gib(settings.memory, workers, SUBSTRATES[settings.substrate].limit_gib)
