@@ -45,6 +45,7 @@ from pytest_libero_max.construction.release import (
 from pytest_libero_max.construction.splits import SPLITS, own_case_id
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
@@ -103,7 +104,7 @@ def _checks(folder: Path) -> Iterator[str]:
     for name, split in SPLITS.items():
         found = load_track(name, folder)
         _require_same(name, found, split(whole))
-        yield f"{name}: {len(found)} cases, drawn from max, digest {found.digest}"
+        yield f"{name}: {counted(len(found), 'case')}, drawn from max, digest {found.digest}"
     yield from _table_checks(folder, (*whole, *original, *load_track("beyond", folder)))
 
 

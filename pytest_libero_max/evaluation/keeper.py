@@ -164,7 +164,8 @@ class RunKeeper:
             LiberoMaxError: It cannot be resumed.
         """
         require_free(self.settings.output)
-        self.before = read_to_resume(self.settings.output)
+        cases = {case.case_id: case for case in self.cases.values()}
+        self.before = read_to_resume(self.settings.output, cases)
         if self.before is not None:
             self.settled_before = len(self.before.records), len(self.before.refused)
             settled: list[PairRecord | PairError] = [*self.before.records, *self.before.refused]
@@ -288,19 +289,27 @@ class RunKeeper:
         return not (name in self._settled_now and (self._settled_now[name] or is_fault))
 
     def checked(self, result: PairRecord | PairError) -> PairRecord | PairError:
-        """Return a result; an error where its episodes have another length than before any policy was loaded.
+        """Return a result; an error where it contradicts its case, as that was before any policy was loaded.
 
         Args:
-            result: As it arrived from a process that may have played it with altered budgets.
+            result: As it arrived from a process in which a policy may have altered anything.
         """
-        budget = self._budgets[result.item_id]
-        if isinstance(result, PairError) or result.max_steps == budget:
+        from pytest_libero_max.pairing.case_rules import require_of_case
+
+        case, budget = self.cases[result.item_id], self._budgets[result.item_id]
+        if isinstance(result, PairError):
             return result
-        error = ReportError(
-            f"max_steps={result.max_steps} of case_id={result.case_id!r}, but its episodes have {budget}. "
-            "Something has changed the budgets where it was played: look for it in the adapter."
-        )
-        return PairError.of(self.cases[result.item_id], error, RECORD_PHASE)
+        try:
+            if result.max_steps != budget:
+                raise ReportError(
+                    f"max_steps={result.max_steps} of case_id={case.case_id!r}, but its episodes have "
+                    f"{budget}. Something has changed the budgets where it was played: look for it in the "
+                    "adapter."
+                )
+            require_of_case(result, case)
+        except ReportError as error:
+            return PairError.of(case, error, RECORD_PHASE)
+        return result
 
     def add(self, result: PairRecord | PairError, stop: str | None = None) -> PairRecord | PairError:
         """Store a result that is expected, and stop the run where that is called for.

@@ -18,7 +18,7 @@ from pytest_libero_max.evaluation import option_values as read
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
-from pytest_libero_max.runs.protocol import fingerprint_text, protocol_words
+from pytest_libero_max.runs.protocol import played_settings, protocol_words
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
 
@@ -47,13 +47,11 @@ class Recorded:
         part: Part of the provenance that holds it, under the name of the setting.
         usual: Value that is not said anywhere; :data:`SAID` where every value is said.
         value: Returns what the provenance holds.
-        played: True if each record says with which value it was played, among its fingerprints.
     """
 
     part: Literal["protocol", "policy"]
     usual: Any = None
     value: Callable[[Any], Any] = lambda value: value
-    played: bool = False
 
     def says(self, value: Any) -> bool:
         """Return True if a value is not the usual one."""
@@ -271,7 +269,7 @@ class Settings:
         "not at all",
         read.fraction,
         default=1.0,
-        recorded=Recorded("protocol", usual=1.0, played=True),
+        recorded=Recorded("protocol", usual=1.0),
     )
     study: Study | None = setting(
         "NAME[:SETTINGS]",
@@ -298,7 +296,7 @@ class Settings:
         "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
         "query from the query times of a run",
         read.latency,
-        recorded=Recorded("protocol", usual=NO_LATENCY, value=str, played=True),
+        recorded=Recorded("protocol", usual=NO_LATENCY, value=str),
     )
     horizon: int | None = setting(
         "ACTIONS",
@@ -471,20 +469,17 @@ class Settings:
 
     def recorded(self, part: Literal["protocol", "policy"]) -> Json:
         """Return what the provenance of a run says in one of its parts, by setting."""
-        return {
-            option.field: option.recorded.value(value)
-            for option, value in self._recorded()
-            if option.recorded.part == part and option.recorded.says(value)
-        }
+        said = {}
+        for option in options_of(type(self)):
+            declared, value = option.recorded, getattr(self, option.field)
+            if declared is not None and declared.part == part and declared.says(value):
+                said[option.field] = declared.value(value)
+        return said
 
     @property
     def played(self) -> dict[str, str]:
         """What each record says of the settings it was played with, among its fingerprints."""
-        return {
-            option.field: fingerprint_text(option.recorded.value(value))
-            for option, value in self._recorded()
-            if option.recorded.played and option.recorded.says(value)
-        }
+        return played_settings(self.recorded("protocol"))
 
     @property
     def extras(self) -> str:

@@ -49,6 +49,7 @@ from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.servers import Servers
 from pytest_libero_max.policies.contract import CHANCE_SHARE
 from pytest_libero_max.report.exit_status import INCOMPLETE
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.substrates.registry import SUBSTRATES
@@ -153,7 +154,7 @@ class RunController:
         asked = asked_for(self.config)
         if settings.shard is not None:
             asked.append(f"shard {settings.shard[0]} of {settings.shard[1]}")
-        details = [f"{len(manifest)} cases, digest {manifest.digest[:12]}"]
+        details = [f"{counted(len(manifest), 'case')}, digest {manifest.digest[:12]}"]
         details += [] if manifest.recognition is None else [str(manifest.recognition)]
         details += [f"selection: {', '.join(asked)}"] if asked else []
         measured, refused = self.keeper.settled_before
@@ -185,8 +186,8 @@ class RunController:
             return []
         listed = ", ".join(f"{count} of {event}" for event, count in left_out.items())
         return [
-            f"program {program.name} leaves out {left_out.total()} of {len(cases.manifest)} cases "
-            f"({listed}): {program.because}"
+            f"program {program.name} leaves out {left_out.total()} of "
+            f"{counted(len(cases.manifest), 'case')} ({listed}): {program.because}"
         ]
 
     @pytest.hookimpl(optionalhook=True)

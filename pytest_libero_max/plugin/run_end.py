@@ -24,6 +24,7 @@ from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
 from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
@@ -239,7 +240,9 @@ class RunEnd:
         """Fail a session whose gates cannot be decided because it planned no pair."""
         if not self.settings.gate or only_lists(self.config):
             return
-        self.lines.append(f"gate open  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
+        self.lines.append(
+            f"gate open  {counted(len(self.settings.gate), 'gate')}: undecidable, no pair was planned."
+        )
         if session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = GATE_FAILED
             self.lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
@@ -276,7 +279,7 @@ class RunEnd:
             return [], status
         return [
             f"Exit status {status:d}: the run ended by its stopping rule, which left out {pairs.missing} "
-            f"of {pairs.planned} pairs. To play them, resume without the rule."
+            f"of {counted(pairs.planned, 'pair')}. To play them, resume without the rule."
         ], status
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:

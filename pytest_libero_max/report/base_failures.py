@@ -13,6 +13,7 @@ from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.schedules import BASE
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import BaseFailures, Report
 
 TITLE = "What broke in Base"
@@ -119,7 +120,7 @@ def known_failures(report: Report) -> list[BaseFailures]:
 
 def title_of(report: Report) -> str:
     """Return the heading: the number of failures and of pairs."""
-    return f"{TITLE}: {_failed(report.base_failures)} of {report.overall.played} pairs"
+    return f"{TITLE}: {_failed(report.base_failures)} of {counted(report.overall.played, 'pair')}"
 
 
 def next_step(report: Report) -> str:

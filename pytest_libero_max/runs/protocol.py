@@ -35,6 +35,18 @@ def option_values(provenance: Json) -> Iterator[tuple[str, object]]:
                 yield name.replace("_", "-"), value
 
 
+def played_settings(protocol: Json) -> dict[str, str]:
+    """Return what each record says of a protocol, among its fingerprints, by the name of the setting.
+
+    Studies and programs are objects: the arms of a record say what they played.
+    """
+    return {
+        name: fingerprint_text(protocol[name])
+        for name in protocol_words(protocol)
+        if not isinstance(protocol[name], dict)
+    }
+
+
 def fingerprint_text(value: Any) -> str:
     """Return the value of a setting as the fingerprints of a record hold it."""
     return f"{value:g}" if isinstance(value, float) else str(value)

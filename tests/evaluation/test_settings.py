@@ -31,7 +31,7 @@ class Windy(Settings):
         "Speed of the wind, m/s",
         read.fraction,
         default=0.0,
-        recorded=Recorded("protocol", usual=0.0, played=True),
+        recorded=Recorded("protocol", usual=0.0),
     )
 
 

@@ -16,8 +16,8 @@ session after a minute, and `--libero-max-resume` continues it.
 
 The nodes need what this machine has: the same pytest-libero-max, adapter and cases, at the same paths.
 Either they share the folder in which pytest is called, or `--libero-max-ray=ADDRESS,ship` sends it to them,
-without the output folder, `.git` and `.venv`; then name adapter and manifest relative to it. An actor says what
-it has before it plays: if code, adapter or cases differ, the run stops and says which. Variables of the
+without the output folder, `.git` and `.venv`; then name adapter and manifest relative to it. An actor says
+what it has before it plays: if code, adapter or cases differ, the run stops and says which. Variables of the
 environment are those of the node, apart from `MUJOCO_GL`, `PYOPENGL_PLATFORM`, `OPENBLAS_CORETYPE`,
 `OPENBLAS_NUM_THREADS`, `PYTHONPATH`, `PYTEST_ADDOPTS`, `PYTEST_PLUGINS` and `LIBERO_MAX_SERVER_TOKEN`.
 Traces and films are written by the actors: keep the output folder on a disk that all nodes share. With `-n`,
