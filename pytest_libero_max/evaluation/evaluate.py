@@ -325,7 +325,7 @@ def _value(option: Option, value: Any) -> Any:
     if option.many:
         texts = [value] if isinstance(value, str | Path) else value
         return tuple(option.read(str(text), where) for text in texts)
-    return option.read(str(value), where)
+    return option.read(",".join(value) if isinstance(value, list | tuple) else str(value), where)
 
 
 def _reference(thing: Any) -> str | None:

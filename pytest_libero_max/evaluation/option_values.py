@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.evaluation.array_jobs import shard_of_job
 from pytest_libero_max.evaluation.processes.time_limits import Limits
@@ -43,6 +44,15 @@ def positive(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ValueError("expected an integer of at least 1")
     return int(text)
+
+
+def suites(text: str) -> tuple[str, ...]:
+    """Parse names of LIBERO's suites, with commas between."""
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in SUITE_BUDGETS:
+            raise ValueError(f"expected suites with commas between. {did_you_mean(name, SUITE_BUDGETS)}")
+    return tuple(sorted({*names}))
 
 
 def count(text: str) -> int:

@@ -51,7 +51,9 @@ class RunCases:
         settings, cases = self._settings, self.manifest.cases
         if settings.program is not None:
             cases = tuple(case for case in cases if case.program is not None)
-        if settings.only_installed:
+        if settings.suites is not None:
+            cases = tuple(case for case in cases if case.suite in settings.suites)
+        if settings.only_installed and cases:
             with about("--libero-max-only-installed: "):
                 cases = supported_cases(
                     settings.case_set, cases, settings.substrate, settings.substrate_options
@@ -93,6 +95,7 @@ class RunCases:
         if settings.program is not None and self.left_out_by_program:
             asked.append(f"--libero-max-program={settings.program.source}")
         asked += ["--libero-max-only-installed"] if settings.only_installed else []
+        asked += [] if settings.suites is None else [f"--libero-max-suites={','.join(settings.suites)}"]
         return asked + ([] if settings.limit is None else [f"--libero-max-limit={settings.limit}"])
 
     @property

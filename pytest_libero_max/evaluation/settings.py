@@ -104,7 +104,10 @@ class Option:
         try:
             return self.parse(text)
         except (ValueError, LiberoMaxError) as error:
-            raise OptionError(f"{where}={text!r}: {error}") from None
+            value = f"{self.name}={text!r}"  # errors about a gate begin with it, and it is said once
+            message = str(error)
+            rest = message.removeprefix(value) if message.startswith(value) else f": {message}"
+            raise OptionError(f"{where}={text!r}{rest}") from None
 
 
 def setting(
@@ -184,7 +187,18 @@ class Settings:
         "otherwise nothing is played; before the limit",
         group="machines",
     )
-    limit: int | None = setting("N", "Play a stratified, deterministic subset of N cases", read.positive)
+    suites: tuple[str, ...] | None = setting(
+        "SUITE,...",
+        "Play only the cases of these suites, where a policy plays no others; before the limit",
+        read.suites,
+    )
+    limit: int | None = setting(
+        "N",
+        "Play a stratified, deterministic subset of N cases, the same for every policy: it is chosen before "
+        "the policy is loaded, from what --libero-max-suites and --libero-max-only-installed leave, and "
+        "before -k and -m, which are pytest's own and choose among the N",
+        read.positive,
+    )
     shard: tuple[int, int] | None = setting(
         "I/N",
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
@@ -352,6 +366,7 @@ class Settings:
         f"{MOST_FILMS}; with --libero-max-film=all, all pairs)",
         read.positive,
         session=True,
+        group="machines",
     )
     progress: str = setting(
         "FORM",

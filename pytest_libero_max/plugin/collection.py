@@ -239,8 +239,8 @@ def check_ids(config: pytest.Config) -> None:
         if id in whole:
             raise pytest.UsageError(
                 f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the {len(known)} "
-                "pairs that --libero-max-only-installed, --libero-max-limit or --libero-max-shard leaves. "
-                "Take the option away."
+                "pairs that --libero-max-suites, --libero-max-only-installed, --libero-max-limit or "
+                "--libero-max-shard leaves. Take the option away."
             )
         raise pytest.UsageError(
             f"{PSEUDO_PATH}::test_pair[{id}] is not in {settings.case_set}. {did_you_mean(id, whole)}"

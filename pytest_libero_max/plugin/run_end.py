@@ -178,6 +178,7 @@ class RunEnd:
         look_at, ran = to_look_at(report, MOST_FILMS), report.provenance
         show = show_command(folder, named, look_at, ran)
         self.lines += summary_lines(report, paths, films, show)
+        self.lines += self._suites_lines(report)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(report, paths)
         if self.settings.compare is not None and keeper.run is not None:
@@ -196,6 +197,18 @@ class RunEnd:
                 _append_step_summary(folder / "report.md")
             except OSError as error:
                 self.lines.append(f"The step summary was not written: {error}")
+
+    def _suites_lines(self, report: Report) -> list[str]:
+        """Return the option with which the limit takes no unsupported pair, if it took one."""
+        limit, pairs = self.settings.limit, report.pairs
+        if limit is None or not pairs.unsupported:
+            return []
+        suites = ",".join((report.policy or {}).get("suites", ()))
+        return [
+            f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of "
+            f"suites that it does not play among them. To choose among the others: add "
+            f"--libero-max-suites={suites}"
+        ]
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""

@@ -304,9 +304,17 @@ def _require_open(gate: Gate) -> None:
         raise OptionError.seen(
             "gate",
             gate.text,
-            f" can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}"
-            f"{', and 60% is 0.6' if scale.percent else ''}. Give a number that decides something.",
+            f" can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}. {_share_meant(gate)}",
         )
+
+
+def _share_meant(gate: Gate) -> str:
+    """Return the cure of a number that decides nothing: a share, where it was meant as a percentage."""
+    scale, share = scale_of(gate.name), gate.threshold / 100
+    inside = share > scale.least and (scale.most is None or share < scale.most)
+    if scale.percent and not gate.percent and share != 0 and inside:
+        return f"Write {float(gate.threshold):.12g}% or {float(share):.12g}."
+    return "Give a number that decides something."
 
 
 def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:

@@ -150,7 +150,7 @@ OPTIONS: dict[str, str] = {
 """The row of :data:`FIELDS` by which an option of a run is compared."""
 
 NO_EPISODE = {
-    "which of the cases, which are compared one by one": ("only_installed", "shard"),
+    "which of the cases, which are compared one by one": ("only_installed", "suites", "shard"),
     "in which order, and how many": ("order", "stop"),
     "what is read, kept or shown of an episode": (
         "probe",
