@@ -28,6 +28,7 @@ from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, OPTIONS, Optio
 from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.evaluation.workers import CasePlayer, Job, Workers, for_workers, result_in
 from pytest_libero_max.pairing.record import RECORD_PHASE, PairError, PairRecord
+from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.progress import Pace, PairCounts, Progress, progress_text
 from pytest_libero_max.runs.status import note_of
@@ -168,6 +169,8 @@ class _Run:
         keeper = self._keeper
         if self._settings.resume:
             keeper.read_before()
+            for line in damage_said(() if keeper.before is None else keeper.before.damaged):
+                LOG.warning(line)
         begun_s = keeper.begun_s
         if (remark := keeper.check_folder()) is not None:
             LOG.info(remark)

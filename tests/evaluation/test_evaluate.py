@@ -238,6 +238,12 @@ def test_a_script_plays_in_workers_and_one_that_dies_is_an_error_of_its_pair(fol
     }
 
 
+def test_a_worker_of_a_test_is_a_fresh_process_and_what_it_says_is_checked(folder: Path) -> None:
+    result = evaluate(Reacher, limit=1, workers=2, **HOW)  # episodes are short here, and not there
+    (invalid,) = result.report.pairs.invalid_pairs
+    assert "has changed the budgets" in invalid.message
+
+
 def test_a_script_without_a_guard_is_told_so(folder: Path) -> None:
     (folder / "script.py").write_text(
         "from pytest_libero_max import evaluate\n"
