@@ -82,7 +82,7 @@ class Evaluation:
         """The result on one line."""
         from pytest_libero_max.report.writers.summary import quiet_lines
 
-        return "; ".join(filter(None, [quiet_lines(self.report)[0], self.reason]))
+        return "; ".join(filter(None, [*quiet_lines(self.report)[:1], self.reason]))
 
     def __str__(self) -> str:
         return self.summary
