@@ -43,7 +43,7 @@ LOG = logging.getLogger("pytest_libero_max")
 """Tells the progress of a run, a line a minute and later fewer, and what went wrong beside its pairs."""
 
 _FLAG = re.compile(r"--libero-max-([a-z]+(?:-[a-z]+)*)")
-_ARGUMENTS = {"output": "folder", "gate": "gates"}
+_ARGUMENTS = {"output": "folder", "gate": "gates", "resume": "resume=True"}
 """Arguments of :func:`evaluate` that have another name than the option."""
 
 
