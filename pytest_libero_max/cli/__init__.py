@@ -46,7 +46,6 @@ GROUPS = {
         "publish",
         "recovery",
         "rerun",
-        "poses",
         "claim",
     ),
     "Training data": ("demos",),
@@ -62,6 +61,9 @@ GROUPS = {
     ),
 }
 """Modules with commands by what they are for, in the order of the help."""
+
+_GONE = {"poses": "rerun"}
+"""Commands of earlier versions, and those to use instead."""
 
 PIPE_CLOSED = 141
 """Exit status where the reader of standard output has gone: that of a process ended by SIGPIPE."""
@@ -130,7 +132,8 @@ class _Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            hint = did_you_mean(value, action.choices)
+            new = _GONE.get(value)
+            hint = f"Use libero-max {new}." if new else did_you_mean(value, action.choices)
             raise argparse.ArgumentError(None, f"there is no command {value!r}. {hint}")
         super()._check_value(action, value)
 
@@ -164,12 +167,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _listed(texts: Mapping[str, str], added: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Yield the commands by group, each with its help.
-
-    Args:
-        texts: Help by command.
-        added: Names of the commands that a module adds, by module.
-    """
+    """Yield the commands by group, each with its help."""
     for title, modules in GROUPS.items():
         yield f"{title}:"
         for name in (name for module in modules for name in added[module]):

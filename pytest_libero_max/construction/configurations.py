@@ -38,19 +38,13 @@ class Cell(NamedTuple):
 
 
 class Configuration(NamedTuple):
-    """A source variation with an initial state.
-
-    Attributes:
-        variation: The variation.
-        init: Index of the initial state.
-        catalogue: Catalogue that the variation is of.
-        draw: The fresh draw that a case of it belongs to; None for the frozen tracks.
-    """
+    """A source variation with an initial state."""
 
     variation: Variation
     init: int
     catalogue: Catalogue = OWN
     draw: Draw | None = None
+    """The fresh draw that a case of it belongs to; None for the frozen tracks."""
 
     @property
     def identity(self) -> Identity:
@@ -105,9 +99,9 @@ def _events_of(task: TaskMetadata) -> frozenset[str]:
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 
-def count_lines(origin: Catalogue = OWN) -> list[str]:
+def count_lines() -> list[str]:
     """Return lines on variations by category, suite and difficulty, and the catalogues' digests."""
-    plus = origin.variations("plus")
+    plus = OWN.variations("plus")
     counts = Counter((variation.category, variation.suite, variation.difficulty) for variation in plus)
     levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)
     head = "".join(f"{'none' if level is None else f'd{level}':>6}" for level in levels)
@@ -124,7 +118,7 @@ def count_lines(origin: Catalogue = OWN) -> list[str]:
         ]
         numbers = "".join(f"{number:>6}" for number in row)
         lines.append(f"{category or 'all':<24}{suite or 'all':<16}{numbers}{sum(row):>7}")
-    pro = origin.variations("pro")
+    pro = OWN.variations("pro")
     lines.append(f"LIBERO-Plus: {len(plus)} variations, digest {digest_of(plus)}")
     lines.append(
         f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"
@@ -144,7 +138,7 @@ def eligibility_lines(origin: Catalogue = OWN) -> list[str]:
         lines.append(_row(f"all of {source}", total))
         left_out = [
             _events_of(origin.metadata(variation))
-            for variation in origin.variations(source)
+            for variation in OWN.variations(source)
             if source == "plus" and variation.difficulty is None
         ]
         if left_out:

@@ -27,7 +27,6 @@ from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
-from pytest_libero_max.runs.recorded_poses import write_poses
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
@@ -131,35 +130,6 @@ def record_pair(
     write_recording(path, record, traces, ticks, overwrite)
 
 
-def pose_pair(
-    path: Path,
-    case: Case,
-    world: World,
-    record: PairRecord,
-    traces: Mapping[str, ArmTrace],
-    *,
-    overwrite: bool = False,
-    on_step: Callable[[int], None] | None = None,
-) -> None:
-    """Write the poses of a recorded pair after every step, for the page of its run, or nothing at all.
-
-    Args:
-        path: Ends in ``.npz``; otherwise as for :func:`film_pair`, which raises the same errors.
-        case: As there.
-        world: As there.
-        record: As there.
-        traces: As there.
-        overwrite: As there.
-        on_step: As there.
-    """
-    from pytest_libero_max.films.scene_poses import look_at_poses, poses_of
-
-    ticks = play_again(case, world, record, traces, look_at_poses(), simulate=False)
-    if on_step is not None:
-        ticks = _told(ticks, on_step)
-    write_poses(path, poses_of(world, record, ticks), overwrite)
-
-
 def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
     for tick in ticks:
         on_step(tick.step)
@@ -168,14 +138,7 @@ def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tic
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """A run on the disk with everything that its pairs need to be played again.
-
-    Attributes:
-        folder: Its folder.
-        stored: Its pairs.
-        cases: Its cases, by id.
-        substrate: Builds their worlds.
-    """
+    """A run on the disk with everything that its pairs need to be played again."""
 
     folder: Path
     stored: StoredRun

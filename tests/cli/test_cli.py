@@ -49,6 +49,14 @@ def test_a_command_that_is_mistyped_is_suggested(capsys: pytest.CaptureFixture[s
     with pytest.raises(SystemExit, match="2"):
         main(["chek"])
     assert "there is no command 'chek'. Did you mean 'check'?" in capsys.readouterr().err
+
+
+def test_a_command_of_earlier_versions_is_answered_with_the_one_to_use(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["poses", "run"])
+    assert "Use libero-max rerun." in capsys.readouterr().err
     for name in command_names():
         with pytest.raises(SystemExit, match="2"):
             main([f"{name}x"])

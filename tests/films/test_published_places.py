@@ -103,7 +103,6 @@ COMMANDS = (
     ("verify-run", ".", "--pairs=1", "--seed=1", "--actions"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp", "--view=policy"),
-    ("poses", ".", "--select=all"),
     ("monitors", ".", "image_change"),
     ("demos", "episodes", "--run=."),
 )
