@@ -49,21 +49,18 @@ _ARGUMENTS = {"output": "folder", "gate": "gates", "resume": "resume=True"}
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Result of :func:`evaluate`.
-
-    Attributes:
-        folder: Folder of the run, with ``pairs.jsonl``, ``report.json``, ``report.md`` and ``report.html``.
-        report: Content of ``report.json``; its numbers are computed from ``pairs.jsonl`` alone.
-        gates: Verdict on each gate, in their order.
-        status: 0; 10 where a gate does not hold, 11 where the run is incomplete: the exit status of pytest.
-        reason: Why the status is not 0; empty where it is.
-    """
+    """Result of :func:`evaluate`."""
 
     folder: Path
+    """Folder of the run, with ``pairs.jsonl``, ``report.json``, ``report.md`` and ``report.html``."""
     report: Report
+    """Content of ``report.json``; its numbers are computed from ``pairs.jsonl`` alone."""
     gates: tuple[GateResult, ...]
+    """Verdict on each gate, in their order."""
     status: int
+    """0; 10 where a gate does not hold, 11 where the run is incomplete: the exit status of pytest."""
     reason: str
+    """Why the status is not 0; empty where it is."""
 
     @property
     def passed(self) -> bool:

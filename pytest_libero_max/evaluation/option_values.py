@@ -85,21 +85,18 @@ def limits(text: str) -> Limits:
 
 @dataclass(frozen=True)
 class Cluster:
-    """A Ray cluster that plays pairs.
-
-    Attributes:
-        address: Its address; ``auto`` for the one that this machine belongs to.
-        actors: Number of actors that play at once; None for as many as have room.
-        cpus: CPUs that each takes.
-        gpus: GPUs that each takes.
-        ship: True if the working folder is sent to its nodes.
-    """
+    """A Ray cluster that plays pairs."""
 
     address: str
+    """Its address; ``auto`` for the one that this machine belongs to."""
     actors: int | None = None
+    """Number of actors that play at once; None for as many as have room."""
     cpus: float = 1.0
+    """CPUs that each takes."""
     gpus: float = 0.0
+    """GPUs that each takes."""
     ship: bool = False
+    """True if the working folder is sent to its nodes."""
 
 
 def cluster(value: str) -> Cluster:

@@ -54,28 +54,22 @@ class Unsupported(Exception):
 
 @dataclass(frozen=True)
 class PlayedPair:
-    """A measured pair.
-
-    Attributes:
-        record: Its record.
-        note: Failures beside it, for example of a trace; None for none.
-    """
+    """A measured pair."""
 
     record: PairRecord
+    """Its record."""
     note: str | None
+    """Failures beside it, for example of a trace; None for none."""
 
 
 @dataclass(frozen=True)
 class FailedPair:
-    """A pair that could not be measured.
-
-    Attributes:
-        error: Its error.
-        limit: True if a limit of the process ended it, which cannot be trusted any more.
-    """
+    """A pair that could not be measured."""
 
     error: PairError
+    """Its error."""
     limit: bool
+    """True if a limit of the process ended it, which cannot be trusted any more."""
 
     @classmethod
     def of(cls, case: Case, process: Playing, error: BaseException) -> FailedPair:

@@ -42,16 +42,14 @@ class Recorded:
     """What the records of a run say of a setting that may change a result.
 
     Agreement of records with their run, differences between runs, headers and replay commands follow from it.
-
-    Attributes:
-        part: Part of the provenance that holds it, under the name of the setting.
-        usual: Value that is not said anywhere; :data:`SAID` where every value is said.
-        value: Returns what the provenance holds.
     """
 
     part: Literal["protocol", "policy"]
+    """Part of the provenance that holds it, under the name of the setting."""
     usual: Any = None
+    """Value that is not said anywhere; :data:`SAID` where every value is said."""
     value: Callable[[Any], Any] = lambda value: value
+    """Returns what the provenance holds."""
 
     def says(self, value: Any) -> bool:
         """Return True if a value is not the usual one."""
@@ -60,27 +58,24 @@ class Recorded:
 
 @dataclass(frozen=True)
 class Option:
-    """One setting: its flag is ``--libero-max-<name>``, its ini key ``libero_max_<name>``.
-
-    Attributes:
-        parse: Turns the text into a value; raises ``ValueError`` with the accepted form.
-        many: True if it may be given several times (in the ini file: one a line).
-        switch: True for a flag without a value (in the ini file: true or false).
-        recorded: What records say of it; None for a setting that changes no result.
-        session: True if it is about pytest's session, or about machines that only a session uses.
-        group: Group of the help: what one needs every day, what may change a result, and the rest.
-    """
+    """One setting: its flag is ``--libero-max-<name>``, its ini key ``libero_max_<name>``."""
 
     name: str
     metavar: str
     help: str
     parse: Callable[[str], Any]
+    """Turns the text into a value; raises ``ValueError`` with the accepted form."""
     default: Any = None
     many: bool = False
+    """True if it may be given several times (in the ini file: one a line)."""
     switch: bool = False
+    """True for a flag without a value (in the ini file: true or false)."""
     recorded: Recorded | None = None
+    """What records say of it; None for a setting that changes no result."""
     session: bool = False
+    """True if it is about pytest's session, or about machines that only a session uses."""
     group: Group = "everyday"
+    """Group of the help: what one needs every day, what may change a result, and the rest."""
 
     @property
     def flag(self) -> str:

@@ -43,17 +43,14 @@ _PATIENCE_S = 8.0
 
 @dataclass(frozen=True)
 class Job:
-    """What a process needs to play pairs of a run.
-
-    Attributes:
-        source: Of the policy, with the settings of the run.
-        begun_s: When the run began, seconds since the epoch.
-        workers: Number of processes that play.
-    """
+    """What a process needs to play pairs of a run."""
 
     source: PolicySource
+    """Of the policy, with the settings of the run."""
     begun_s: float
+    """When the run began, seconds since the epoch."""
     workers: int = 1
+    """Number of processes that play."""
 
     def require_sendable(self) -> None:
         """Check that other processes can load the policy.
@@ -169,23 +166,20 @@ class CasePlayer:
 
 @dataclass(eq=False)
 class _Worker:
-    """A worker, seen from the process that owns the run.
-
-    Attributes:
-        number: Its number, from 0.
-        process: The process.
-        connection: To it.
-        log: Its crash log.
-        pair: The case that it plays; None while it starts and while it is idle.
-        ready: True once it has begun.
-    """
+    """A worker, seen from the process that owns the run."""
 
     number: int
+    """Its number, from 0."""
     process: SpawnProcess
+    """The process."""
     connection: Connection
+    """To it."""
     log: Path
+    """Its crash log."""
     pair: Case | None = None
+    """The case that it plays; None while it starts and while it is idle."""
     ready: bool = False
+    """True once it has begun."""
 
 
 class Workers:
