@@ -15,6 +15,7 @@ from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import Percent, Tenths
 from pytest_libero_max.report.quantities import TEXT, Quantity
 from pytest_libero_max.report.render.terminal import WIDTH, table_lines
+from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Outcomes
 
 if TYPE_CHECKING:
@@ -210,7 +211,7 @@ def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None
         return f"its cases are {case_set['name']}, not those of {file}"
     if played < file.cases:
         return f"it measured {played:,} of the {file.cases:,} cases"
-    extra = [key for key in ("program", "latency", "strength", "study") if provenance["protocol"].get(key)]
+    extra = protocol_words(provenance["protocol"])
     if extra:
         return f"it played another protocol ({', '.join(extra)})"
     other = [name for name, value in asked.items() if substrate.get(name) != value]

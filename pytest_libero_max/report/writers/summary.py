@@ -17,6 +17,7 @@ from pytest_libero_max.report.report_document import Caveat, PairCounts, Report,
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.studies.study_tables import study_lines
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines
+from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Result, Substrate
 
 GIVEN_RESPONSE_NOTE = (
@@ -229,17 +230,12 @@ def title_text(report: Report) -> str:
 
 
 def cases_title(report: Report) -> str:
-    """Return substrate, case set, strength, latency and program on one line."""
+    """Return substrate, case set, and what is unusual in the protocol on one line."""
     count = report.pairs.unsupported
     unsupported = f", {count} of them unsupported" if count else ""
-    strength = report.provenance["protocol"].get("strength")
-    scaled = "" if strength is None else f", events at strength {strength:g}"
-    latency = report.provenance["protocol"].get("latency")
-    scaled += "" if latency is None else f", latency {latency}"
-    program = report.provenance["protocol"].get("program")
-    if program is not None:
-        scaled += f", program {program['name']} ({program['digest'][:12]})"
-    return f"{report.substrate.name}, {selection_text(report)}{unsupported}{scaled}"
+    words = protocol_words(report.provenance["protocol"])
+    words.pop("study", None)  # the report has a section on it
+    return ", ".join([report.substrate.name, f"{selection_text(report)}{unsupported}", *words.values()])
 
 
 def unsupported_text(pairs: PairCounts) -> str | None:

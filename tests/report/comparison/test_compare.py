@@ -141,8 +141,8 @@ def test_the_replay_command_plays_one_case_of_that_run() -> None:
 @pytest.mark.parametrize(
     ("study", "option"),
     [
-        ({"name": "cadence", "settings": "2,4"}, "--libero-max-cadence=2,4"),
-        ({"name": "latency", "settings": "2,4sync"}, "--libero-max-delays=2,4sync"),
+        ({"name": "cadence", "settings": "2,4"}, "--libero-max-study=cadence:2,4"),
+        ({"name": "latency", "settings": "2,4sync"}, "--libero-max-study=latency:2,4sync"),
     ],
 )
 def test_the_replay_command_names_latency_and_settings(study: Json, option: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.plugin.options import OPTIONS
+from pytest_libero_max.evaluation.settings import OPTIONS
 
 
 @pytest.mark.parametrize("name", ["strict", "traces", "film"])

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from pytest_libero_max.plugin.processes.pair_process import memory_gib
+from pytest_libero_max.evaluation.processes.pair_process import memory_gib
 
 
 def test_the_memory_of_the_machine_is_shared() -> None:

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import ReportError, did_you_mean
-from pytest_libero_max.plugin.array_jobs import shard_of_job
+from pytest_libero_max.evaluation.array_jobs import shard_of_job
+from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.runs.media import selection_named
 
 if TYPE_CHECKING:
@@ -60,11 +62,6 @@ def count(text: str) -> int:
     return int(text)
 
 
-def positive_or_auto(text: str) -> int | None:
-    """Parse an integer of at least 1; None for ``auto``."""
-    return None if text == "auto" else positive(text)
-
-
 def amount(text: str) -> float:
     """Parse a number of processors of some kind, which may be a fraction."""
     value = _number(text)
@@ -79,6 +76,47 @@ def seconds(text: str) -> float:
     if not 0 < duration <= LONGEST_S:
         raise ValueError(f"expected seconds, above 0 and at most {LONGEST_S}")
     return duration
+
+
+def limits(text: str) -> Limits:
+    """Parse time limits by what they are of, with commas between."""
+    return Limits(**_named(text, ":", dict.fromkeys(("query", "step", "pair"), seconds)))
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A Ray cluster that plays pairs."""
+
+    address: str
+    """Its address; ``auto`` for the one that this machine belongs to."""
+    actors: int | None = None
+    """Number of actors that play at once; None for as many as have room."""
+    cpus: float = 1.0
+    """CPUs that each takes."""
+    gpus: float = 0.0
+    """GPUs that each takes."""
+    ship: bool = False
+    """True if the working folder is sent to its nodes."""
+
+
+def cluster(value: str) -> Cluster:
+    """Parse the address of a Ray cluster with what its actors take."""
+    address, *words = text(value).split(",")
+    ship = "ship" in words
+    named = ",".join(word for word in words if word != "ship")
+    rest = _named(named, "=", {"actors": positive, "cpus": amount, "gpus": amount}) if named else {}
+    parsed = Cluster(address, **rest, ship=ship)
+    if parsed.actors is None and not parsed.cpus and not parsed.gpus:
+        raise ValueError("with cpus=0 nothing says how many actors have room; add actors=N")
+    return parsed
+
+
+def study(text: str) -> str:
+    """Check the name of a study, with settings behind a colon."""
+    from pytest_libero_max.studies.registry import STUDIES
+
+    known_in(STUDIES)(text.partition(":")[0])
+    return text
 
 
 def gibibytes(text: str) -> float | None:
@@ -166,6 +204,21 @@ def selection_in(known: Collection[str]) -> Callable[[str], str]:
     """Return a parser of the name of a selection of pairs, in either number of *regression*."""
     parse = known_in(known)
     return lambda text: parse(selection_named(text))
+
+
+def _named(text: str, mark: str, parsers: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
+    """Parse values by name, with commas between."""
+    values: dict[str, Any] = {}
+    for part in text.split(","):
+        name, found, value = part.partition(mark)
+        if name not in parsers or not found or name in values:
+            form = f"NAME{mark}VALUE"
+            raise ValueError(f"{part!r}: expected {form}, each name once. {did_you_mean(name, parsers)}")
+        try:
+            values[name] = parsers[name](value)
+        except ValueError as error:
+            raise ValueError(f"{part!r}: {error}") from None
+    return values
 
 
 def _number(text: str) -> float:

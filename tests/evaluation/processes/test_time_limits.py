@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import TimeLimitError
-from pytest_libero_max.plugin.processes.crash_log import read_death
+from pytest_libero_max.evaluation.processes.crash_log import read_death
 
 HEAD = """
 import itertools
@@ -17,8 +17,8 @@ import sys
 import time
 from pathlib import Path
 from pytest_libero_max.errors import LimitReached
-from pytest_libero_max.plugin.processes.crash_log import CrashLog
-from pytest_libero_max.plugin.processes.time_limits import Limits, Watchdog
+from pytest_libero_max.evaluation.processes.crash_log import CrashLog
+from pytest_libero_max.evaluation.processes.time_limits import Limits, Watchdog
 
 def worker(limits):
     return Watchdog(limits, CrashLog(Path(sys.argv[1])))
@@ -92,7 +92,7 @@ def test_the_session_s_own_process_is_interrupted_before_it_is_ended(
     status, _ = run_script(
         tmp_path,
         """
-from pytest_libero_max.plugin.processes import time_limits
+from pytest_libero_max.evaluation.processes import time_limits
 
 time_limits.GRACE_S = 0.2
 dog = Watchdog(Limits(query=0.2), None)

@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from pytest_libero_max.errors import LimitReached
-from pytest_libero_max.plugin.processes.crash_log import (
+from pytest_libero_max.evaluation.processes.crash_log import (
     Activity,
     CrashLog,
     place_of,
@@ -163,7 +163,7 @@ class Watchdog:
             ends, name, limit_s = self._pair_ends, "pair", self._limits.pair
             what = f"the pair (last seen in {what})"
         if self._activity.what != what or self._activity.phase != self._phase:
-            limit = "" if limit_s is None else f"--libero-max-{name}-timeout={limit_s:g}"
+            limit = "" if limit_s is None else f"--libero-max-timeout={name}:{limit_s:g}"
             self._note(Activity(self._phase, what, limit))
         self._end_at(ends)
 

@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark import tracks
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.plugin.case_support import require_support, supported_cases, supported_track
+from pytest_libero_max.evaluation.case_support import require_support, supported_cases, supported_track
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import SUBSTRATES
 

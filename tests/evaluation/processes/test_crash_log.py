@@ -3,15 +3,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from pytest_libero_max.errors import CrashError, MemoryLimitError
-from pytest_libero_max.plugin.processes.crash_log import MEMORY, read_death
-from tests.plugin.processes.test_time_limits import run_script
+from pytest_libero_max.evaluation.processes.crash_log import MEMORY, read_death
+from tests.evaluation.processes.test_time_limits import run_script
 
 
 def test_a_crash_log_says_what_a_process_did(tmp_path: Path) -> None:
     status, path = run_script(
         tmp_path,
         """
-from pytest_libero_max.plugin.processes.crash_log import Activity
+from pytest_libero_max.evaluation.processes.crash_log import Activity
 
 log = CrashLog(Path(sys.argv[1]))
 with log.capture_stderr():
@@ -57,7 +57,7 @@ def test_memory_is_said_by_whoever_had_none(tmp_path: Path) -> None:
     status, path = run_script(
         tmp_path,
         f"""
-from pytest_libero_max.plugin.processes.crash_log import Activity
+from pytest_libero_max.evaluation.processes.crash_log import Activity
 
 CrashLog(Path(sys.argv[1])).note(Activity("base", {MEMORY!r}, "too much"))
 """,

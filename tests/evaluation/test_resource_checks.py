@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.errors import DiskError
+from pytest_libero_max.evaluation import resource_checks
+from pytest_libero_max.evaluation.resource_checks import MIB, memory_note, require_disk_space
 from pytest_libero_max.machine import GIB, free_disk_bytes
-from pytest_libero_max.plugin import resource_checks
-from pytest_libero_max.plugin.resource_checks import MIB, memory_note, require_disk_space
 from pytest_libero_max.substrates.registry import SUBSTRATES
 from tests.plugin.test_run import Run
 
@@ -32,7 +32,7 @@ def test_room_is_looked_for_where_the_folder_will_be(tmp_path: Path) -> None:
 
 def test_a_session_without_room_ends_before_it_plays(run: Run, pytester: pytest.Pytester) -> None:
     pytester.makeconftest(
-        "from pytest_libero_max.plugin import resource_checks\n"
+        "from pytest_libero_max.evaluation import resource_checks\n"
         "resource_checks.free_disk_bytes = lambda folder: 0\n"
     )
     result = run("--libero-max-limit=1", subprocess=True)

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.plugin.array_jobs import shard_of_job
+from pytest_libero_max.evaluation.array_jobs import shard_of_job
 
 
 def _slurm(job: int, first: int, last: int, step: int = 1, count: int | None = None) -> dict[str, str]:

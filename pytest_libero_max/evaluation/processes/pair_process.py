@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from pathlib import Path
-from typing import Any
-
-import pytest
 
 from pytest_libero_max.errors import LimitReached, MemoryLimitError, TimeLimitError
+from pytest_libero_max.evaluation.processes.crash_log import MEMORY, Activity, CrashLog
+from pytest_libero_max.evaluation.processes.time_limits import Limits, Watchdog
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.machine import GIB, limit_private_bytes, memory_bytes, return_large_blocks
-from pytest_libero_max.plugin.collection import settings_of
-from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.processes.crash_log import MEMORY, Activity, CrashLog
-from pytest_libero_max.plugin.processes.time_limits import Watchdog
 from pytest_libero_max.substrates.registry import SUBSTRATES
-
-CRASH_LOG_INPUT = "libero_max_crash_log"
-"""Key in a worker's input of the path of its crash log."""
 
 OUT_OF_MEMORY = 70
 """Exit status of a process that wanted more memory than it may use."""
@@ -28,11 +19,36 @@ OUT_OF_MEMORY = 70
 SHARE = 0.9
 """Share of the machine's memory that its processes may use together by default."""
 
-_PROCESS = pytest.StashKey["PairProcess"]()
+
+class Playing:
+    """The process that plays a pair, as far as the pair is concerned: without limits.
+
+    Attributes:
+        phase: Phase of the pair.
+        watchdog: Keeps its time limits.
+    """
+
+    def __init__(self, watchdog: Watchdog | None = None) -> None:
+        self.phase = "setup"
+        self.watchdog = watchdog or Watchdog(Limits(), None)
+
+    @contextmanager
+    def pair(self) -> Iterator[None]:
+        """Play a pair in the block."""
+        yield
+
+    def enter(self, phase: str) -> None:
+        """Begin a phase of the pair."""
+        self.phase = phase
+        self.watchdog.enter(phase)
+
+    def ended_by(self, error: BaseException) -> TimeLimitError | MemoryLimitError | None:
+        """Return the limit that ended a pair with this error; this process is then not to be trusted."""
+        return None
 
 
-class PairProcess:
-    """This process, as it plays pairs. Its limits hold from now on, and for the processes that it starts.
+class PairProcess(Playing):
+    """This process with its limits, which hold from now on, and for the processes that it starts.
 
     Args:
         settings: The limits.
@@ -42,9 +58,8 @@ class PairProcess:
     """
 
     def __init__(self, settings: Settings, workers: int, log: CrashLog | None, stderr: int = 2) -> None:
-        self.phase = "setup"
+        super().__init__(Watchdog(settings.timeout, log, stderr))
         return_large_blocks()
-        self.watchdog = Watchdog(settings.timeouts, log, stderr)
         self._log = log
         self._memory_gib = memory_gib(settings.memory, workers, SUBSTRATES[settings.substrate].limit_gib)
         if self._memory_gib is not None:
@@ -52,7 +67,6 @@ class PairProcess:
 
     @contextmanager
     def pair(self) -> Iterator[None]:
-        """Play a pair in the block."""
         with nullcontext() if self._log is None else self._log.capture_stderr():
             try:
                 yield
@@ -62,13 +76,7 @@ class PairProcess:
                     os._exit(OUT_OF_MEMORY)  # nobody knows what holds the memory; a fresh process has it free
                 raise
 
-    def enter(self, phase: str) -> None:
-        """Begin a phase of the pair."""
-        self.phase = phase
-        self.watchdog.enter(phase)
-
     def ended_by(self, error: BaseException) -> TimeLimitError | MemoryLimitError | None:
-        """Return the limit that ended a pair with this error; this process is then not to be trusted."""
         if isinstance(error, LimitReached):
             return TimeLimitError(str(error))
         if self._is_memory(error):
@@ -103,45 +111,9 @@ def memory_gib(asked: float | None, workers: int, least: float) -> float | None:
     return asked or None
 
 
-def pair_process_of(config: pytest.Config) -> PairProcess:
-    """Return this process as it plays pairs; its limits begin at the first call."""
-    if _PROCESS not in config.stash:
-        settings = settings_of(config)
-        worker = getattr(config, "workerinput", None)
-        if worker is None:
-            config.stash[_PROCESS] = PairProcess(settings, 1, None, config.stash.get(STDERR, 2))
-        else:
-            path = Path(worker.get(CRASH_LOG_INPUT, ""))
-            if not path.parent.is_dir() or not path.name:  # the controller is on another machine
-                path = Path(tempfile.mkdtemp(), "crash-log")
-            config.stash[_PROCESS] = PairProcess(settings, int(worker["workercount"]), CrashLog(path))
-    return config.stash[_PROCESS]
-
-
-STDERR = pytest.StashKey[int]()
-"""On the config: stderr as it was before pytest captures it."""
-
-
-def keep_from_children(config: pytest.Config) -> None:
-    """Let no process that this worker forks hold its connection to the controller open.
-
-    An adapter may fork helpers. The connection of a worker that is killed would stay open as long as one of
-    them lives, and the controller would wait for the worker instead of replacing it.
-    """
-    plugins = config.pluginmanager.get_plugins()
-    close_in_children([number for plugin in plugins for number in _descriptors(plugin)])
-
-
 def close_in_children(descriptors: Sequence[int]) -> None:
     """Close these files in every process that this one forks."""
     os.register_at_fork(after_in_child=lambda: _close(descriptors))
-
-
-def _descriptors(plugin: Any) -> list[int]:
-    """File descriptors of the connection, where this is the plugin of xdist that has it."""
-    gateway = getattr(getattr(plugin, "channel", None), "gateway", None)
-    files = (getattr(getattr(gateway, "_io", None), name, None) for name in ("infile", "outfile"))
-    return [file.fileno() for file in files if file is not None]
 
 
 def _close(descriptors: Sequence[int]) -> None:
