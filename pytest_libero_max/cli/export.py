@@ -6,27 +6,29 @@ import argparse
 from pathlib import Path
 
 from pytest_libero_max.cli.arguments import Commands, option
+from pytest_libero_max.report.exports import EXPORTS
 
 
 def add_command(commands: Commands) -> None:
     """Add ``export`` to the parser."""
+    formats = ", ".join(EXPORTS) or "none is installed"
     export = commands.add_parser(
         "export",
-        help="Write a run in the format of another tool: ctrf, every-eval-ever or robostats",
-        description="ctrf: JSON, a test for each planned pair and each gate; a measured pair passes, as in "
-        "pytest. every-eval-ever: a folder with two files, rates by arm and JSON Lines of instances, as its "
-        "validator takes them. robostats: JSON Lines as its recorder writes. The last two have a line for "
-        "each arm of each measured pair.",
+        help=f"Write a run in the format of another tool: {formats}",
+        description="Packages add formats by entry points (pytest_libero_max.exports).",
     )
     export.add_argument("folder", type=Path, metavar="RUN", help="The output folder of the run")
     export.add_argument(
-        "file", type=Path, metavar="FILE", help="Replaced where it exists; a folder for every-eval-ever"
+        "file",
+        type=Path,
+        metavar="FILE",
+        help="Replaced where it exists; a folder where the format has several",
     )
-    option(export, "--format NAME", "ctrf, every-eval-ever or robostats", required=True)
+    option(export, "--format NAME", formats, required=True)
     option(
         export,
         "--gate CONDITION",
-        "Show the verdict on this gate in ctrf, which alone has a place for it; may be repeated "
+        "Show the verdict on this gate, in a format that has a place for it; may be repeated "
         "(default: libero_max_gate of the ini file)",
         many=True,
     )

@@ -49,7 +49,7 @@ def _writer(provenance: Json) -> Callable[..., None]:
     if substrate not in SUBSTRATES or not SUBSTRATES[substrate].portable:
         raise ReportError(
             f"The run was played on substrate {substrate!r}, whose models are not this package's own, so no "
-            "page may hold them. libero-max rerun writes every pose of it for the viewer of Rerun."
+            "page may hold them. libero-max lab rerun writes every pose of it for the viewer of Rerun."
         )
 
     def write(*pair: Any, size: int, every: int, **how: Any) -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def add_command(commands: Commands) -> None:
     """Add ``show`` to the parser."""
     show = commands.add_parser("show", help="Show the tracks, one of them, or one case of it")
-    show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: an overview of all tracks")
+    show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: all tracks")
     show.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
     switch(show, "--json", "The manifest's own text, unpacked")
     option(
@@ -41,13 +41,13 @@ def add_command(commands: Commands) -> None:
 
 
 def _show(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.track_text import manifest_lines, track_lines
     from pytest_libero_max.benchmark.tracks import FOLDER
-    from pytest_libero_max.construction.overview import manifest_lines, overview_lines
 
     if options.pictures is not None and options.case is None:
         raise OptionError("--pictures shows the event of one case: give TRACK and CASE as well.")
     if options.cases is None:
-        say(overview_lines(FOLDER))
+        say(track_lines(FOLDER))
         return
     manifest = manifest_of(options.cases)
     if options.json:
@@ -59,9 +59,10 @@ def _show(options: argparse.Namespace) -> None:
 
 
 def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
+    from pytest_libero_max.benchmark.certificates import read_certificates
+    from pytest_libero_max.benchmark.manifests import find_case
     from pytest_libero_max.benchmark.tracks import is_manifest_path, track_path
-    from pytest_libero_max.construction.case_text import case_lines, find_case, write_event_pictures
-    from pytest_libero_max.construction.release import read_certificates
+    from pytest_libero_max.cli.case_text import case_lines, write_event_pictures
     from pytest_libero_max.substrates.registry import open_substrate
 
     case, name = find_case(manifest, options.case), options.cases

@@ -3,7 +3,7 @@
 Another robot needs another :class:`Robot`, and these, which follow from no name:
 
 - whatever takes :data:`PANDA`: ``worlds/stepping``, ``worlds/robosuite_world``, ``changes/robot`` (number of
-  joints), ``construction/preflight`` (base), ``policies/clients/request`` (keys of observations),
+  joints), ``makers/construction/preflight`` (base), ``policies/clients/request`` (keys of observations),
   ``experts/scene_view`` (parts by name) and the substrates;
 - a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
   drives with it, and checks the number of joints; gains, limits and indices come from the environment;

@@ -16,6 +16,7 @@ pytest.importorskip("argcomplete", reason="pip install argcomplete")
     ("typed", "offered"),
     [
         ("libero-max tre", {"trend"}),
+        ("libero-max lab cla", {"claim"}),
         ("libero-max check a.py --pro", {"--profile"}),
         ("libero-max check a.py --profile pi05_lib", {"pi05_libero"}),
         ("libero-max profiles pi05_lib", {"pi05_libero"}),

@@ -33,6 +33,4 @@ def test_a_case_that_is_not_there_is_answered_with_the_closest(capsys: pytest.Ca
 def test_all_tracks_are_shown_and_verified(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show"]) == 0
     overview = capsys.readouterr().out
-    for heading in ("## Tracks", "## Rejected by the preflight", "## Certificates"):
-        assert heading in overview
     assert "| max | 8000 | 5600 | 2400 | 0 | 8 |" in overview

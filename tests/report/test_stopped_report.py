@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.lab.exports import every_eval_ever
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.exports import every_eval_ever
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.studies.study_tables import study_csv

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pytest_libero_max.demos.episodes import Planned
-from pytest_libero_max.demos.folder import save
-from pytest_libero_max.demos.lerobot import write_dataset
+from pytest_libero_max.lab.demos.episodes import Planned
+from pytest_libero_max.lab.demos.folder import save
+from pytest_libero_max.lab.demos.lerobot import write_dataset
 from pytest_libero_max.policies.transforms.images import rotate_180
-from tests.demos.test_folder import demo as demonstration
+from tests.lab.demos.test_folder import demo as demonstration
 from tests.pairing.actors import make_case
 from tests.policies.peers.conftest import HERE, PYTHON, require
 

@@ -1,0 +1,1 @@
+"""The formats of ``libero-max export``: a module for each."""
