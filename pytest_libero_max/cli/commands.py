@@ -33,8 +33,6 @@ GROUPS = {
         "runs",
         "view",
         "trend",
-        "audit",
-        "monitors",
         "watch",
         "merge",
         "report",
@@ -43,7 +41,6 @@ GROUPS = {
         "verify-run",
         "index",
         "published",
-        "recovery",
         "poses",
     ),
 }

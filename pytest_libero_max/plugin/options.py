@@ -89,7 +89,7 @@ class Settings:
 
     policy: str | None = _option(
         "ADAPTER",
-        "Policy to test: the name of a policy (expert, stale_expert, servo, noop, random), FILE.py, "
+        "Policy to test: the name of a policy (expert, stale_expert, noop, random), FILE.py, "
         "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
         "profile), several equal ones with commas between, or a .toml file that lists them; given "
         "on the command line without test paths, every pair of the track is collected; given in the ini "

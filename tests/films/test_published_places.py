@@ -104,8 +104,6 @@ COMMANDS = (
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp", "--view=policy"),
     ("poses", ".", "--select=all"),
-    ("monitors", ".", "image_change"),
-    ("demos", "episodes", "--run=."),
 )
 """Commands that play pairs again, all of which take ``--cases``."""
 

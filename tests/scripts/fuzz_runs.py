@@ -215,7 +215,7 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
         "compare --tables": ("compare", *two, "--tables", out / "tables"),
         "compare --by-cell": ("compare", sound, run, "--by-cell"),
         "trend": ("trend", sound, run, "--csv", out / "t.csv", "--html", out / "t.html"),
-        "recovery": ("recovery", *two),
+        "recovery": ("lab", "recovery", *two),
         "gate": ("gate", run, *gates),
         "export ctrf": ("export", run, out / "a.json", "--format", "ctrf"),
         "export every-eval-ever": ("export", run, out / "every", "--format", "every-eval-ever"),

@@ -1,4 +1,4 @@
-"""``libero-max monitors``: failure monitors scored over the recorded pairs of a run."""
+"""``libero-max lab monitors``: failure monitors scored over the recorded pairs of a run."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def add_command(commands: Commands) -> None:
 
 
 def _monitors(options: argparse.Namespace) -> None:
-    from pytest_libero_max.films.monitored import scored
     from pytest_libero_max.films.recorded import open_recorded
+    from pytest_libero_max.lab.monitored import scored
     from pytest_libero_max.pairing.probes.monitor import Monitor
     from pytest_libero_max.pairing.probes.registry import PROBES
     from pytest_libero_max.report.monitors import monitor_sections

@@ -35,7 +35,7 @@ def test_a_policy_is_audited_on_one_page(
     manifest["cases"] = manifest["cases"][:1]
     (tmp_path / "cases.json").write_text(json.dumps(manifest))
     monkeypatch.chdir(tmp_path)
-    arguments = ["audit", "--jobs", "1", "--limit", "1", "--output", "audited", "looking.py", "--"]
+    arguments = ["lab", "audit", "--jobs", "1", "--limit", "1", "--output", "audited", "looking.py", "--"]
     arguments += ["--libero-max-substrate=tiny", "--libero-max-manifest=cases.json", "-pno:cacheprovider"]
     assert main(arguments) == 0
     page = (tmp_path / "audited" / "audit.md").read_text()
@@ -48,5 +48,5 @@ def test_a_policy_is_audited_on_one_page(
 
 def test_a_run_that_fails_gives_its_exit_status(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["audit", "missing.py", "--jobs", "1"]) == 4
+    assert main(["lab", "audit", "missing.py", "--jobs", "1"]) == 4
     assert not (tmp_path / "libero-max-audit" / "audit.md").exists()

@@ -21,7 +21,7 @@ from pytest_libero_max.experts.grasp import FINGERTIP_M
 from pytest_libero_max.experts.motion import CLOSED, OPEN, Route, Waypoint, follow
 from pytest_libero_max.experts.pick_and_place import CLEARANCE_M, CLOSING_STEPS, OPENING_STEPS
 from pytest_libero_max.experts.scene_view import WRIST_MIDDLE_RAD, Hand
-from pytest_libero_max.experts.servo_scenes import (
+from pytest_libero_max.lab.servo.servo_scenes import (
     BOWL,
     BOWL_PLACES,
     BOWL_REACH_M,
@@ -34,7 +34,7 @@ from pytest_libero_max.experts.servo_scenes import (
     SHAPES,
     SceneKnowledge,
 )
-from pytest_libero_max.experts.sight import Area, Shape, chances, find, overlap
+from pytest_libero_max.lab.servo.sight import Area, Shape, chances, find, overlap
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
 
@@ -281,5 +281,8 @@ def _waypoint(
     """Return a waypoint of a hand that points down."""
     return Waypoint(position, wish.angle, grip, tolerance_m, wait)
 
+
+VERSION = 1
+"""See :func:`.references.shipped_version`."""
 
 policy = ServoPolicy

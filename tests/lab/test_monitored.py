@@ -11,8 +11,8 @@ from msgspec.structs import replace
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.films.monitored import scored
 from pytest_libero_max.films.recorded import open_recorded
+from pytest_libero_max.lab.monitored import scored
 from pytest_libero_max.pairing.probes.action_spread import ActionSpread
 from pytest_libero_max.pairing.probes.chunk_change import ChunkChange
 from pytest_libero_max.pairing.probes.image_change import ImageChange
@@ -20,9 +20,8 @@ from pytest_libero_max.pairing.probes.monitor import Monitor
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.worlds.contract import Observation
+from tests.films.short_run import Played, leave_out_shadows, play, shorten_episodes, store
 from tests.pairing.actors import Approaching
-
-from .short_run import Played, leave_out_shadows, play, shorten_episodes, store
 
 
 class Wavering(Approaching):
@@ -85,13 +84,13 @@ def test_the_tables_are_printed_and_say_what_is_looked_at(
     watched: tuple[Played, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
     cases = f"--cases={watched[1].parent / 'tiny.json'}"
-    assert main(["monitors", str(watched[1]), "chunk_change", "image_change", cases]) == 0
+    assert main(["lab", "monitors", str(watched[1]), "chunk_change", "image_change", cases]) == 0
     told = capsys.readouterr().out
     assert "Monitor chunk_change\n  Looks at: recorded answers alone\n  Pairs watched: 1\n" in told
     assert "Monitor image_change\n  Looks at: images of agentview, drawn again\n" in told
     assert "a threshold needs 9 pairs" in told
     assert "action_spread" not in told
-    assert main(["monitors", str(watched[1]), "motion", cases]) == 1
+    assert main(["lab", "monitors", str(watched[1]), "motion", cases]) == 1
     assert "'motion' is a probe that gives no scores, and no monitor." in capsys.readouterr().err
 
 

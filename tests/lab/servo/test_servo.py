@@ -12,9 +12,9 @@ from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import resolve_event
-from pytest_libero_max.experts import sight
-from pytest_libero_max.experts.servo import ServoPolicy, covers, read_hand, understand
-from pytest_libero_max.experts.servo_scenes import BOWL, BOWL_PLACES, CAMERA, IMAGE_SIZE, SCENES, SHAPES
+from pytest_libero_max.lab.servo import sight
+from pytest_libero_max.lab.servo.servo import ServoPolicy, covers, read_hand, understand
+from pytest_libero_max.lab.servo.servo_scenes import BOWL, BOWL_PLACES, CAMERA, IMAGE_SIZE, SCENES, SHAPES
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.contract import Episode, Query

@@ -1,4 +1,4 @@
-"""``libero-max recovery``: runs of one policy with and without restoration of its images."""
+"""``libero-max lab recovery``: runs of one policy with and without restoration of its images."""
 
 from __future__ import annotations
 

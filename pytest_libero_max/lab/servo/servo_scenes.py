@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pytest_libero_max.experts.nominal_camera import NominalCamera
-from pytest_libero_max.experts.sight import Area, Shape
+from pytest_libero_max.lab.servo.nominal_camera import NominalCamera
+from pytest_libero_max.lab.servo.sight import Area, Shape
 
 CAMERA, IMAGE_SIZE = "agentview", 256
 

@@ -1,7 +1,7 @@
 """Finding a known object in the image of the main camera: by its colours and its outline.
 
 The knowledge is that of demonstrations: the look of the object in unmodified scenes
-(``servo_colours.json``, written by ``tests.scripts.servo_colours``), how large it is, and how high it stands.
+(``servo_colours.json``, from ``tests.lab.servo.servo_colours``), how large it is, and how high it stands.
 An object is where its outline, projected by the nominal camera, holds the most of its colours inside and the
 least around it.
 """
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.experts.nominal_camera import NominalCamera
+from pytest_libero_max.lab.servo.nominal_camera import NominalCamera
 
 Array = NDArray[np.float64]
 Chances = NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""``libero-max audit``: which of its inputs a policy needs, as one page."""
+"""``libero-max lab audit``: which of its inputs a policy needs, as one page."""
 
 from __future__ import annotations
 
