@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit status: that of the command, 0 for most; 1 with a message on standard error;
-        :data:`PIPE_CLOSED`, without any, for ``libero-max show max | head``; :data:`INTERRUPTED`.
+        :data:`PIPE_CLOSED`, without any, for ``libero-max list cases max | head``; :data:`INTERRUPTED`.
     """
     try:
         try:

@@ -27,40 +27,66 @@ Add: TypeAlias = Callable[["CommandPlace"], None]
 """Function of a module that adds its command to the parser."""
 
 GROUPS = {
-    "Start here": ("init", "doctor", "check", "show", "compare", "gate", "film"),
-    "Before a run": ("profiles", "events", "programs", "plan", "power", "serve", "launch"),
+    "Start here": ("init", "doctor", "check", "list"),
+    "Before a run": ("plan", "serve", "launch"),
     "During and after runs": (
         "runs",
-        "view",
-        "trend",
-        "watch",
         "merge",
+        "view",
         "report",
-        "export",
-        "publish",
-        "verify-run",
-        "index",
-        "published",
+        "compare",
+        "gate",
+        "film",
         "poses",
+        "publish",
     ),
 }
-"""The commands of this folder by what they are for, in the order of the help."""
+"""The commands of this package by what they are for, in the order of the help."""
+
+_PARTS = {
+    "list": (
+        "What there is",
+        {
+            "tracks": "cases",
+            "cases": "cases",
+            "events": "events",
+            "programs": "programs",
+            "profiles": "profiles",
+            "published": "published",
+        },
+    ),
+    "plan": ("What a run takes and what it can show", {"time": "plan", "pairs": "power", "gates": "power"}),
+    "publish": ("Results for others", {"pack": "publish", "verify": "publish", "index": "publish"}),
+}
+"""The commands of this package that hold others: what these have in common, and the module of each."""
 
 FORMERLY = {
+    "show": "list cases",
+    "power": "plan pairs, or plan gates",
+    "verify-run": "publish verify",
+    "watch": "runs --follow",
+    "trend": "compare --over-time",
+    "export": "report --export",
+    "plan.": "plan time RUN",
+    "publish.": "publish pack RUN FOLDER",
     "bench-scenes": "dev bench scenes",
     "bench-images": "dev bench images",
     "bench-device": "dev bench device",
     "bench-genuine": "dev bench genuine",
 }
-"""Commands that have another name now; those that went into a group are found there."""
-
-_MODULES = {"verify-run": "publish", "index": "publish", "published": "publish"}
-"""Modules of commands that are not called like their module."""
+"""New names of commands; of a group, with its dot, what it did itself. Those in a group are found there."""
 
 
 def _own() -> Mapping[str, Callable[[], Add]]:
-    names = (name for group in GROUPS.values() for name in group)
-    return {name: partial(_own_command, _MODULES.get(name, name)) for name in names}
+    loaders: dict[str, Callable[[], Add]] = {}
+    for name in (name for names in GROUPS.values() for name in names):
+        if name not in _PARTS:
+            loaders[name] = partial(_own_command, name)
+            continue
+        help, parts = _PARTS[name]
+        loaders[name] = partial(partial, CommandPlace.add_group, name=name, help=help)
+        loaders |= {f"{name}.{part}": partial(_own_command, module) for part, module in parts.items()}
+    return loaders
 
 
 def _own_command(name: str) -> Add:
@@ -128,7 +154,8 @@ class CommandPlace(_Action):
     def hint(self, name: str) -> str:
         """Return the new name of a command that does not belong here, or the one that was probably meant."""
         grouped = [key.replace(".", " ") for key in COMMANDS if key.endswith(f".{name}")]
-        new = [FORMERLY[name]] if name in FORMERLY else grouped
+        known = [FORMERLY[key] for key in (name, self.prefix) if key in FORMERLY]
+        new = [*known, *grouped]
         return f"It is now libero-max {new[0]}" if new else did_you_mean(name, self.names())
 
     def require(self, name: str) -> None:

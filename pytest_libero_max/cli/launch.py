@@ -64,7 +64,8 @@ def add_command(commands: Commands) -> None:
     launch = commands.add_parser(
         "launch",
         help="Print, or submit, the jobs of a scheduler that play the shards of a run and merge them",
-        description="Each shard writes into its own folder in the output folder, from which libero-max watch "
+        description="Each shard writes into its own folder in the output folder, from which "
+        "libero-max runs --follow "
         "follows it; the merged run is written into the output folder itself, and names the shards that are "
         "missing.",
     )

@@ -117,7 +117,7 @@ class Settings:
     program: Program | None = _option(
         "NAME|FILE",
         "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
-        "`libero-max programs`, or a JSON file",
+        "`libero-max list programs`, or a JSON file",
         read.text,
     )
     only_installed: bool = _switch(

@@ -119,9 +119,9 @@ def test_the_command_shows_a_case_and_writes_its_pictures(
 ) -> None:
     case = manifest.cases[0].case_id
     where = ["--pictures", str(tmp_path / "pictures"), "--size", "32", "--substrate", "tiny"]
-    assert main(["show", str(tmp_path / "tiny.json"), case, *where]) == 0
+    assert main(["list", "cases", str(tmp_path / "tiny.json"), case, *where]) == 0
     shown = capsys.readouterr().out
     assert shown.startswith(f"{case}: target_relocation")
     assert shown.count("Written: ") == len(list((tmp_path / "pictures").iterdir())) == 4
-    assert main(["show", "smoke", *where]) == 1
+    assert main(["list", "cases", "smoke", *where]) == 1
     assert "give TRACK and CASE as well" in capsys.readouterr().err

@@ -11,8 +11,11 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.cli.commands import COMMANDS
 
 
-@pytest.mark.parametrize("command", [["show", "max"], ["--help"], ["show", "smoke", "--json"]])
-def test_a_reader_that_goes_away_is_left_in_peace(command: list[str]) -> None:
+@pytest.mark.parametrize(
+    "command", [["list", "cases", "max"], ["--help"], ["list", "cases", "smoke", "--json"]]
+)
+def test_a_reader_that_goes_away_is_left_in_peace(words: str) -> None:
+    command = words.split()
     script = "import sys; from pytest_libero_max.cli import main; sys.exit(main(sys.argv[1:]))"
     with subprocess.Popen(
         [sys.executable, "-c", script, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -73,9 +76,9 @@ def test_a_folder_without_tracks_is_named(command: str, capsys: pytest.CaptureFi
 
 
 def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show", "smoke", "pro-object_shape-spatial"]) == 0
+    assert main(["list", "cases", "smoke", "pro-object_shape-spatial"]) == 0
     assert capsys.readouterr().out.startswith("pro-object-shape-spatial-t01-i08-target_relocation-d1-p195")
-    assert main(["show", "smoke", "pro-object"]) == 1
+    assert main(["list", "cases", "smoke", "pro-object"]) == 1
     assert "is not in libero-max-embedded-smoke" in capsys.readouterr().err
 
 
@@ -91,10 +94,13 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
             "dev bench images --seconds -1",
             "argument --seconds: '-1', but must be a number from 0.001 to 3600",
         ),
-        ("watch run --interval nan", "argument --interval: 'nan', but must be a number from 0.01 to 3600"),
+        ("runs run --interval nan", "argument --interval: 'nan', but must be a number from 0.01 to 3600"),
         ("lab demos here --disturb 2", "argument --disturb: '2', but must be a number from 0 to 1"),
-        ("plan run --workers 0", "argument --workers: '0', but must be a whole number from 1 to 1000000"),
-        ("plan run --query-ms nan", "argument --query-ms: 'nan', but must be a number from 0 to 1e+06"),
+        (
+            "plan time run --workers 0",
+            "argument --workers: '0', but must be a whole number from 1 to 1000000",
+        ),
+        ("plan time run --query-ms nan", "argument --query-ms: 'nan', but must be a number from 0 to 1e+06"),
         ("launch slurm --shards 1 -- -q", "argument --shards: '1', but must be a whole number of at least 2"),
         ("film run --size 31", "argument --size: '31', but must be a whole number of at least 32"),
     ],

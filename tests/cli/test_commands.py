@@ -86,15 +86,15 @@ def test_a_broken_command_is_an_error_of_itself_alone(
     assert "wave Say hello" in listed
 
 
-@pytest.mark.parametrize("name", ["show", "wave"])
+@pytest.mark.parametrize("name", ["film", "wave"])
 def test_a_name_that_two_packages_declare_is_refused(
     name: str, install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install("tide", **{name: ""})
     install("surf", wave="")
-    assert main(["published"]) == 1
+    assert main(["list", "events"]) == 1
     error = capsys.readouterr().err
     assert "offered twice" in error
     assert all(
-        word in error for word in (["tide", "pytest-libero-max"] if name == "show" else ["tide", "surf"])
+        word in error for word in (["tide", "pytest-libero-max"] if name == "film" else ["tide", "surf"])
     )

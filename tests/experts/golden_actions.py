@@ -47,7 +47,7 @@ SCENES = (
 )
 SERVO_SCENE = ("libero_spatial", 3, 7)
 STEP_M = 0.05
-CAMERA, IMAGE_SIZE = ("agentview",)
+CAMERA, IMAGE_SIZE = "agentview", 256
 
 
 def actions_of(name: str, substrate: EmbeddedSubstrate) -> dict[str, str]:

@@ -103,7 +103,7 @@ def test_an_altered_run_is_named_and_in_no_table(
     report = published / "a-good" / "report.md"
     report.write_text(report.read_text().replace("96.9%", "99.9%", 1))
     page = tmp_path / "index.html"
-    assert main(["index", str(published), "--output", str(page)]) == 1
+    assert main(["publish", "index", str(published), "--output", str(page)]) == 1
     assert "report.md, line" in capsys.readouterr().out
     text = page.read_text()
     assert "Refused: published/a-good. " in text
@@ -119,7 +119,7 @@ def test_a_folder_without_published_runs_is_refused(tmp_path: Path) -> None:
 def test_names_of_policies_are_text_and_links_lead_to_the_runs(published: Path, tmp_path: Path) -> None:
     page = tmp_path / "pages" / "index.html"
     page.parent.mkdir()
-    assert main(["index", str(published), "--output", str(page)]) == 0
+    assert main(["publish", "index", str(published), "--output", str(page)]) == 0
     text = page.read_text()
     assert HOSTILE not in text
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
@@ -140,7 +140,7 @@ def test_the_installation_of_a_run_stands_beside_the_digest_of_its_pairs(publish
 
 def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, tmp_path: Path) -> None:
     path = tmp_path / "index.html"
-    assert main(["index", str(published), "--output", str(path)]) == 0
+    assert main(["publish", "index", str(published), "--output", str(path)]) == 0
     complaints: list[str] = []
     page = browser.new_context(offline=True).new_page()
     page.on("console", lambda message: complaints.append(message.text))

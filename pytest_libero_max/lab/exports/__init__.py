@@ -1,1 +1,1 @@
-"""The formats of ``libero-max export``: a module for each."""
+"""The formats of ``libero-max report --export``: a module for each."""

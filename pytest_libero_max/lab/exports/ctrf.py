@@ -44,7 +44,7 @@ def text(run: StoredRun, gates: Sequence[GateResult]) -> str:
     document = {
         "reportFormat": "CTRF",
         "specVersion": "0.0.0",
-        "generatedBy": "libero-max export",
+        "generatedBy": "libero-max report --export",
         "results": {
             "tool": {
                 "name": "pytest-libero-max",

@@ -165,7 +165,7 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
     if kind == "track" and substrate in SUBSTRATES and SUBSTRATES[substrate].plays_frozen:
         yield command(
             f"Draw its event before and after, {after}",
-            f"libero-max show {track}",
+            f"libero-max list cases {track}",
             f"--substrate={substrate} --pictures={PICTURES_NAME}",
             unless=["film", "pictures"],
         )

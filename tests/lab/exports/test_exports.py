@@ -99,7 +99,7 @@ def run(tmp_path: Path) -> Path:
 
 def _written(run: Path, name: str, *words: str) -> str:
     file = run.parent / name
-    assert main(["export", str(run), str(file), f"--format={name}", *words]) == 0
+    assert main(["report", str(run), f"--export={name}={file}", *words]) == 0
     return file.read_text()
 
 
@@ -132,7 +132,7 @@ def test_ctrf_has_a_test_for_each_planned_pair_and_each_gate(run: Path) -> None:
 
 def _two_files(run: Path) -> tuple[Path, Path]:
     folder = run.parent / "exported"
-    assert main(["export", str(run), str(folder), "--format=every-eval-ever"]) == 0
+    assert main(["report", str(run), f"--export=every-eval-ever={folder}"]) == 0
     whole, instances = sorted(folder.rglob("*.json*"))
     return whole, instances
 
@@ -176,7 +176,7 @@ def test_every_eval_ever_refuses_a_run_without_a_measured_pair(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     PairStore(tmp_path / "run", Run(tuple(plan()[:1]), PROVENANCE)).close()
-    assert main(["export", str(tmp_path / "run"), str(tmp_path / "x"), "--format=every-eval-ever"]) == 1
+    assert main(["report", str(tmp_path / "run"), f"--export=every-eval-ever={tmp_path / 'x'}"]) == 1
     assert "No pair of this run was measured" in capsys.readouterr().err
 
 
@@ -212,6 +212,6 @@ def test_robostats_joins_the_arms_of_a_case(run: Path) -> None:
 def test_another_format_is_refused_with_the_closest_one(
     run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["export", str(run), str(run / "x"), "--format=ctfr"]) == 1
+    assert main(["report", str(run), f"--export=ctfr={run / 'x'}"]) == 1
     assert "'ctrf'" in capsys.readouterr().err
     assert not (run / "x").exists()

@@ -8,12 +8,12 @@ from pytest_libero_max.cli import main
 
 
 def test_a_track_and_a_case_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show", "smoke"]) == 0
+    assert main(["list", "cases", "smoke"]) == 0
     assert "| target_relocation, variant 1 | 2 |" in capsys.readouterr().out
-    assert main(["show", "smoke", "--json"]) == 0
+    assert main(["list", "cases", "smoke", "--json"]) == 0
     manifest = json.loads(capsys.readouterr().out)
     case_id = manifest["cases"][0]["case_id"]
-    assert main(["show", "smoke", case_id]) == 0
+    assert main(["list", "cases", "smoke", case_id]) == 0
     shown = capsys.readouterr().out
     assert shown.startswith(f"{case_id}: ")
     assert '"dynamic_phase": "pre_grasp_proximity"' in shown
@@ -21,7 +21,7 @@ def test_a_track_and_a_case_are_shown(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_case_that_is_not_there_is_answered_with_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
     for track in ("smoke", "max"):
-        assert main(["show", track, "libero-object-t00-i00-nothing-d0-p195"]) == 1
+        assert main(["list", "cases", track, "libero-object-t00-i00-nothing-d0-p195"]) == 1
         error = capsys.readouterr().err
         assert error.startswith(
             "libero-max: case='libero-object-t00-i00-nothing-d0-p195' is not in libero-max-"
@@ -31,6 +31,6 @@ def test_a_case_that_is_not_there_is_answered_with_the_closest(capsys: pytest.Ca
 
 
 def test_all_tracks_are_shown_and_verified(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["show"]) == 0
+    assert main(["list", "tracks"]) == 0
     overview = capsys.readouterr().out
     assert "| max | 8000 | 5600 | 2400 | 0 | 8 |" in overview

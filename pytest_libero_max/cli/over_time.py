@@ -1,4 +1,4 @@
-"""``libero-max trend``: several runs in their order, for example of checkpoints, one line each."""
+"""``libero-max compare --over-time``: several runs in their order, for example of checkpoints."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import Commands, option
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
@@ -21,22 +20,8 @@ _CAUSES = 3
 """Number of causes that are printed; the CSV has all."""
 
 
-def add_command(commands: Commands) -> None:
-    """Add ``trend`` to the parser."""
-    trend = commands.add_parser(
-        "trend",
-        help="Follow success and causes over several runs, for example of checkpoints, in the order given",
-        description="All numbers are over the cases that every run has measured. Intervals are of each run "
-        "alone; libero-max compare has the paired contrasts of two.",
-    )
-    trend.add_argument("folders", type=Path, nargs="+", metavar="RUN", help="Folders of two or more runs")
-    option(trend, "--csv FILE", "Also write the numbers here", type=Path)
-    option(trend, "--html FILE", "Also write a page with charts here", type=Path)
-    option(trend, "--figure FILE", "Also draw success by run here, as SVG", type=Path)
-    trend.set_defaults(run=_trend)
-
-
-def _trend(options: argparse.Namespace) -> None:
+def compare_over_time(options: argparse.Namespace) -> None:
+    """Print success and causes of several runs in their order, and write what the options ask for."""
     from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
     from pytest_libero_max.report.comparison.compare_text import caveat_lines, warning_lines, with_short_names
     from pytest_libero_max.report.formats import counted
@@ -45,7 +30,7 @@ def _trend(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.writers.report_files import write_text
 
     if len(options.folders) < 2:
-        raise OptionError.seen("RUN", options.folders[0], ", but a trend is of two or more runs.")
+        raise OptionError("--over-time is of two or more runs. Give their folders in their order.")
     read = read_runs(options.folders)
     comparison = with_short_names(compare_runs(read, restrict=True))
     cases = {pair.item_id for pair in common_cases(read, restrict=True).planned}

@@ -1,4 +1,4 @@
-"""``libero-max show``: the tracks, one of them, or one case of it."""
+"""``libero-max list tracks`` and ``cases``: the tracks, one of them, or one case of it."""
 
 from __future__ import annotations
 
@@ -24,31 +24,37 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``show`` to the parser."""
-    show = commands.add_parser("show", help="Show the tracks, one of them, or one case of it")
-    show.add_argument("cases", nargs="?", metavar="TRACK|MANIFEST", help="Without: all tracks")
-    show.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
-    switch(show, "--json", "The manifest's own text, unpacked")
+    """Add ``tracks`` and ``cases`` to the parser."""
+    tracks = commands.add_parser("tracks", help="All tracks, with their numbers of cases by source")
+    tracks.set_defaults(run=_tracks)
+
+    cases = commands.add_parser("cases", help="What a track holds, or everything about one case of it")
+    cases.add_argument("cases", metavar="TRACK|MANIFEST", help="A track's name or a manifest's path")
+    cases.add_argument("case", nargs="?", metavar="CASE", help="Id of a case: everything about it")
+    switch(cases, "--json", "The manifest's own text, unpacked")
     option(
-        show,
+        cases,
         "--pictures FOLDER",
         "Also write what each camera sees just before and after the event of CASE, without a policy",
         type=Path,
     )
-    option(show, "--size PX", "Side of a picture", type=whole_number(1, 4096), default=256)
-    add_substrate(show)
-    show.set_defaults(run=_show)
+    option(cases, "--size PX", "Side of a picture", type=whole_number(1, 4096), default=256)
+    add_substrate(cases)
+    cases.set_defaults(run=_cases)
 
 
-def _show(options: argparse.Namespace) -> None:
-    from pytest_libero_max.benchmark.track_text import manifest_lines, track_lines
+def _tracks(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.track_text import track_lines
     from pytest_libero_max.benchmark.tracks import FOLDER
 
+    say(track_lines(FOLDER))
+
+
+def _cases(options: argparse.Namespace) -> None:
+    from pytest_libero_max.benchmark.track_text import manifest_lines
+
     if options.pictures is not None and options.case is None:
-        raise OptionError("--pictures shows the event of one case: give TRACK and CASE as well.")
-    if options.cases is None:
-        say(track_lines(FOLDER))
-        return
+        raise OptionError("--pictures shows the event of one case: give CASE as well.")
     manifest = manifest_of(options.cases)
     if options.json:
         print(manifest.to_json(), end="")

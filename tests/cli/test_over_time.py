@@ -1,4 +1,4 @@
-"""``libero-max trend``: runs in their order, over the cases that all have measured."""
+"""``libero-max compare --over-time``: runs in their order, over the cases that all have measured."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_each_run_has_a_line_with_its_rates_and_causes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = {name: tmp_path / f"trend.{name}" for name in ("csv", "figure", "html")}
-    assert main(["trend", *RUNS, *(f"--{name}={file}" for name, file in files.items())]) == 0
+    assert main(["compare", "--over-time", *RUNS, *(f"--{name}={file}" for name, file in files.items())]) == 0
     first, head, *rows = capsys.readouterr().out.splitlines()
     assert first == "2 runs on 32 common cases"
     assert head.startswith("run ")
@@ -64,5 +64,5 @@ def test_a_chart_over_runs_leaves_out_what_was_not_measured() -> None:
 
 
 def test_one_run_is_no_trend(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["trend", RUNS[0]]) != 0
+    assert main(["compare", "--over-time", RUNS[0]]) != 0
     assert "two or more runs" in capsys.readouterr().err

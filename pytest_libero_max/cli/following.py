@@ -1,52 +1,34 @@
-"""``libero-max watch``: runs followed from their folders."""
+"""``libero-max runs --follow``: runs followed from their folders."""
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import Commands, number, option, switch
 from pytest_libero_max.cli.terminal import say
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.status import Seen
 
 
-def add_command(commands: Commands) -> None:
-    """Add ``watch`` to the parser."""
-    watch = commands.add_parser(
-        "watch",
-        help="Follow runs from their folders, also on another machine, until they end",
-        description="Reads the folders alone and alters nothing in them. Where standard output is no "
-        "terminal, it prints lines at intervals. Exit status 11 if a run was killed or ended without every "
-        "pair.",
-    )
-    watch.add_argument(
-        "run_folders",
-        type=Path,
-        nargs="+",
-        metavar="RUN",
-        help="The output folder of a run; of several, for example shards, there is a line each and their sum",
-    )
-    switch(watch, "--once", "Print the status once; do not wait")
-    option(
-        watch, "--interval SECONDS", "Between two looks at the folder", type=number(0.01, 3600), default=2.0
-    )
-    watch.set_defaults(run=_watch)
+def follow(folders: Sequence[Path], interval_s: float, *, once: bool) -> int:
+    """Show how far runs are until they end, and return the exit status.
 
-
-def _watch(options: argparse.Namespace) -> int:
+    Args:
+        folders: Their folders.
+        interval_s: Time between two looks at the folders, s.
+        once: True to show it once and not to wait.
+    """
     from pytest_libero_max.runs.live_text import LiveText, understands_sequences
     from pytest_libero_max.runs.progress import Pace
     from pytest_libero_max.runs.status import Follower
 
-    followers = [Follower(folder) for folder in options.run_folders]
+    followers = [Follower(folder) for folder in folders]
     seen = [follower.look() for follower in followers]
-    if not options.once:
+    if not once:
         live = LiveText(sys.stdout) if understands_sequences(sys.stdout) else None
         pace = Pace(time.monotonic())
         if live is None and any(map(_goes_on, seen)):
@@ -57,7 +39,7 @@ def _watch(options: argparse.Namespace) -> int:
                     live.draw(_lines(seen))
                 elif pace.due(time.monotonic()):
                     say([_lines(seen)[-1] if len(seen) > 1 else _line(seen[0])])
-                time.sleep(options.interval)
+                time.sleep(interval_s)
                 seen = [follower.look() for follower in followers]
         finally:
             if live is not None:
