@@ -28,10 +28,9 @@ Add: TypeAlias = Callable[["CommandPlace"], None]
 
 GROUPS = {
     "Start here": ("init", "doctor", "check", "list"),
-    "Before a run": ("plan", "serve", "launch"),
+    "Before a run": ("plan", "serve", "shards"),
     "During and after runs": (
         "runs",
-        "merge",
         "view",
         "report",
         "compare",
@@ -56,6 +55,7 @@ _PARTS = {
         },
     ),
     "plan": ("What a run takes and what it can show", {"time": "plan", "pairs": "power", "gates": "power"}),
+    "shards": ("A run in several parts, on several machines", {"slurm": "slurm", "merge": "merge"}),
     "publish": ("Results for others", {"pack": "publish", "verify": "publish", "index": "publish"}),
 }
 """The commands of this package that hold others: what these have in common, and the module of each."""
@@ -64,6 +64,7 @@ FORMERLY = {
     "show": "list cases",
     "power": "plan pairs, or plan gates",
     "verify-run": "publish verify",
+    "launch": "shards slurm",
     "watch": "runs --follow",
     "trend": "compare --over-time",
     "export": "report --export",

@@ -129,7 +129,7 @@ class Settings:
         "I/N",
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
-        "say it); join the runs with libero-max merge",
+        "say it); join the runs with libero-max shards merge",
         read.shard,
     )
     order: Order = _option(
@@ -320,7 +320,7 @@ class Settings:
         "CONDITION",
         "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. "
         "Then the pairs are played by a worker, also without -n; gates of a shard are decided by "
-        "libero-max merge",
+        "libero-max shards merge",
         read.gate,
         many=True,
     )

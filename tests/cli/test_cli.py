@@ -101,7 +101,7 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
             "argument --workers: '0', but must be a whole number from 1 to 1000000",
         ),
         ("plan time run --query-ms nan", "argument --query-ms: 'nan', but must be a number from 0 to 1e+06"),
-        ("launch slurm --shards 1 -- -q", "argument --shards: '1', but must be a whole number of at least 2"),
+        ("shards slurm --shards 1 -- -q", "argument --shards: '1', but must be a whole number of at least 2"),
         ("film run --size 31", "argument --size: '31', but must be a whole number of at least 32"),
     ],
 )

@@ -1,4 +1,4 @@
-"""A package that adds an event, a change, a trigger, a probe, a study, a stopping rule and a protocol."""
+"""A package that adds events, changes, triggers, probes, studies, stopping rules, protocols, commands, formats."""
 
 from __future__ import annotations
 
@@ -128,6 +128,23 @@ def test_both_ways_of_playing_it_agree(installed: pytest.Pytester, results: Resu
         installed.runpytest_subprocess(*RUN, "-k", "push", f"--libero-max-prefix={mode}")
         records.append([(line["item_id"], line["arms"]["dynamic"]["proof"]) for line in results()[0]])
     assert records[0] == records[1]
+
+
+def test_its_command_and_its_format_are_those_of_libero_max(installed: pytest.Pytester) -> None:
+    def run(*words: str) -> str:
+        done = installed.run(sys.executable, "-m", "pytest_libero_max.cli", *words)
+        assert done.ret == 0
+        return done.stdout.str()
+
+    assert "tally         Count the words that are given" in run("--help")
+    assert run("tally", "one", "two") == "2"
+    installed.runpytest_subprocess(*RUN, "-k", "push").assert_outcomes(passed=2)
+    run("report", "libero-max-results", "--export=tally=tally.txt")
+    lines = (installed.path / "tally.txt").read_text().splitlines()
+    assert [line.split()[0] for line in lines] == [
+        "libero-spatial-t00-i00-push-v0",
+        "libero-spatial-t00-i00-push-v1",
+    ]
 
 
 def test_the_benchmarks_events_stay_first(installed: pytest.Pytester) -> None:

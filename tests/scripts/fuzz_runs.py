@@ -224,7 +224,7 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
         "watch": ("runs", "--follow", "--once", run, sound),
         "plan": ("plan", "time", run, "--workers", "4", "--servers", "1"),
         "power": ("plan", "pairs", "--run", run, "--change", "-0.1"),
-        "merge": ("merge", "--output", out / "merged", run),
+        "merge": ("shards", "merge", "--output", out / "merged", run),
         "film": ("film", run),
     }
     commands: dict[str, Callable[[], object]] = {

@@ -1,4 +1,4 @@
-"""``libero-max launch``: the shards of a run as jobs of a scheduler."""
+"""``libero-max shards slurm``: the shards of a run as jobs of a scheduler."""
 
 from __future__ import annotations
 
@@ -60,23 +60,16 @@ echo "Submitted $array, an array of {shards} shards, and ${{merge%%;*}}, which m
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``launch`` to the parser, with a command for each scheduler."""
-    launch = commands.add_parser(
-        "launch",
-        help="Print, or submit, the jobs of a scheduler that play the shards of a run and merge them",
-        description="Each shard writes into its own folder in the output folder, from which "
-        "libero-max runs --follow "
-        "follows it; the merged run is written into the output folder itself, and names the shards that are "
-        "missing.",
-    )
-    schedulers = launch.add_subparsers(required=True, metavar="SCHEDULER")
-    slurm = schedulers.add_parser(
+    """Add ``slurm`` to the parser."""
+    slurm = commands.add_parser(
         "slurm",
-        help="Shards as an array of jobs of Slurm, and a job that merges them when all have ended",
-        description="For example: libero-max launch slurm --shards 64 --workers 8 --sbatch=--time=04:00:00 "
+        help="Print, or submit, an array of jobs of Slurm that play shards, and a job that merges them",
+        description="For example: libero-max shards slurm --shards 64 --workers 8 --sbatch=--time=04:00:00 "
         "-- --libero-max-policy=adapter.py --libero-max-track=max. Prints a script for bash. A job that is "
         "preempted, or reaches its time limit, goes on where it was. Submit the jobs again to play what is "
-        "missing.",
+        "missing. Each shard writes into its own folder in the output folder, from which libero-max runs "
+        "--follow follows it; the merged run is written into the output folder itself, and names the shards "
+        "that are missing.",
     )
     option(slurm, "--shards N", "Number of shards", type=whole_number(2), required=True)
     option(
@@ -175,5 +168,5 @@ def slurm_script(
         beginning="".join(f"{line}\n" for line in (f"cd {shlex.quote(str(Path.cwd()))} || exit", *before)),
         restarts=_RESTARTS,
         pytest=shlex.join([sys.executable, "-m", "pytest", "-n", str(workers), *arguments]),
-        merge=shlex.join([sys.executable, "-m", "pytest_libero_max.cli", "merge", "--finished"]),
+        merge=shlex.join([sys.executable, "-m", "pytest_libero_max.cli", "shards", "merge", "--finished"]),
     )

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.cli.launch import slurm_script
+from pytest_libero_max.cli.slurm import slurm_script
 from pytest_libero_max.runs.merge import merge_folders
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
@@ -80,7 +80,7 @@ def slurm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_the_script_is_one_that_bash_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["-k", "a and $(touch pwned) `b` \\ \"'", "--libero-max-policy=my adapter's.py", "#x", "a;b", "!"]
-    arguments = ["launch", "slurm", "--shards=64", "--at-once=8", "--workers=4", "--sbatch=--time=04:00:00"]
+    arguments = ["shards", "slurm", "--shards=64", "--at-once=8", "--workers=4", "--sbatch=--time=04:00:00"]
     before = "module load 'cuda 12'"
     assert main([*arguments, "--before", before, "--output", str(tmp_path / "50%'s"), "--", *words]) == 0
     script = capsys.readouterr().out
@@ -109,7 +109,7 @@ def test_the_script_is_one_that_bash_reads(tmp_path: Path, capsys: pytest.Captur
 def test_what_cannot_be_launched_is_said(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["launch", *arguments]) == 1
+    assert main(["shards", *arguments]) == 1
     assert message in capsys.readouterr().err
 
 
@@ -117,14 +117,14 @@ def test_a_scheduler_that_is_not_here_is_said(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
-    assert main(["launch", "slurm", "--shards=2", "--submit", "--", "-q"]) == 1
+    assert main(["shards", "slurm", "--shards=2", "--submit", "--", "-q"]) == 1
     assert "Cannot run bash: " in capsys.readouterr().err
 
 
 def test_shards_are_played_merged_and_gone_on_with(
     folder: Path, slurm: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    launch = ["launch", "slurm", "--shards=2", "--output=out", "--submit", "--", *PLAYED]
+    launch = ["shards", "slurm", "--shards=2", "--output=out", "--submit", "--", *PLAYED]
     monkeypatch.setenv("FAKE_INDICES", "2")
     assert main(launch) == 0
     assert "Submitted 7, an array of 2 shards, and 8, which merges them into" in capfd.readouterr().out
@@ -150,17 +150,17 @@ def test_shards_are_played_merged_and_gone_on_with(
 def test_a_shard_whose_run_was_killed_is_left_out_and_kept(
     folder: Path, slurm: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["launch", "slurm", "--shards=2", "--output=out", "--submit", "--", *PLAYED]) == 0
+    assert main(["shards", "slurm", "--shards=2", "--output=out", "--submit", "--", *PLAYED]) == 0
     killed = folder / "out/shard-2"
     before = (killed / "pairs.jsonl").read_bytes()
     (killed / "in-progress").write_text("process 1 on another-machine\n")
-    merge = ["merge", "--finished", "out/shard-1", "out/shard-2", "--output", "again"]
+    merge = ["shards", "merge", "--finished", "out/shard-1", "out/shard-2", "--output", "again"]
     assert main(merge) == 11
     assert "Left out out/shard-2: its run has not ended." in capfd.readouterr().out
     assert (killed / "pairs.jsonl").read_bytes() == before
     (killed / "in-progress").unlink()
     assert main(merge) == 0
-    assert main(["merge", "--finished", "nowhere", "--output", "again"]) == 1
+    assert main(["shards", "merge", "--finished", "nowhere", "--output", "again"]) == 1
     assert "nothing to merge yet" in capfd.readouterr().err
 
 
