@@ -19,10 +19,11 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
     """Write a plugin that gives every suite a budget of ``steps``.
 
     Returns:
-        The arguments that load it.
+        The arguments that load it, without Hypothesis' plugin: its summary imports all of Hypothesis, which
+        takes a session longer than some pairs.
     """
     pytester.makepyfile(short_episodes=PLUGIN.format(steps=steps))
-    return ("-p", "short_episodes")
+    return ("-p", "short_episodes", "-p", "no:hypothesispytest")
 
 
 def shorten_here(monkeypatch: pytest.MonkeyPatch, steps: int) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
-from scipy.optimize import elementwise
 
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 
@@ -72,6 +71,8 @@ def bounds(counts: ArrayLike, confidence: float = CONFIDENCE) -> tuple[FloatArra
 
 
 def _upper_bounds(counts: FloatArray, tail: float) -> FloatArray:
+    from scipy.optimize import elementwise
+
     most = (counts.shape[1] - 1) / 2
     values = np.linspace(-most, most, counts.shape[1])
     shapes = counts.copy()

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.stats.clusters import task_interval
@@ -66,6 +65,8 @@ def chance_of_losses(
         begins: Holds for enough losses; None where none are too few.
         ends: Holds for too many losses; None where none are.
     """
+    from scipy import stats
+
     gains, mass = _range(pairs, chances.gain)
     trials = pairs - gains
     share = min(1.0, chances.loss / (1 - chances.gain)) if chances.gain < 1 else 0.0
@@ -127,6 +128,8 @@ def _first(gains: Counts, trials: Counts, begins: Begins) -> Counts:
 
 def _range(pairs: int, rate: float) -> tuple[Counts, NDArray[np.float64]]:
     """Return the counts with a probability to speak of, and their probabilities."""
+    from scipy import stats
+
     first, last = stats.binom.ppf(_REST, pairs, rate), stats.binom.isf(_REST, pairs, rate)
     counts = np.arange(max(0, int(first)), min(pairs, int(last)) + 1)
     return counts, stats.binom.pmf(counts, pairs, rate)

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
-from scipy.optimize import elementwise
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
@@ -157,6 +156,8 @@ def _beta_exceeds(first: FloatArray, second: FloatArray, value: FloatArray) -> F
 
 def _falling_roots(products: Products, level: float) -> FloatArray:
     """Values at which falling probabilities meet ``level``, found on the nearly linear probit scale."""
+    from scipy.optimize import elementwise
+
     target = special.ndtri(level)
 
     def excess(at: FloatArray, rows: NDArray[np.intp]) -> FloatArray:

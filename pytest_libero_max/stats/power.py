@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from pytest_libero_max.errors import OptionError
 
@@ -39,6 +38,8 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     Raises:
         OptionError: The probabilities are not ones that a pair can have.
     """
+    from scipy import stats
+
     _check(loss, gain)
     if pairs < 1:
         raise OptionError.seen("pairs", pairs, ", but a test needs at least one pair.")
@@ -110,6 +111,8 @@ def fewest(shown: Callable[[int], bool]) -> int | None:
 @lru_cache(maxsize=8)
 def _critical_counts(most: int, alpha: float) -> NDArray[np.int64]:
     """For 0 to ``most`` discordant pairs, the largest smaller count that rejects; -1 where none does."""
+    from scipy import stats
+
     counts = np.arange(most + 1)
     smallest = np.asarray(stats.binom.ppf(alpha / 2, counts, 0.5), dtype=np.int64)
     beyond = np.asarray(stats.binom.cdf(smallest, counts, 0.5) > alpha / 2, dtype=np.int64)

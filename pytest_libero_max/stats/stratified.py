@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
-from scipy.optimize import brentq
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
@@ -60,6 +59,8 @@ def stratified_difference(
     Raises:
         ReportError: There is no stratum, or one without an episode of each.
     """
+    from scipy.optimize import brentq
+
     counts = np.array([[one.count, one.of, other.count, other.of] for one, other in strata], dtype=np.float64)
     if not counts.size or (counts[:, [1, 3]] == 0).any():
         raise ReportError("A stratified difference needs strata with an episode on each side.")

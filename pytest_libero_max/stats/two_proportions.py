@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special, stats
-from scipy.optimize import brentq
+from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
@@ -112,6 +111,8 @@ def pairs_to_show(losses: int, gains: int, pairs: int, alpha: float = ALPHA) -> 
 
 def _fisher(first: Ratio, second: Ratio) -> float:
     """Decimal logarithm of twice the smaller tail of Fisher's exact test, at most 0."""
+    from scipy import stats
+
     given = stats.hypergeom(first.of + second.of, first.count + second.count, first.of)
     tail = min(float(given.logcdf(first.count)), float(given.logsf(first.count - 1)))
     return min(0.0, (tail + math.log(2)) / math.log(10))
@@ -119,6 +120,8 @@ def _fisher(first: Ratio, second: Ratio) -> float:
 
 def _upper(first: Ratio, second: Ratio, tail: float) -> float:
     """Upper bound of the first proportion less the second."""
+    from scipy.optimize import brentq
+
     lower, upper = (second.count, second.of - second.count + 1), (first.count + 1, first.of - first.count)
 
     def exceeds(gap: float) -> float:

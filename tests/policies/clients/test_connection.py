@@ -135,11 +135,16 @@ def test_a_connection_that_is_accepted_and_silent_is_an_answer_under_way(
 def test_tickets_of_tls_are_no_end_of_a_connection(monkeypatch: pytest.MonkeyPatch) -> None:
     """A server sends them after the handshake, so that the first query finds the connection readable."""
     monkeypatch.setenv("SSL_CERT_FILE", str(CERTIFICATE))
-    each, opened = BY_SCHEME["https"], []
-    monkeypatch.setattr(http, "connect", lambda address: opened.append(address) or connection.connect(address))
+    each, opened = BY_SCHEME["https"], list[Any]()
+
+    def connect(address: Any) -> socket.socket:
+        opened.append(address)
+        return connection.connect(address)
+
+    monkeypatch.setattr(http, "connect", connect)
     with each.serve() as port, forwarded(port, tls=True) as outer:
         policy = each.open(f"https://127.0.0.1:{outer}")
-        sock = policy.client._link._connection.sock
+        sock = policy.client._link._connection.sock  # type: ignore[attr-defined]
         assert select.select([sock], [], [], 10.0)[0]
         assert ask(policy).shape[1] == ask(policy, 1).shape[1] == 7
         policy.client.close()
