@@ -1,4 +1,4 @@
-"""A package that adds events, changes, triggers, probes, studies, stopping rules, protocols, commands, formats."""
+"""A package that adds an event, a probe, a study, a protocol, a command, a format and more."""
 
 from __future__ import annotations
 
