@@ -40,11 +40,10 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings) -> Policy:
     """Return the policy under test, loaded once a worker."""
     from pytest_libero_max.policies.adapter_digest import files_read
-    from pytest_libero_max.policies.adaptive import AdaptivePolicy
     from pytest_libero_max.policies.check import ends_the_session
     from pytest_libero_max.policies.clients.waiting import note_in
     from pytest_libero_max.policies.loading import load_policy
-    from pytest_libero_max.policies.restoration import RestoringPolicy
+    from pytest_libero_max.policies.wrapping import WRAPPERS
 
     settings = libero_max_settings
     if settings.policy is None:
@@ -64,10 +63,10 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
                 revision=settings.revision,
                 seat=_seat(pytestconfig, settings),
             )
-        if settings.restore != "native":
-            policy = RestoringPolicy(policy, settings.restore)
-        if settings.adaptive is not None:
-            policy = AdaptivePolicy(policy, settings.adaptive)
+        for name in ("restore", "adaptive"):
+            mode = getattr(settings, name)
+            if mode not in (None, "native"):
+                policy = WRAPPERS[name](policy, mode)
     except BaseException as error:
         if isinstance(error, Exception) or ends_the_session(error):
             raise

@@ -11,7 +11,6 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.policies.restoration import COUNTS
 from pytest_libero_max.report.studies.recovery import compare_recovery
 from pytest_libero_max.report.studies.recovery_text import recovery_lines
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -20,6 +19,7 @@ from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of
 
 PLANNED = [pair for pair in plan(30) if pair.event == "sensor_noise_onset"]  # 60 of plus, 60 of pro
 Flags = Sequence[bool]
+COUNTS = ("queries", "active", "images", "restored", "noisy", "covered")
 
 
 def run_of(mode: str, base: Flags, dynamic: Flags, **policy: Any) -> StoredRun:

@@ -11,7 +11,9 @@ import pytest
 
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import read_pairs
-from tests.plugin.conftest import REACHER, tiny_manifest
+from tests.plugin.conftest import REACHER, results, run, short_sessions, tiny_manifest
+
+__all__ = ["results", "run", "short_sessions"]  # fixtures
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]

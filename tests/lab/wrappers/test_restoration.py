@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.changes.pixels import SensorCorruption
 from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.lab.wrappers.image_quality import assess
+from pytest_libero_max.lab.wrappers.restoration import COUNTS, RestoringPolicy, restore
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.check import check_policy, notes_of, remembers
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
-from pytest_libero_max.policies.image_quality import assess
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.policies.restoration import COUNTS, RestoringPolicy, restore
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 from tests.pairing.actors import Approaching, make_case

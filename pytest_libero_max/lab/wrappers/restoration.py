@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.lab.wrappers.image_quality import Mask, assess
 from pytest_libero_max.policies.contract import Policy, Query
-from pytest_libero_max.policies.image_quality import Mask, assess
 from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Image, Observation
 

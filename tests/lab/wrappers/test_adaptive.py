@@ -9,17 +9,17 @@ import pytest
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.pairing.prefix import PrefixMode
-from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.pairing.runner import PairSettings, play_pair
-from pytest_libero_max.policies.adaptive import (
+from pytest_libero_max.lab.wrappers.adaptive import (
     SURPRISE,
     AdaptivePolicy,
     block_changes,
     surprise,
 )
+from pytest_libero_max.lab.wrappers.restoration import RestoringPolicy
+from pytest_libero_max.pairing.prefix import PrefixMode
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.runner import PairSettings, play_pair
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
-from pytest_libero_max.policies.restoration import RestoringPolicy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
 from tests.pairing.actors import Approaching, make_case
