@@ -47,7 +47,7 @@ from pytest_libero_max.runs.media import SELECTIONS, TRACES_NAME, is_selected, s
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.provenance import collect
 from pytest_libero_max.runs.replay_command import OUTSIDE
-from pytest_libero_max.runs.store import PairStore
+from pytest_libero_max.runs.store import PairStore, read_to_resume
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, describe_substrate, open_substrate, scores_of
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World, height_and_width
@@ -123,7 +123,11 @@ class PairedRun:
             fingerprint=kept(describe_substrate(substrate, options)),
         )
         self._traces, self._traced = Path(folder) / TRACES_NAME, selection_named(traces)
-        self._store, stored = PairStore.resume(Path(folder), Run.of(planned, provenance))
+        self._store, stored = PairStore.resume(
+            Path(folder),
+            Run.of(planned, provenance),
+            read_to_resume(Path(folder), {case.case_id: case for case in planned}),
+        )
         settled = frozenset[str]() if stored is None else stored.settled
         self.policy = policy
         self.cases = tuple(

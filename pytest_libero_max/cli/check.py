@@ -132,6 +132,11 @@ def _examine(options: argparse.Namespace, reference: str) -> int:
     if any(array.ndim >= 3 for array in told.values()):
         options.picture.write_bytes(png_file(picture_sheet(told)))
         print(f"Open {options.picture}: {who}.")
+    if _has_stand_in(options.policy):
+        print(
+            f"{options.policy} still has the Model of `libero-max init`, which looks at nothing. Put your "
+            "own in its place, and check again."
+        )
     wrong, notes, skipped = (_count(findings, level) for level in ("wrong", "note", "skip"))
     could_not = f", {skipped} could not be examined" if skipped else ""
     print(f"{wrong} wrong, {notes} to look at{could_not}")
@@ -139,6 +144,14 @@ def _examine(options: argparse.Namespace, reference: str) -> int:
     if probable:
         print(f"--strict counts {probable} of the notes as wrong.")
     return 1 if wrong else 0
+
+
+def _has_stand_in(reference: str) -> bool:
+    """Return True if the policy is a file with the template's stand-in for a model."""
+    from pytest_libero_max.cli.init import has_stand_in
+
+    file = Path(reference.partition(".py:")[0] + ".py" if ".py:" in reference else reference)
+    return file.suffix == ".py" and file.is_file() and has_stand_in(file.read_text(encoding="utf-8"))
 
 
 def _count(findings: list[Finding], level: Level) -> int:

@@ -74,6 +74,7 @@ def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.comparison.compare_files import write_comparison
     from pytest_libero_max.report.comparison.compare_text import comparison_lines
     from pytest_libero_max.report.comparison.paper_files import write_tables
+    from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     if options.over_time:
@@ -90,7 +91,7 @@ def _compare(options: argparse.Namespace) -> None:
         raise OptionError("--published adds rows to tables. Give --tables=FOLDER as well.")
     if options.tables:
         written = write_tables(runs, options.tables, options.restrict, options.published)
-        print(f"Written: {written[0]}, and {len(written) - 1} files beside it")
+        print(f"Written: {written[0]}, and {counted(len(written) - 1, 'file')} beside it")
         if len(runs) < 2:
             return
     comparison = compare_runs(runs, options.restrict)

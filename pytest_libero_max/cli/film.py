@@ -52,6 +52,7 @@ def add_command(commands: Commands) -> None:
         "--profile NAME|PATH",
         "With --view=policy: the profile of the run's server, if it is none of this package's",
     )
+    film.add_argument("--in-view", action="store_true", help=argparse.SUPPRESS)  # view shows them itself
     film.set_defaults(run=_film)
 
 
@@ -115,7 +116,7 @@ def _film(options: argparse.Namespace) -> int:
         lambda ran: partial(
             film_pair, shown=shown_by(ran["policy"], options.adapter, options.profile) if of_policy else None
         ),
-        "" if of_policy else report,
+        "" if of_policy or options.in_view else report,
     )
 
 

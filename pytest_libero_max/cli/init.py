@@ -18,8 +18,8 @@ WORKFLOW = ".github/workflows/libero-max.yml"
 SOURCES = {ADAPTER: "policies/vla.py", WORKFLOW: "github-action/workflow.yml"}
 """Files that are copied, by name, and their places in ``fixtures``, which the build copies as well."""
 
-GATES = ("base_sr >= 50%", "trigger_coverage >= 80%")
-"""Conditions that a policy meets which solves LIBERO: without them a run shows nothing of the events."""
+GATES = ("base_sr >= 50%", "trigger_coverage >= 80%", "delta >= -20%")
+"""Conditions to begin with: the run can show what events do, and they do not do too much."""
 
 LATER = "dynamic_sr_vs(baseline) >= -10%"
 """Gate for later runs; it needs an earlier one."""
@@ -30,14 +30,16 @@ libero_max_policy = {ADAPTER}
 libero_max_gate =
     {GATES[0]}
     {GATES[1]}
-# These look at Base and at whether events happen, not at what is lost. Keep a good run
-# (mv libero-max-results baseline); then no later one may lose more than ten points to it:
+    {GATES[2]}
+# The first two hold where the run can show what events do. The third is about what is lost: Dynamic may
+# succeed in 20 points less of the pairs than Base. Set it to what your use of the policy allows.
+# Keep a good run (mv libero-max-results baseline); then no later one may lose more than ten points to it:
 #   {LATER}
 """
 
 TABLE = f"""\
 libero_max_policy = "{ADAPTER}"
-libero_max_gate = ["{GATES[0]}", "{GATES[1]}"]  # later also "{LATER}"
+libero_max_gate = ["{GATES[0]}", "{GATES[1]}", "{GATES[2]}"]  # later also "{LATER}"
 """
 
 
@@ -88,6 +90,12 @@ def source_of(name: str) -> Path:
     """
     installed = _INSTALLED / SOURCES[name]
     return installed if installed.is_file() else _CHECKOUT / SOURCES[name]
+
+
+def has_stand_in(text: str) -> bool:
+    """Return True if the text of an adapter still holds the template's ``Model``, which looks at nothing."""
+    template = source_of(ADAPTER).read_text(encoding="utf-8")
+    return template[template.index("class Model:") : template.index("class Vla:")] in text
 
 
 def _written(path: Path, text: str) -> str:

@@ -121,9 +121,11 @@ def _rates(seen: Seen) -> tuple[str, str, str]:
 
 
 def _status(seen: Seen) -> str:
-    count = f"{seen.progress.done} of {seen.progress.planned} pairs"
+    from pytest_libero_max.report.formats import counted
+
+    count = f"{seen.progress.done} of {counted(seen.progress.planned, 'pair')}"
     if seen.state != "ended":
         return f"{seen.state}, {count}"
     if seen.stopped is not None:
         return f"stopped, {count}"
-    return f"complete, {seen.progress.done} pairs" if seen.complete else f"incomplete, {count}"
+    return f"complete, {counted(seen.progress.done, 'pair')}" if seen.complete else f"incomplete, {count}"

@@ -56,7 +56,7 @@ def _view(options: argparse.Namespace) -> int:
             f"--port={options.port} cannot be used: {error.strerror}. Choose another."
         ) from None
     address = f"http://127.0.0.1:{server.server_port}/{_PAGE}"
-    say([f"{address} (Ctrl-C ends it)"])
+    say([f"{address} (Ctrl-C ends it)", _films_text(folder)])
     if not options.no_browser:
         webbrowser.open(address)
     with server, suppress(KeyboardInterrupt):
@@ -78,7 +78,15 @@ def _make_films(folder: Path, case_set: str | None) -> None:
     names = [name for name in named if name in missing]
     if names:
         cases = [] if case_set is None else [f"--cases={case_set}"]
-        main(["film", str(folder), *names, *cases])
+        main(["film", str(folder), *names, *cases, "--in-view"])
+
+
+def _films_text(folder: Path) -> str:
+    """Return the number of films that the page shows, and of pairs that could be filmed."""
+    films, traced = films_in(folder).keys(), traced_in(folder)
+    others = len(traced - films)
+    more = f"; {others} more pairs have traces: libero-max film {folder} --select=all" if others else ""
+    return f"The page shows films of {len(films)} pairs{more}."
 
 
 def _page_shows_all(folder: Path) -> bool:

@@ -21,6 +21,7 @@ from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
 from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
+from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
@@ -177,7 +178,8 @@ class RecordedRun:
 
         Raises:
             ProtocolError: The replay does not reach the recorded digests; names the differences in versions.
-            ReportError: A needed file is missing, or a file is there already or cannot be written.
+            ReportError: The record contradicts its case; or a needed file is missing, or a file is there
+                already or cannot be written.
             AdapterError: The policy's view cannot be made.
             SubstrateError: The substrate cannot build the scene.
             ChangeError: A change does not fit this world.
@@ -186,6 +188,7 @@ class RecordedRun:
         case = self.cases.get(record.case_id)
         if case is None:
             raise ReportError(f"{record.item_id} is not among the cases of the run's track or manifest.")
+        require_of_case(record, case)
         traces = self.traces(record)
         try:
             use(case, self.substrate.world(case), traces)

@@ -156,7 +156,9 @@ def cases_of_all_shards(config: pytest.Config) -> tuple[Case, ...]:
     cases = manifest_of(config).cases
     if settings.program is not None:
         cases = tuple(case for case in cases if case.program is not None)
-    if settings.only_installed:
+    if settings.suites is not None:
+        cases = tuple(case for case in cases if case.suite in settings.suites)
+    if settings.only_installed and cases:
         with usage_errors("--libero-max-only-installed: "):
             cases = supported_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
     return cases if settings.limit is None else stratified(cases, settings.limit)
@@ -169,6 +171,7 @@ def asked_for(config: pytest.Config) -> list[str]:
     if settings.program is not None and left_out_by_program(config):
         asked.append(f"--libero-max-program={settings.program.source}")
     asked += ["--libero-max-only-installed"] if settings.only_installed else []
+    asked += [] if settings.suites is None else [f"--libero-max-suites={','.join(settings.suites)}"]
     asked += [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
     asked += [f"-k {option.keyword}"] if option.keyword else []
     asked += [f"-m {option.markexpr}"] if option.markexpr else []
@@ -307,8 +310,8 @@ def check_ids(config: pytest.Config) -> None:
         if id in whole:
             raise pytest.UsageError(
                 f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the {len(known)} "
-                "pairs that --libero-max-only-installed, --libero-max-limit or --libero-max-shard leaves. "
-                "Take the option away."
+                "pairs that --libero-max-suites, --libero-max-only-installed, --libero-max-limit or "
+                "--libero-max-shard leaves. Take the option away."
             )
         raise pytest.UsageError(
             f"{PSEUDO_PATH}::test_pair[{id}] is not in {settings.case_set}. {did_you_mean(id, whole)}"

@@ -66,6 +66,7 @@ from pytest_libero_max.policies.contract import CHANCE_SHARE
 from pytest_libero_max.policies.loading import check_reference
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.exit_status import INCOMPLETE
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import ChangedPair
 from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs import provenance
@@ -244,7 +245,8 @@ class RunController:
         return stop.rule.check(declared)
 
     def _read_to_resume(self) -> None:
-        self._before = read_to_resume(self.settings.output)
+        cases = {case.case_id: case for case in self.cases.values()}
+        self._before = read_to_resume(self.settings.output, cases)
         if self._before is not None:
             self.end.lines += damage_said(self._before.damaged)
             before: list[PairRecord | PairError] = [*self._before.records, *self._before.refused]
@@ -256,7 +258,7 @@ class RunController:
         asked = asked_for(self.config)
         if settings.shard is not None:
             asked.append(f"shard {settings.shard[0]} of {settings.shard[1]}")
-        details = [f"{len(manifest)} cases, digest {manifest.digest[:12]}"]
+        details = [f"{counted(len(manifest), 'case')}, digest {manifest.digest[:12]}"]
         details += [] if manifest.recognition is None else [str(manifest.recognition)]
         details += [f"selection: {', '.join(asked)}"] if asked else []
         measured, refused = self._settled_before
@@ -286,8 +288,8 @@ class RunController:
             return []
         listed = ", ".join(f"{count} of {event}" for event, count in left_out.items())
         return [
-            f"program {program.name} leaves out {left_out.total()} of {len(manifest_of(self.config))} cases "
-            f"({listed}): {program.because}"
+            f"program {program.name} leaves out {left_out.total()} of "
+            f"{counted(len(manifest_of(self.config)), 'case')} ({listed}): {program.because}"
         ]
 
     @pytest.hookimpl(optionalhook=True)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import ReportError, did_you_mean
 from pytest_libero_max.plugin.array_jobs import shard_of_job
 from pytest_libero_max.runs.media import selection_named
@@ -41,6 +42,15 @@ def positive(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ValueError("expected an integer of at least 1")
     return int(text)
+
+
+def suites(text: str) -> tuple[str, ...]:
+    """Parse names of LIBERO's suites, with commas between."""
+    names = [name.strip() for name in text.split(",")]
+    for name in names:
+        if name not in SUITE_BUDGETS:
+            raise ValueError(f"expected suites with commas between. {did_you_mean(name, SUITE_BUDGETS)}")
+    return tuple(sorted({*names}))
 
 
 def count(text: str) -> int:

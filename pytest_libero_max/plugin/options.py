@@ -124,7 +124,18 @@ class Settings:
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
         "otherwise nothing is played; before the limit"
     )
-    limit: int | None = _option("N", "Play a stratified, deterministic subset of N cases", read.positive)
+    suites: tuple[str, ...] | None = _option(
+        "SUITE,...",
+        "Play only the cases of these suites, where a policy plays no others; before the limit",
+        read.suites,
+    )
+    limit: int | None = _option(
+        "N",
+        "Play a stratified, deterministic subset of N cases, the same for every policy: it is chosen before "
+        "the policy is loaded, from what --libero-max-suites and --libero-max-only-installed leave, and "
+        "before -k and -m, which are pytest's own and choose among the N",
+        read.positive,
+    )
     shard: tuple[int, int] | None = _option(
         "I/N",
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
@@ -770,7 +781,10 @@ def _parsed(option: Option, text: str, where: str) -> Any:
     try:
         return option.parse(str(text))
     except (ValueError, LiberoMaxError) as error:
-        raise pytest.UsageError(f"{where}={text!r}: {error}") from None
+        value = f"{option.name}={text!r}"  # errors about a gate begin with it, and it is said once
+        message = str(error)
+        rest = message.removeprefix(value) if message.startswith(value) else f": {message}"
+        raise pytest.UsageError(f"{where}={text!r}{rest}") from None
 
 
 def _output(config: pytest.Config, text: str, resume: bool) -> Path:

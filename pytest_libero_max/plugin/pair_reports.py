@@ -102,7 +102,7 @@ def result_of(report: pytest.TestReport, case: Case, budget: int) -> PairRecord 
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is not None:
         try:
-            return _of_its_length(result_from_dict(result), case, budget)
+            return _of_its_case(result_from_dict(result), case, budget)
         except ReportError as error:
             return PairError.of(case, error, RECORD_PHASE)
     if not report.failed:
@@ -112,17 +112,21 @@ def result_of(report: pytest.TestReport, case: Case, budget: int) -> PairRecord 
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
 
 
-def _of_its_length(result: PairRecord | PairError, case: Case, budget: int) -> PairRecord | PairError:
+def _of_its_case(result: PairRecord | PairError, case: Case, budget: int) -> PairRecord | PairError:
     """Return the result; its episodes have the length that the case had before any policy was loaded.
 
     Raises:
-        ReportError: They have another length.
+        ReportError: They have another length, or the record contradicts its case.
     """
     if isinstance(result, PairRecord) and result.max_steps != budget:
         raise ReportError(
             f"max_steps={result.max_steps} of case_id={case.case_id!r}, but its episodes have {budget}. "
             "Something has changed the budgets where it was played: look for it in the adapter."
         )
+    if isinstance(result, PairRecord):
+        from pytest_libero_max.pairing.case_rules import require_of_case
+
+        require_of_case(result, case)
     return result
 
 

@@ -23,6 +23,7 @@ from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
 from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
@@ -210,6 +211,7 @@ class RunEnd:
         look_at, ran = to_look_at(self.report, MOST_FILMS), self.report.provenance
         show = show_command(folder, named, look_at, ran)
         self.lines += summary_lines(self.report, paths, films, show)
+        self.lines += self._suites_lines(self.report)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(self.report, paths)
         if self.settings.compare is not None and self._run is not None:
@@ -228,6 +230,18 @@ class RunEnd:
                 _append_step_summary(folder / "report.md")
             except OSError as error:
                 self.lines.append(f"The step summary was not written: {error}")
+
+    def _suites_lines(self, report: Report) -> list[str]:
+        """Return the option with which the limit takes no unsupported pair, if it took one."""
+        limit, pairs = self.settings.limit, report.pairs
+        if limit is None or not pairs.unsupported:
+            return []
+        suites = ",".join((report.policy or {}).get("suites", ()))
+        return [
+            f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of "
+            f"suites that it does not play among them. To choose among the others: add "
+            f"--libero-max-suites={suites}"
+        ]
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
@@ -272,7 +286,9 @@ class RunEnd:
         """Fail a session whose gates cannot be decided because it planned no pair."""
         if not self.settings.gate or only_lists(self.config):
             return
-        self.lines.append(f"gate open  {len(self.settings.gate)} gates: undecidable, no pair was planned.")
+        self.lines.append(
+            f"gate open  {counted(len(self.settings.gate), 'gate')}: undecidable, no pair was planned."
+        )
         if session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = GATE_FAILED
             self.lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
@@ -321,7 +337,7 @@ class RunEnd:
             return [], status
         return [
             f"Exit status {status:d}: the run ended by its stopping rule, which left out {pairs.missing} "
-            f"of {pairs.planned} pairs. To play them, resume without the rule."
+            f"of {counted(pairs.planned, 'pair')}. To play them, resume without the rule."
         ], status
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:

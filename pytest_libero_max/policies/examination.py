@@ -60,7 +60,7 @@ def examine(policy: Policy, shown: Shown) -> list[Finding]:
     """
     findings: list[Finding] = []
     try:
-        for look in (_answers, _repeats, _forgets, _writes, _looks, _carries, _company, _follows_h, _inputs):
+        for look in (_answers, _repeats, _forgets, _writes, _looks, _carries, _batches, _follows_h, _inputs):
             findings += look(policy, shown)
     except LiberoMaxError as error:
         findings.append(
@@ -389,7 +389,7 @@ def _carries(policy: Policy, shown: Shown) -> Iterator[Finding]:
     yield ok("snapshot", "restore() brings back what snapshot() copied")
 
 
-def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
+def _batches(policy: Policy, shown: Shown) -> Iterator[Finding]:
     """Check that an answer does not depend on the other queries of its batch."""
     if not batches(policy) or remembers(policy) or not policy.spec.repeatable:
         return
@@ -405,14 +405,14 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
     every = [*zip(alone, together, strict=True), *zip(alone, turned, strict=True)]
     if any(one.shape != other.shape or np.abs(one - other).max() > MIXED_UP for one, other in every):
         yield wrong(
-            "company",
+            "batch",
             "predict_batch gives other answers than predict",
             "the answer that each query gets alone, in the order of the items",
             "The items are mixed up, or something is shared among them.",
         )
         return
     if all(one.tobytes() == other.tobytes() for one, other in every):
-        yield ok("company", "the same bytes alone and in a batch")
+        yield ok("batch", "the same bytes alone and in a batch")
         return
     furthest = max(float(np.abs(one - other).max()) for one, other in every)
     same_size = zip(together, turned, padded, strict=True)
@@ -420,9 +420,12 @@ def _company(policy: Policy, shown: Shown) -> Iterator[Finding]:
         observed = f"answers change by up to {furthest:.1g} with the size of the batch alone"
         mistake = "Serve it with --pad-batch to get the same bytes whoever else asks."
     else:
-        observed = f"answers change by up to {furthest:.1g} with the company, also at the same batch size"
+        observed = (
+            f"answers change by up to {furthest:.1g} with the other queries of the batch, "
+            "also at the same size"
+        )
         mistake = "Serve it without --max-batch, or declare repeatable=False."
-    yield note("company", observed, "the same bytes alone and in a batch", mistake)
+    yield note("batch", observed, "the same bytes alone and in a batch", mistake)
 
 
 def _follows_h(policy: Policy, shown: Shown) -> Iterator[Finding]:

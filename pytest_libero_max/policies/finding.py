@@ -14,6 +14,10 @@ Level = Literal["ok", "note", "wrong", "skip"]
 ``skip`` could not be examined."""
 
 
+STRICT = "--strict"
+"""Option of ``libero-max check`` that counts probable mistakes as wrong."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """Result of one check.
@@ -42,7 +46,8 @@ class Finding:
         text = f"{self.level:<6}{self.subject}: {self.observed}"
         if self.expected:
             text += f"; expected: {self.expected}"
-        return f"{text}. {self.mistake}" if self.mistake else text
+        text = f"{text}. {self.mistake}" if self.mistake else text
+        return f"{text} [{STRICT}: wrong]" if self.probable else text
 
 
 ok, note, wrong = partial(Finding, "ok"), partial(Finding, "note"), partial(Finding, "wrong")

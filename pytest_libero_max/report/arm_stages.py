@@ -166,11 +166,11 @@ class FailedArm:
     def held_up(self) -> str:
         """A clause about a hand that was held up, or nothing."""
         number = int(self.stages["blocked_steps"])
-        by = (
-            " and ".join(f"the {name_in_words(name, '')}" for name in self.stages["blocked_by"])
-            or "nothing that it touched"
-        )
-        return f"; it was held up for {number} steps by {by}" if number >= BLOCKED_STEPS else ""
+        if number < BLOCKED_STEPS:
+            return ""
+        names = " and ".join(f"the {name_in_words(name, '')}" for name in self.stages["blocked_by"])
+        by = f" by {names}" if names else ", though it touched nothing"
+        return f"; it was held up for {number} steps{by}"
 
     def in_base(self, value_m: float | None) -> str:
         """Return a distance of Base in brackets; nothing where there is none."""

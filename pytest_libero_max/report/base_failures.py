@@ -13,6 +13,7 @@ from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.schedules import BASE
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import BaseFailures, Report
 
 TITLE = "What broke in Base"
@@ -82,6 +83,12 @@ ADVICE = (
 )
 """The table of `AGENTS.md`. A cause belongs to one row at most; the others say nothing about an adapter."""
 
+_COMPARE = (
+    "Look at a film of one. If the policy solves more in its own evaluation, compare the adapter with that: "
+    "images, state, gripper, Q. Otherwise play more pairs, so that Base solves more that can be lost."
+)
+"""Next step where Base solves less than half, and more than a wrong adapter does."""
+
 _UNSEEN = "A model that has never seen these scenes may fail there with a right adapter."
 
 
@@ -119,7 +126,7 @@ def known_failures(report: Report) -> list[BaseFailures]:
 
 def title_of(report: Report) -> str:
     """Return the heading: the number of failures and of pairs."""
-    return f"{TITLE}: {_failed(report.base_failures)} of {report.overall.played} pairs"
+    return f"{TITLE}: {_failed(report.base_failures)} of {counted(report.overall.played, 'pair')}"
 
 
 def next_step(report: Report) -> str:
@@ -133,14 +140,14 @@ def next_step(report: Report) -> str:
     text = f"Base solves {solved} of {played}, so events have {left} to break."
     advice, number = _most(groups)
     sight = f"in {number} of {failed} failures {advice.sight}" if advice is not None else ""
+    own = report.substrate.scores_comparable_with_published is False  # no model was trained on its scenes
+    unseen = f" {_UNSEEN}" if own and not (report.policy or {}).get("privileged") else ""
     if solved >= FLOOR_BASE_RATE * played:  # an adapter that is wrong solves less
-        return f"{text} {sight.capitalize()}." if sight else text
+        text = f"{text} {sight.capitalize()}." if sight else text
+        return f"{text} {_COMPARE}{unseen}"
     if advice is None:
         return f"{text} Fix Base first: look at a film of it."
-    text = f"{text} Fix Base first: {sight}. {advice.meaning}"
-    own = report.substrate.scores_comparable_with_published is False  # no model was trained on its scenes
-    unknown = own and not (report.policy or {}).get("privileged")
-    return f"{text}. {_UNSEEN}" if unknown else f"{text}."
+    return f"{text} Fix Base first: {sight}. {advice.meaning}.{unseen}"
 
 
 def _failed(groups: Iterable[BaseFailures]) -> int:

@@ -57,6 +57,7 @@ from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.report.timing import success_curves, timing_section
+from pytest_libero_max.report.writers.summary import alarm_texts
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -194,10 +195,10 @@ def build_report(
         methods=dict(METHODS),
         provenance=provenance,
     )
-    if with_intervals:
-        return report
-    # Intervals and p-values are for a number of pairs that is fixed before. The rule's own are in ``pairs``.
-    return structs.replace(without_intervals(report), pairs=counts)
+    if not with_intervals:
+        # These are for a number of pairs that is fixed before. Those of the rule are in ``pairs``.
+        report = structs.replace(without_intervals(report), pairs=counts)
+    return structs.replace(report, warnings=alarm_texts(report))
 
 
 def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFailures | None:

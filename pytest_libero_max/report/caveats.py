@@ -14,6 +14,7 @@ from pytest_libero_max.events.schedules import BASE, BASE_AGAIN
 from pytest_libero_max.pairing.record import PROGRAM
 from pytest_libero_max.pairing.scene_fingerprints import START
 from pytest_libero_max.pairing.stage import WAITED
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.runs.outcomes import Played
 from pytest_libero_max.worlds.rendering.context import renderers
@@ -223,4 +224,4 @@ def _drawn_otherwise(records: Iterable[Played]) -> int:
 
 def caveat_text(caveat: Caveat) -> str:
     """Return a caveat as one paragraph, the number of pairs first."""
-    return f"{caveat.pairs} of {caveat.played} pairs: {caveat.text}"
+    return f"{caveat.pairs} of {counted(caveat.played, 'pair')}: {caveat.text}"

@@ -10,6 +10,7 @@ from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.comparison.contrasts import contrast_of
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_reach import require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult
 from pytest_libero_max.report.measurable import lacks_of
@@ -22,6 +23,8 @@ from pytest_libero_max.runs.comparability import (
     Difference,
     differences_between,
     listed,
+    policies_text,
+    policy_differences,
 )
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
@@ -36,11 +39,13 @@ class Baseline:
         contrast: Contrast of Dynamic success, the other run first.
         lost: Item ids of the pairs that only the other run completes.
         differences: Settings in which the two differ beside their policies.
+        policies: Sentence on what differs between policies of one name; None where nothing is known to.
     """
 
     contrast: SuccessContrast
     lost: tuple[str, ...]
     differences: tuple[Difference, ...]
+    policies: str | None
 
     def refused(self, gate: Gate) -> str | None:
         """Return why the gate cannot be decided: differences that it does not allow; None for none."""
@@ -53,10 +58,11 @@ class Baseline:
             f"alone. Play both alike, or accept it with allow={names} behind the folder"
         )
 
-    def accepted(self, gate: Gate) -> str:
-        """Return a sentence on the differences that the gate allows; empty for none."""
-        found = [one for one in self.differences if one.accepted(gate.allow)]
-        return f"Accepted: the runs also differ in {listed(found)}." if found else ""
+    def differences_text(self, gate: Gate) -> str:
+        """Return sentences on the differences that the gate allows, and on the policies; empty for none."""
+        allowed = [one for one in self.differences if one.accepted(gate.allow)]
+        accepted = f"Accepted: the runs also differ in {listed(allowed)}." if allowed else None
+        return " ".join(filter(None, (accepted, self.policies)))
 
 
 def read_baseline(stored: StoredRun, path: Path) -> Baseline | str | None:
@@ -75,13 +81,18 @@ def read_baseline(stored: StoredRun, path: Path) -> Baseline | str | None:
     except ReportError as error:
         return str(error)
     if common.partial:
-        return f"it is a comparison on the {len(common.planned)} pairs that both policies support"
+        return f"it is a comparison on the {counted(len(common.planned), 'pair')} that both policies support"
     outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
     (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
     before, now = (outcomes[name] for name in (THERE, HERE))
     lost = [pair.item_id for pair, was, n in zip(common.planned, before, now, strict=True) if was and not n]
     sides = {name: RunOutcomes.of(run).side for name, run in ((THERE, other), (HERE, stored))}
-    return Baseline(contrast_of(contrast), tuple(sorted(lost)), tuple(differences_between(sides, COMPARISON)))
+    return Baseline(
+        contrast_of(contrast),
+        tuple(sorted(lost)),
+        tuple(differences_between(sides, COMPARISON)),
+        policies_text(one.field for one in policy_differences(sides)),
+    )
 
 
 def first_result(gate: Gate, stored: StoredRun, report: Report) -> GateResult:

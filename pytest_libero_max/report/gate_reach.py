@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_bounds import BOUNDED
 from pytest_libero_max.report.gates import (
     BEYOND_SHAM,
@@ -63,13 +64,15 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     exact = gate.name in (*COUNTS, *EXACT)
     if _none_meets(gate, values) and (exact or gate.operator not in ("==", "!=")):
         raise OptionError.seen(
-            "gate", gate.text, f" can never hold: no outcome of its {len(pairs)} pairs can meet it. {_CURE}"
+            "gate",
+            gate.text,
+            f" can never hold: no outcome of its {counted(len(pairs), 'pair')} can meet it. {_CURE}",
         )
     if exact and _all_meet(gate, values):
         raise OptionError.seen(
             "gate",
             gate.text,
-            f" can never fail: every outcome of its {len(pairs)} pairs meets it. {_NARROWER}",
+            f" can never fail: every outcome of its {counted(len(pairs), 'pair')} meets it. {_NARROWER}",
         )
 
 
@@ -94,13 +97,13 @@ def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
         raise OptionError.seen(
             "gate",
             gate.text,
-            f" can never hold: no outcome of its {cases} pairs can meet it, {there}. {_CURE}",
+            f" can never hold: no outcome of its {counted(cases, 'pair')} can meet it, {there}. {_CURE}",
         )
     if _all_meet(gate, values):
         raise OptionError.seen(
             "gate",
             gate.text,
-            f" can never fail: every outcome of its {cases} pairs meets it, {there}. {_NARROWER}",
+            f" can never fail: every outcome of its {counted(cases, 'pair')} meets it, {there}. {_NARROWER}",
         )
 
 

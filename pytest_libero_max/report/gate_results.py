@@ -146,7 +146,7 @@ def _decided(gate: Gate, stored: StoredRun, report: Report, baseline: Baseline |
         lost = baseline.lost if isinstance(baseline, Baseline) else _lost(stored, gate)
         result = replace(result, detail=f"{result.detail}{why}", lost=lost, not_shown=not_shown)
     if isinstance(baseline, Baseline) and result.verdict != "undecidable":
-        result = replace(result, accepted=baseline.accepted(gate))
+        result = replace(result, differences=baseline.differences_text(gate))
     return result
 
 

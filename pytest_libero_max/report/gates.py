@@ -165,8 +165,8 @@ class GateResult:
         lost: Item ids of the pairs that count against a gate that failed: those that Base completes and
             Dynamic does not, or that another run completes and this one does not.
         not_shown: True for a gate on an end of an interval that failed, and whose other end meets it.
-        accepted: Sentence on the settings in which the other run differs and which the gate allows; empty for
-            none.
+        differences: Sentences on the settings in which the other run differs and which the gate allows, and
+            on what differs between policies of one name; empty for none.
         no_baseline: True for a gate that passed because there is no other run yet.
         waits: True for a gate of a shard, which is decided on all shards together.
     """
@@ -177,14 +177,14 @@ class GateResult:
     detail: str
     lost: tuple[str, ...] = ()
     not_shown: bool = False
-    accepted: str = ""
+    differences: str = ""
     no_baseline: bool = False
     waits: bool = False
 
     @property
     def reason(self) -> str:
         """The gate, its verdict and what explains it, as one text."""
-        return f"{self.gate.text}: {self.verdict}, {self.detail} {self.accepted}".rstrip()
+        return f"{self.gate.text}: {self.verdict}, {self.detail} {self.differences}".rstrip()
 
     @property
     def finding(self) -> Finding:
@@ -304,9 +304,17 @@ def _require_open(gate: Gate) -> None:
         raise OptionError.seen(
             "gate",
             gate.text,
-            f" can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}"
-            f"{', and 60% is 0.6' if scale.percent else ''}. Give a number that decides something.",
+            f" can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}. {_share_meant(gate)}",
         )
+
+
+def _share_meant(gate: Gate) -> str:
+    """Return the cure of a number that decides nothing: a share, where it was meant as a percentage."""
+    scale, share = scale_of(gate.name), gate.threshold / 100
+    inside = share > scale.least and (scale.most is None or share < scale.most)
+    if scale.percent and not gate.percent and share != 0 and inside:
+        return f"Write {float(gate.threshold):.12g}% or {float(share):.12g}."
+    return "Give a number that decides something."
 
 
 def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:

@@ -69,11 +69,14 @@ def result_of(result: PairedResult, planned: int) -> Result:
     )
 
 
+_OF_INTERVALS = ("lower", "upper", "p_value", "log10_p_value", "log10_p_value_holm")
+
+
 def without_intervals(block: B) -> B:
     """Return a block whose intervals and p-values are None, those of all blocks in it too."""
     fields = structs.asdict(block)
     changed = {name: _without_intervals(value) for name, value in fields.items()}
-    changed |= dict.fromkeys(fields.keys() & {"lower", "upper", "p_value", "log10_p_value"})
+    changed |= dict.fromkeys(fields.keys() & _OF_INTERVALS)
     return structs.replace(block, **changed)
 
 

@@ -442,6 +442,8 @@ class Report(Block, frozen=True, kw_only=True):
             None where no pair lacks a result, none has one, a rule stopped the run or a shard lacks.
         policy: The policy's spec as played, as in its records; None where no pair was played.
         substrate: The substrate of the run, and the standing of its scores.
+        warnings: What has to be known before any number, as sentences: lacking pairs, events that did not
+            happen, and a Base that has nothing to lose.
         caveats: Notes on single pairs of this run whose scene, prompt or event differs from its name,
             or whose policy server was interrupted.
         overall: The result over all played pairs.
@@ -482,6 +484,7 @@ class Report(Block, frozen=True, kw_only=True):
     missing_as_failures: MissingAsFailures | None = None
     policy: dict[str, Any] | None
     substrate: Substrate
+    warnings: list[Text] = field(default_factory=list)
     caveats: list[Caveat]
     overall: Result
     noise_floor: NoiseFloor | None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OtherRunError, ReportError
+from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
@@ -21,11 +23,14 @@ MACHINE = (*RENDERING, "blas")
 """Fingerprints in which pairs of one measurement may differ: the renderer, and the kind of processor."""
 
 _PROCESSOR = "blas"
-_OF_CASE = (SCENE, START, PROGRAM)
-"""Fingerprints in which the pairs of one run may differ, because they belong to the case."""
-
 _OF_SOURCE = "assets"
 """Fingerprint of earlier versions: a digest of the source code that made the scenes."""
+
+OF_CASE = (SCENE, START, PROGRAM)
+"""Fingerprints in which the pairs of one run may differ, because they belong to the case."""
+
+OF_MACHINE = (*MACHINE, _OF_SOURCE)
+"""Fingerprints that say nothing of what was played, or that are compared in a way of their own."""
 
 
 class Agreement:
@@ -33,10 +38,11 @@ class Agreement:
 
     Args:
         run: The plan and the provenance.
+        cases: The cases of its manifest by id, where that is at hand: records are compared with them.
     """
 
-    def __init__(self, run: Run) -> None:
-        self._run = run
+    def __init__(self, run: Run, cases: Mapping[str, Case] | None = None) -> None:
+        self._run, self._cases = run, cases or {}
         self._planned = {pair.case_id: pair for pair in run.planned}
         self._measured: dict[str, str] = {}
         self._same_play = SamePlay()
@@ -73,6 +79,8 @@ class Agreement:
         if isinstance(pair, PairRecord):
             if not self._measured:
                 _require_header(self._run, pair)
+            if (case := self._cases.get(pair.case_id)) is not None:
+                require_of_case(pair, case)
             self._same_play.add(pair)
             self._measured[pair.case_id] = where
 
@@ -82,6 +90,12 @@ class Played(Protocol):
 
     @property
     def item_id(self) -> str: ...
+
+    @property
+    def suite(self) -> str: ...
+
+    @property
+    def max_steps(self) -> int: ...
 
     @property
     def policy(self) -> Json: ...
@@ -106,6 +120,7 @@ class SamePlay:
         self._first: Played | None = None
         self._files: dict[tuple[str, str], tuple[Json, str]] = {}
         self._scenes: dict[tuple[str, str | None], tuple[str, str]] = {}
+        self._budgets: dict[str, tuple[int, str]] = {}
 
     def add(self, pair: Played) -> None:
         """Take in the next pair.
@@ -117,7 +132,7 @@ class SamePlay:
         if first.policy != pair.policy or first.fingerprints != pair.fingerprints:
             different = [
                 *policy_differences(first.policy, pair.policy),
-                *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, *_OF_CASE)),
+                *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, *OF_CASE)),
                 *_other_kind(first, pair),
             ]
             if different:
@@ -129,7 +144,16 @@ class SamePlay:
                 )
         self._require_same_files(pair)
         self._require_same_scene(pair)
+        self._require_same_budget(pair)
         self._first = first
+
+    def _require_same_budget(self, pair: Played) -> None:
+        known, item_id = self._budgets.setdefault(pair.suite, (pair.max_steps, pair.item_id))
+        if known != pair.max_steps:
+            raise OtherRunError(
+                f"max_steps={pair.max_steps} of {pair.item_id!r}, but {known} of {item_id!r}: the episodes "
+                f"of a suite ({pair.suite}) have one budget. Play the run again, or compare the runs."
+            )
 
     def _require_same_files(self, pair: Played) -> None:
         """Compare files with those of all pairs before, where names agree: ``reset`` may read others."""
@@ -189,14 +213,25 @@ def file_differences(first: Json, other: Json) -> list[str]:
         first: ``policy`` of a record.
         other: ``policy`` of another one.
     """
-    one, two = first.get(FILES), other.get(FILES)
+    return [
+        _file_text(name, first[FILES].get(name), other[FILES].get(name))
+        for name in differing_files(FILES, first, other)
+    ]
+
+
+def differing_files(part: str, first: Json, other: Json) -> list[str]:
+    """Return the names of the files in which two policies differ, see :func:`file_differences`.
+
+    Args:
+        part: :data:`.FILES`, or :data:`.RESET_FILES`, of which only those that both have read are compared.
+        first: ``policy`` of a record.
+        other: ``policy`` of another one.
+    """
+    one, two = first.get(part), other.get(part)
     if one is None or two is None:
         return []
-    return [
-        _file_text(name, one.get(name), two.get(name))
-        for name in sorted({*one, *two})
-        if not _is_same_file(one.get(name), two.get(name))
-    ]
+    names = {*one, *two} if part == FILES else {*one} & {*two}
+    return [name for name in sorted(names) if not _is_same_file(one.get(name), two.get(name))]
 
 
 def _is_same_file(one: Json | None, other: Json | None) -> bool:
@@ -208,10 +243,10 @@ def _is_same_file(one: Json | None, other: Json | None) -> bool:
 
 
 def _file_text(name: str, one: Json | None, other: Json | None) -> str:
-    return f"{_FILE}{name!r}: {_identity_text(one)}, {_identity_text(other)}"
+    return f"{_FILE}{name!r}: {identity_text(one)}, {identity_text(other)}"
 
 
-def _identity_text(identity: Json | None) -> str:
+def identity_text(identity: Json | None) -> str:
     """Return the identity of a file for messages: the beginning of its digest, and its size."""
     if identity is None:
         return "not read"
@@ -235,6 +270,10 @@ def _other_kind(first: Played, other: Played) -> list[str]:
     ]
 
 
+_ONLY_BY_OPTION = ("latency", "strength")
+"""Fingerprints that a record has where the header has the setting, and nowhere else."""
+
+
 def _require_header(run: Run, record: Played) -> None:
     """Check that a record agrees with the header of its run."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
@@ -251,10 +290,11 @@ def _require_header(run: Run, record: Played) -> None:
     }
     for (part, name), wanted in header.items():
         values = getattr(record, part)
-        if wanted is not None and name in values and values[name] != wanted:
+        recorded = values.get(name)
+        if recorded != wanted and (name in _ONLY_BY_OPTION or None not in (recorded, wanted)):
             raise OtherRunError(
-                f"{record.item_id!r} was played with {part}.{name}={shown(values[name])}, but the first line "
-                f"of its run says {shown(wanted)}. Play it again."
+                f"{record.item_id!r} was played with {part}.{name}={shown(recorded)}, but the first line of "
+                f"its run says {shown(wanted)}. Play it again."
             )
 
 

@@ -6,17 +6,20 @@ This is the one place that knows what a result depends on beside its cases. Gate
 ======== ================================================= ============== =============================
 Kind     Fields                                            In comparisons Within one measurement
 ======== ================================================= ============== =============================
-setting  protocol, substrate, case set, versions, scenes;  a difference   a difference
-         H, Q, repeatability and wrappers of the policy
+setting  protocol, substrate, case set, versions, scenes,  a difference   a difference
+         budgets of steps, installations; H, Q,
+         repeatability and wrappers of the policy
 renderer what drew the images                              a difference   tolerated
 added    arms that are played beside Base and Dynamic      tolerated      a difference
-policy   the policy as asked for: code, revision, weights  tolerated      a difference
+policy   the policy as asked for: code, revision; the      tolerated      a difference
+         files that it has read
 address  addresses of its servers                          tolerated      tolerated if records name the
                                                                           weights
 place    paths, whose content digests identify             tolerated      tolerated
 ======== ================================================= ============== =============================
 
-A comparison is of policies, so these may differ. One measurement is what is merged or resumed.
+A comparison is of policies, so these may differ, and the comparison names what is not the same in policies of
+one name. One measurement is what is merged or resumed; its pairs are compared by :mod:`.agreement` as well.
 """
 
 from __future__ import annotations
@@ -24,14 +27,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from itertools import combinations
+from typing import Any, Literal, get_args
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import shown
 from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import FILES, RESET_FILES, PairRecord
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.profile import declares_weights
+from pytest_libero_max.runs.agreement import OF_CASE, OF_MACHINE, differing_files, identity_text
 from pytest_libero_max.runs.plan import Run
 
 Kind = Literal["setting", "renderer", "added", "policy", "address", "place"]
@@ -42,8 +47,14 @@ COMPARISON: frozenset[Kind] = frozenset({"added", "policy", "address", "place"})
 ONE_MEASUREMENT: frozenset[Kind] = frozenset({"renderer", "place"})
 """Kinds of differences that the pieces of one measurement may have."""
 
+OF_POLICIES: frozenset[Kind] = frozenset(get_args(Kind)) - {"policy"}
+"""Kinds that are left out where two policies alone are compared."""
+
 _PARTS = ("policy", "substrate", "case_set", "protocol", "versions")
 """Parts of the provenance that results depend on."""
+
+_FINGERPRINTS = "fingerprints"
+_FILE = f"policy.{FILES}."
 
 _KINDS: Mapping[str, Kind] = {
     "case_set.path": "place",
@@ -67,10 +78,13 @@ _USUAL = {"protocol.strength": 1.0}
 _AS_PLAYED: Json = {"horizon": None, "query_interval": None, "repeatable": True, "wrappers": []}
 """Declarations of a policy as it was played that a comparison looks at; values of records without them."""
 
+_SETTINGS_AS_ASKED = ("horizon", "query_interval", "restore", "adaptive")
+"""Options about a policy that :data:`_AS_PLAYED` repeats as they were played."""
+
 THERE, HERE = "there", "here"
 """Names of another run and of this one."""
 
-SCENES, RENDERERS = "scenes", "renderers"
+SCENES, RENDERERS, MAX_STEPS = "scenes", "renderers", "max_steps"
 
 _GROUPS = ("versions", "case_set")
 """Parts whose fields are accepted together, by the name of the part."""
@@ -79,7 +93,7 @@ NAMES = (
     *("prefix", "strength", "latency", "study", "program"),
     *("semantics", "instruction", "source_variations", "installations"),
     *("horizon", "query_interval", "repeatable", "wrappers"),
-    *(SCENES, RENDERERS, *_GROUPS),
+    *(SCENES, RENDERERS, MAX_STEPS, *_GROUPS),
 )
 """Names by which a difference can be accepted; ``PART.FIELD`` names others, such as ``versions.numpy``."""
 
@@ -89,7 +103,8 @@ class Difference:
     """A field in which runs differ.
 
     Attributes:
-        field: Place in the provenance, for example ``protocol.strength``; ``scenes`` or ``renderers``.
+        field: Place in the provenance, for example ``protocol.strength``; ``scenes``, ``max_steps`` or
+            ``renderers``; ``policy.files.NAME`` of a file, ``fingerprints.NAME`` of an instrument.
         kind: What it is, for those who tolerate it.
         values: Its value in each run, by the names of the runs; None where a run has none.
     """
@@ -118,22 +133,26 @@ class Side:
 
     Attributes:
         run: The plan and the provenance.
-        policy: Spec of the policy as played; None where no pair was.
+        policy: Spec of the policy as played, with all files that it has read; None where no pair was.
         scenes: Fingerprints of scene and start, by case; empty where a record of an earlier version has none.
         renderers: What drew the images; empty where no record says so.
+        budgets: Steps that an episode may take, by case.
+        fingerprints: What a pair was played with, by name.
     """
 
     run: Run
     policy: Json | None = None
     scenes: Mapping[str, str] = field(default_factory=dict)
     renderers: Sequence[str] = ()
+    budgets: Mapping[str, int] = field(default_factory=dict)
+    fingerprints: Mapping[str, str] = field(default_factory=dict)
 
 
 def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -> list[Difference]:
-    """Return what runs differ in beside what is tolerated, sorted by field; scenes and renderers come last.
+    """Return what runs differ in beside what is tolerated: fields of the provenance first, sorted.
 
     Args:
-        sides: The runs by name. Scenes are compared on the cases that all of them have.
+        sides: The runs by name. Scenes and budgets are compared on the cases that all of them have.
         tolerated: Kinds that are left out.
     """
     by_run = {name: _fields(side) for name, side in sides.items()}
@@ -143,6 +162,7 @@ def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -
         values = {name: fields.get(key, _USUAL.get(place)) for name, fields in by_run.items()}
         if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
             found.append(Difference(place, kind, values))
+    found += [*_file_differences(sides), *_instrument_differences(sides), *_budget_differences(sides)]
     found += [*_scene_differences(sides), *_renderer_differences(sides)]
     return [one for one in found if one.kind not in tolerated]
 
@@ -154,6 +174,30 @@ def listed(found: Iterable[Difference]) -> str:
         f"{shown(one.values[HERE])} here)"
         for one in found
     )
+
+
+def policy_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Return what policies of one name differ in; those of several are expected to differ in everything.
+
+    How they ask, and what is wrapped around them, are settings as it was played, and not repeated here.
+    """
+    names = {(side.policy or {}).get("name") for side in sides.values()}
+    found = differences_between(sides, OF_POLICIES) if len(names) == 1 else []
+    return [one for one in found if one.name not in _SETTINGS_AS_ASKED]
+
+
+def is_file(field: str) -> bool:
+    """Return True if the field of a difference is a file that policies have read."""
+    return field.startswith(_FILE)
+
+
+def policies_text(fields: Iterable[str]) -> str | None:
+    """Return a sentence on the fields in which policies of one name differ; None for no field."""
+    names = [
+        f"the file {name.removeprefix(_FILE)}" if is_file(name) else name.removeprefix("policy.")
+        for name in fields
+    ]
+    return f"The policies have one name, and differ in {', '.join(names)}." if names else None
 
 
 def _fields(side: Side) -> dict[tuple[str, Kind], Any]:
@@ -172,6 +216,51 @@ def _fields(side: Side) -> dict[tuple[str, Kind], Any]:
 
 def _kind_of(place: str) -> Kind:
     return _KINDS.get(place) or ("policy" if place.startswith("policy.") else "setting")
+
+
+def _file_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Name the files that not all policies have read with one content; nothing where a record names none."""
+    policies = {name: side.policy or {} for name, side in sides.items()}
+    names = {
+        (part, file)
+        for part in (FILES, RESET_FILES)
+        for one, other in combinations(policies.values(), 2)
+        for file in differing_files(part, one, other)
+    }
+    return [
+        Difference(
+            f"{_FILE}{file}",
+            "policy",
+            {
+                name: identity_text(policy[part].get(file)) if part in policy else None
+                for name, policy in policies.items()
+            },
+        )
+        for part, file in sorted(names)
+    ]
+
+
+def _instrument_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Name the fingerprints of records that no provenance holds, such as digests of installations."""
+    known = {"adapter", *OF_CASE, *OF_MACHINE}
+    for side in sides.values():
+        provenance = side.run.provenance
+        known |= {"substrate", *provenance["versions"], *provenance["substrate"], *provenance["protocol"]}
+    names = sorted({name for side in sides.values() for name in side.fingerprints} - known)
+    found = []
+    for name in names:
+        values = {run: side.fingerprints.get(name) for run, side in sides.items()}
+        if len({*values.values()} - {None}) > 1:
+            found.append(Difference(f"{_FINGERPRINTS}.{name}", "setting", values))
+    return found
+
+
+def _budget_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Name the budgets of the common cases whose episodes have not the same budget in all runs."""
+    cases = set.intersection(*({*side.budgets} for side in sides.values()))
+    other = [case for case in cases if len({side.budgets[case] for side in sides.values()}) > 1]
+    values = {name: sorted({side.budgets[case] for case in other}) for name, side in sides.items()}
+    return [Difference(MAX_STEPS, "setting", values)] if other else []
 
 
 def _scene_differences(sides: Mapping[str, Side]) -> list[Difference]:
@@ -214,10 +303,10 @@ def require_names(names: Iterable[str]) -> None:
     """
     for name in names:
         part, dot, rest = name.partition(".")
-        if name not in NAMES and not (dot and rest and part in _PARTS):
+        if name not in NAMES and not (dot and rest and part in (*_PARTS, _FINGERPRINTS)):
             raise OptionError(
                 f"{name!r} is no setting in which runs can differ. {did_you_mean(name, NAMES)} A single "
-                f"field is written PART.FIELD, with one of the parts {', '.join(_PARTS)}."
+                f"field is written PART.FIELD, with one of the parts {', '.join((*_PARTS, _FINGERPRINTS))}."
             )
 
 

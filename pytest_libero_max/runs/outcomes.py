@@ -13,7 +13,7 @@ from msgspec import Raw, Struct
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairRecord
+from pytest_libero_max.pairing.record import READABLE_VERSIONS, RESET_FILES, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.agreement import Agreement, SamePlay
 from pytest_libero_max.runs.comparability import Side
@@ -57,17 +57,16 @@ class Played(NamedTuple):
     @classmethod
     def of(cls, record: PairRecord) -> Played:
         """Return what caveats need of a record."""
+        return cls.of_fields(record, record.policy)
+
+    @classmethod
+    def of_fields(cls, record: PairRecord | _Line, policy: Json) -> Played:
+        """Return what caveats need of a record, or of a line of which not everything was decoded."""
         return cls(
-            source=record.source,
-            source_category=record.source_category,
-            event=record.event,
-            instruction=record.instruction,
-            policy_seed=record.policy_seed,
-            max_steps=record.max_steps,
-            policy=record.policy,
-            fingerprints=record.fingerprints,
+            **{name: getattr(record, name) for name in _SAME_IN_BOTH},
+            policy=policy,
             timings=frozenset(record.timings),
-            triggered=record.triggered,
+            triggered=bool(record.arms[DYNAMIC].firings),
             proofs={name: arm.proof for name, arm in record.arms.items()},
         )
 
@@ -114,10 +113,23 @@ class RunOutcomes:
         )
 
     @property
+    def stopped_by_rule(self) -> bool:
+        """True if a rule stopped the run, see :attr:`.Stopped.by_rule`."""
+        return self.stopped is not None and self.stopped.by_rule
+
+    @property
     def side(self) -> Side:
         """The run as far as its comparability is concerned."""
         scenes = dict(zip(self.case_ids, self.scenes, strict=True))
-        return Side(self.run, self.policy, scenes, self.renderers)
+        budgets = {case: pair.max_steps for case, pair in zip(self.case_ids, self.played, strict=True)}
+        fingerprints = self.played[0].fingerprints if self.played else {}
+        return Side(self.run, self._policy_with_files(), scenes, self.renderers, budgets, fingerprints)
+
+    def _policy_with_files(self) -> Json | None:
+        """Return the spec of the first record, with the files that ``reset`` has read in any."""
+        read = [pair.policy[RESET_FILES] for pair in self.played if RESET_FILES in pair.policy]
+        files: Json = {name: identity for found in reversed(read) for name, identity in found.items()}
+        return self.policy | {RESET_FILES: files} if self.policy is not None and files else self.policy
 
 
 def _scene_of(fingerprints: Mapping[str, str]) -> str:
@@ -169,27 +181,25 @@ class _Line(Struct):
     max_steps: int = 0
     timings: dict[str, Raw] = msgspec.field(default_factory=dict)
 
-    def played(self, policy: Json) -> Played:
-        """Return what caveats need of the line."""
-        return Played(
-            source=self.source,
-            source_category=self.source_category,
-            event=self.event,
-            instruction=self.instruction,
-            policy_seed=self.policy_seed,
-            max_steps=self.max_steps,
-            policy=policy,
-            fingerprints=self.fingerprints,
-            timings=frozenset(self.timings),
-            triggered=bool(self.arms[DYNAMIC].firings),
-            proofs={name: arm.proof for name, arm in self.arms.items()},
-        )
+
+_SAME_IN_BOTH = (
+    "source",
+    "source_category",
+    "event",
+    "instruction",
+    "policy_seed",
+    "max_steps",
+    "fingerprints",
+)
+"""Fields that a record and a line have as :class:`Played` has them."""
 
 
 class _PolicyOfLine(NamedTuple):
     """The fields of a record about the policy and its instruments."""
 
     item_id: str
+    suite: str
+    max_steps: int
     policy: Json
     fingerprints: dict[str, str]
 
@@ -254,7 +264,7 @@ def _fast(path: Path) -> RunOutcomes | None:
             Agreement(run).add(PairRecord.from_json(text), "first")
         if line.policy != first.policy:
             return None
-        same_play.add(_PolicyOfLine(line.item_id, policy, line.fingerprints))
+        same_play.add(_PolicyOfLine(line.item_id, pair.suite, line.max_steps, policy, line.fingerprints))
         measured[line.case_id] = line
     lines = measured.values()
     dynamic = [line.arms[DYNAMIC] for line in lines]
@@ -273,5 +283,5 @@ def _fast(path: Path) -> RunOutcomes | None:
         policy=None if first is None else policy,
         scenes=tuple(_scene_of(line.fingerprints) for line in lines),
         renderers=tuple(sorted(renderers(line.fingerprints for line in lines))),
-        played=tuple(line.played(policy) for line in lines),
+        played=tuple(Played.of_fields(line, policy) for line in lines),
     )

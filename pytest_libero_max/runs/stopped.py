@@ -39,6 +39,11 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
     rule: RuleText | None = None
     at: Positive | None = None
 
+    @property
+    def by_rule(self) -> bool:
+        """True if a rule stopped the run: no interval for a number of pairs that is fixed before is of it."""
+        return self.rule is not None
+
     def require_of(self, run: Run) -> None:
         """Check that a run may have been stopped like this.
 

@@ -14,7 +14,7 @@ import json
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from io import FileIO
@@ -24,6 +24,7 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
@@ -72,6 +73,11 @@ class StoredRun:
     damaged: tuple[DamagedLine, ...] = ()
     state: FileState | None = None
     stopped: Stopped | None = None
+
+    @property
+    def stopped_by_rule(self) -> bool:
+        """True if a rule stopped the run, see :attr:`.Stopped.by_rule`."""
+        return self.stopped is not None and self.stopped.by_rule
 
     @property
     def measured(self) -> frozenset[str]:
@@ -406,7 +412,7 @@ _CURE = (
 )
 
 
-def _read(path: Path) -> StoredRun:
+def _read(path: Path, cases: Mapping[str, Case] | None = None) -> StoredRun:
     """Read all valid lines.
 
     Raises:
@@ -414,7 +420,7 @@ def _read(path: Path) -> StoredRun:
         OtherRunError: A line is of another run.
     """
     with _collector_paused():
-        return _decoded(path)
+        return _decoded(path, cases)
 
 
 @contextmanager
@@ -429,7 +435,7 @@ def _collector_paused() -> Iterator[None]:
             gc.enable()
 
 
-def _decoded(path: Path) -> StoredRun:
+def _decoded(path: Path, cases: Mapping[str, Case] | None) -> StoredRun:
     try:
         content = read_content(path)
     except (OSError, ValueError) as error:
@@ -451,7 +457,7 @@ def _decoded(path: Path) -> StoredRun:
                     f"line={_kind_of(line)!r}, but the run is the first line and the first line only."
                 )
             if isinstance(value, Run):
-                run, agreement = value, Agreement(value)
+                run, agreement = value, Agreement(value, cases)
                 continue
             if isinstance(value, Stopped):
                 value.require_of(run)
@@ -478,8 +484,12 @@ def _decoded(path: Path) -> StoredRun:
     )
 
 
-def read_to_resume(folder: Path) -> StoredRun | None:
+def read_to_resume(folder: Path, cases: Mapping[str, Case] | None = None) -> StoredRun | None:
     """Read a run that may be resumed; None where the folder holds not even the whole first line.
+
+    Args:
+        folder: Output folder.
+        cases: The cases of its manifest by id: a record that contradicts its case is a damaged line.
 
     Raises:
         ReportError: The first line is damaged, or another line is of another run; names the line.
@@ -490,7 +500,7 @@ def read_to_resume(folder: Path) -> StoredRun | None:
         return None
     with path.open("rb") as file:
         begun = file.readline().endswith(b"\n")
-    return replace(_read(path), state=state) if begun else None
+    return replace(_read(path, cases), state=state) if begun else None
 
 
 class _Head(Struct):

@@ -32,6 +32,9 @@ _DECIMALS = 9
 """Decimals of a reported bound, so that it is the same on every machine."""
 _CHUNK = 4096
 """Counts that are integrated at once."""
+_MOST_KNOWN = 100_000
+_KNOWN: dict[tuple[tuple[int, int, int], float], Interval] = {}
+"""Intervals that this process has computed, by counts and level."""
 
 
 def paired_difference(losses: int, gains: int, pairs: int, confidence: float = CONFIDENCE) -> Interval | None:
@@ -46,13 +49,25 @@ def paired_difference(losses: int, gains: int, pairs: int, confidence: float = C
 def paired_differences(
     counts: Sequence[tuple[int, int, int]], confidence: float = CONFIDENCE
 ) -> list[Interval | None]:
-    """:func:`paired_difference` of several (losses, gains, pairs), which is faster than one at a time."""
-    some = np.array([row for row in counts if row[2]], dtype=np.float64).reshape(-1, 3)
+    """:func:`paired_difference` of several (losses, gains, pairs), which is faster than one at a time.
+
+    A report asks for the same counts of many groups, and gates compute it again: what is known is kept.
+    """
+    wanted = dict.fromkeys((row, confidence) for row in counts if row[2] and (row, confidence) not in _KNOWN)
+    if len(_KNOWN) + len(wanted) > _MOST_KNOWN:
+        _KNOWN.clear()
+        wanted = dict.fromkeys((row, confidence) for row in counts if row[2])
+    if wanted:
+        _KNOWN.update(zip(wanted, _computed([row for row, _ in wanted], confidence), strict=True))
+    return [_KNOWN[row, confidence] if row[2] else None for row in counts]
+
+
+def _computed(counts: Sequence[tuple[int, int, int]], confidence: float) -> list[Interval]:
+    some = np.array(counts, dtype=np.float64).reshape(-1, 3)
     lower, upper = (
         np.round(bound, _DECIMALS).tolist() for bound in exact(some[:, 0], some[:, 1], some[:, 2], confidence)
     )
-    intervals = iter([Interval(low, high) for low, high in zip(lower, upper, strict=True)])
-    return [next(intervals) if row[2] else None for row in counts]
+    return [Interval(low, high) for low, high in zip(lower, upper, strict=True)]
 
 
 def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: float = CONFIDENCE) -> Bounds:

@@ -34,6 +34,7 @@ def test_of_the_template_only_the_stand_in_for_a_model_is_wrong_and_its_pictures
     assert "input 'wrist_image': robot0_eye_in_hand, rotated by 180 degrees" in out
     assert "my-vla (H=16 Q=8): agentview, robot0_eye_in_hand" in out
     assert "1 wrong, 0 to look at" in out
+    assert out.count("the Model of `libero-max init`, which looks at nothing") == 1
     sheet = cv2.imread(str(picture))
     assert sheet is not None
     assert sheet.shape == (276, 512, 3)
@@ -150,7 +151,9 @@ def test_strictly_a_probable_mistake_is_exit_status_1(
     arguments = ["check", str(adapter), "--substrate=tiny", f"--picture={tmp_path / 'seen.png'}"]
     assert main(arguments) == 0
     out = capsys.readouterr().out
-    assert "note  gripper: closes at once" in out
+    (marked,) = (line for line in out.splitlines() if line.endswith("[--strict: wrong]"))
+    assert marked.startswith("note  gripper: closes at once")
+    assert "Model of `libero-max init`" not in out
     assert "skip  inputs: orientation and colours of images, which camera is which" in out
     assert out.endswith(
         "0 wrong, 1 to look at, 1 could not be examined\n--strict counts 1 of the notes as wrong.\n"

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.cli.init import ADAPTER, GATES, INI, WORKFLOW
+from pytest_libero_max.cli.init import ADAPTER, GATES, INI, WORKFLOW, has_stand_in
 from pytest_libero_max.report.gates import parse_gates
 
 FILES = (ADAPTER, INI, WORKFLOW)
@@ -26,6 +26,8 @@ def test_a_new_folder_gets_three_files_and_the_next_command(
     workflow = yaml.safe_load((tmp_path / "new" / WORKFLOW).read_text())
     assert workflow["jobs"]["pairs"]["steps"][-1]["with"]["policy"] == ADAPTER
     assert len(parse_gates(GATES)) == len(GATES)
+    assert {gate.name for gate in parse_gates(GATES)} == {"base_sr", "trigger_coverage", "delta"}
+    assert has_stand_in((tmp_path / "new" / ADAPTER).read_text())
 
 
 def test_nothing_is_overwritten_and_the_rest_is_written(

@@ -27,6 +27,7 @@ def address(tmp_path: Path) -> Iterator[str]:
         assert process.stdout is not None
         found = re.match(r"(http://127\.0\.0\.1:\d+)/report\.html ", process.stdout.readline())
         assert found is not None
+        assert process.stdout.readline() == "The page shows films of 0 pairs.\n"
         yield found[1]
         process.terminate()
 

@@ -26,6 +26,11 @@ Run = Callable[..., pytest.RunResult]
             "adapter.py",
             "*--libero-max-horizon='0': expected an integer of at least 1",
         ),
+        (
+            ["--libero-max-gate=base_sr > 80"],
+            "adapter.py",
+            "*--libero-max-gate='base_sr > 80' can never hold: * Write 80% or 0.8.",
+        ),
         (["--libero-max-limit=all"], "adapter.py", "*--libero-max-limit='all': expected an integer*"),
         (["--libero-max-prefix=frok"], "adapter.py", "*--libero-max-prefix='frok'*Did you mean 'fork'?*"),
         (["--libero-max-strict=yes"], "adapter.py", "*--libero-max-strict='yes'*Known: regressions."),

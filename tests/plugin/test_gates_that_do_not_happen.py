@@ -30,8 +30,9 @@ class Way:
         ini: Lines of the ini file.
         arguments: Further arguments of pytest.
         variables: Variables of the environment.
-        workers: True to let xdist or what is left of it play, in a session that is a process of its own;
-            otherwise each pair is played in its own process.
+        workers: True to let xdist or what is left of it play; otherwise each pair is played in its own
+            process.
+        subprocess: True for a session that is a process of its own, which starting workers needs.
     """
 
     must: int
@@ -41,6 +42,7 @@ class Way:
     arguments: tuple[str, ...] = ASKED
     variables: Mapping[str, str] = field(default_factory=dict)
     workers: bool = False
+    subprocess: bool = False
 
 
 EXIT = "import os; os._exit(0)"
@@ -193,13 +195,14 @@ def pytest_collection_modifyitems(items):
     "the policy raises, and the session stops at the first failure": Way(
         11, policy="raise OSError", arguments=(*ASKED, "-x")
     ),
-    "a worker exits": Way(11, policy=EXIT, workers=True),
+    "a worker exits": Way(11, policy=EXIT, workers=True, subprocess=True),
     "no worker by the environment": Way(
         11,
         policy=EXIT,
         arguments=(*ASKED, "-n", "auto"),
         variables={"PYTEST_XDIST_AUTO_NUM_WORKERS": "0"},
         workers=True,
+        subprocess=True,
     ),
     "no worker by a hook": Way(
         11,
@@ -207,12 +210,15 @@ def pytest_collection_modifyitems(items):
         policy=EXIT,
         arguments=(*ASKED, "-n", "logical"),
         workers=True,
+        subprocess=True,
     ),
-    "workers that nothing hands out to": Way(11, policy=EXIT, arguments=(*ASKED, "--tx=popen"), workers=True),
+    "workers that nothing hands out to": Way(
+        11, policy=EXIT, arguments=(*ASKED, "--tx=popen"), workers=True, subprocess=True
+    ),
     "workers taken back": Way(
-        11, policy=EXIT, arguments=(*ASKED, "--tx=popen", "-n0", "--dist=load"), workers=True
+        11, policy=EXIT, arguments=(*ASKED, "--tx=popen", "-n0", "--dist=load"), workers=True, subprocess=True
     ),
-    "no xdist": Way(11, policy=EXIT, arguments=(*ASKED, "-p", "no:xdist"), workers=True),
+    "no xdist": Way(11, policy=EXIT, arguments=(*ASKED, "-p", "no:xdist"), workers=True, subprocess=True),
     "no session of xdist": Way(4, policy=EXIT, arguments=(*ASKED, "-p", "no:dsession"), workers=True),
     "a debugger": Way(4, arguments=(*ASKED, "--pdb"), workers=True),
     "a debugger with automatic workers": Way(4, arguments=(*ASKED, "--pdb", "-n", "auto"), workers=True),
@@ -221,6 +227,7 @@ def pytest_collection_modifyitems(items):
         policy="import time; time.sleep(60)",
         arguments=(*ASKED, "--libero-max-query-timeout=0.1"),
         workers=True,
+        subprocess=True,
     ),
     "the plural of the key": Way(4, ini=f"libero_max_gates = {GATE}", arguments=()),
     "a key with dashes": Way(4, ini=f"libero-max-gate = {GATE}", arguments=()),
@@ -275,7 +282,7 @@ def test_no_way_ends_with_status_0(
     pytester.makepyfile(leaver=LEAVER.format(way.policy or "pass"))
     chosen = () if "-k" in way.arguments else ONE
     apart = () if way.workers else ("--libero-max-isolate",)
-    result = run(*chosen, *apart, *way.arguments, policy="leaver.py", subprocess=way.workers)
+    result = run(*chosen, *apart, *way.arguments, policy="leaver.py", subprocess=way.subprocess)
     assert result.ret == way.must
 
 
@@ -311,15 +318,22 @@ def test_a_pair_that_was_refused_stays_refused_when_the_run_is_resumed(
     assert [(line["line"], line.get("kind")) for line in lines[1:]] == [("error", "RefusalError")] * 2
 
 
+OTHERWISE = {
+    "latency": "--libero-max-latency=2steps",
+    "strength": "--libero-max-strength=0.5",
+    "query_interval": "--libero-max-query-interval=2",
+    "prefix": "--libero-max-prefix=replay",
+}
+"""Options that make a run another measurement than its baseline, by the difference that a gate names."""
+
+
 def test_a_run_with_other_settings_than_its_baseline(run: Run) -> None:
-    solved = ("-k", "camera_shift", "--libero-max-output=before")
-    assert run(*solved).ret == 0
+    assert run("-k", "camera_shift", "--libero-max-output=before").ret == 0
     gate = "--libero-max-gate=gains_vs(before) >= 1"
-    result = run(
-        "-k", "camera_shift", "--libero-max-latency=2steps", gate, "--libero-max-isolate", subprocess=False
-    )
-    assert result.ret == 10
-    result.stdout.fnmatch_lines(["gate open*latency*allow=latency*"])
+    for name, option in OTHERWISE.items():
+        result = run("-k", "camera_shift", option, gate, "--libero-max-isolate", subprocess=False)
+        assert result.ret == 10
+        result.stdout.fnmatch_lines([f"gate open*{name}*allow={name}*"])
 
 
 def test_a_folder_with_the_name_of_the_pairs(run: Run, pytester: pytest.Pytester) -> None:

@@ -41,6 +41,33 @@ def test_unsupported_pairs_are_skipped_with_the_reason(
     assert "unsupported: policy 'reacher' declares the suites libero_goal" in str(skips[0].get("message"))
 
 
+@pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["plain", "two workers"])
+def test_the_limit_chooses_among_the_suites_that_are_named(
+    partial: Run, results: Results, workers: tuple[str, ...]
+) -> None:
+    result = partial("--libero-max-limit=2", "--libero-max-output=before", *workers, subprocess=True)
+    result.assert_outcomes(passed=1, skipped=1)
+    result.stdout.fnmatch_lines("*--libero-max-limit=2 chose*1 pairs*--libero-max-suites=libero_goal")
+    suites = "--libero-max-suites=libero_goal"
+    result = partial("--libero-max-limit=2", suites, *workers, subprocess=True)
+    result.assert_outcomes(passed=2)
+    assert "chose before the policy" not in result.stdout.str()
+    lines, report = results()
+    assert {line["suite"] for line in lines} == {"libero_goal"}
+    selection = report["selection"]
+    assert (selection["chosen"], selection["of"]) == (2, 4)
+    assert selection["asked"] == [suites, "--libero-max-limit=2"]
+
+
+def test_suites_that_leave_no_pair_or_are_none_are_named(partial: Run) -> None:
+    result = partial("--libero-max-suites=libero_10")
+    assert result.ret == pytest.ExitCode.NO_TESTS_COLLECTED
+    result.stdout.fnmatch_lines("No pair was chosen: --libero-max-suites=libero_10 leave none of 4 cases.")
+    result = partial("--libero-max-suites=libero_goal,spatial")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines("*--libero-max-suites='libero_goal,spatial'*'libero_spatial'*")
+
+
 def test_a_run_of_unsupported_pairs_alone_is_incomplete(partial: Run) -> None:
     result = partial("-k", "spatial")
     result.assert_outcomes(skipped=2)

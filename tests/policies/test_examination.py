@@ -453,14 +453,14 @@ class Reversed(InCompany):
     [
         (Undisturbed, "ok", "the same bytes", ""),
         (InCompany, "note", "by up to 4e-07 with the size of the batch alone", "--pad-batch"),
-        (Disturbed, "note", "by up to 3e-07 with the company", "repeatable=False"),
+        (Disturbed, "note", "by up to 3e-07 with the other queries", "repeatable=False"),
         (Reversed, "wrong", "other answers than predict", "mixed up"),
     ],
 )
 def test_it_is_found_out_whether_answers_change_with_company(
     policy: type[Sound], level: str, observed: str, mistake: str, shown: Shown
 ) -> None:
-    findings = [finding for finding in examine(policy(), shown) if finding.subject == "company"]
+    findings = [finding for finding in examine(policy(), shown) if finding.subject == "batch"]
     assert [finding.level for finding in findings] == [level]
     assert observed in findings[0].observed
     assert mistake in findings[0].mistake

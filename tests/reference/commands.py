@@ -43,7 +43,9 @@ def _command(name: str, parser: argparse.ArgumentParser, help: str) -> str:
     rows = [
         (code(_spelling(action)), _help(action))
         for action in parser._actions
-        if action.dest != "help" and not isinstance(action, argparse._SubParsersAction)
+        if action.dest != "help"
+        and action.help is not argparse.SUPPRESS
+        and not isinstance(action, argparse._SubParsersAction)
     ]
     usage = table(("Argument", "Meaning"), rows) if rows else ""
     own = parser.description or ""

@@ -67,6 +67,7 @@ def test_a_base_that_solves_some_is_no_wrong_adapter() -> None:
     text = next_step(_report(3, reach_m=0.01))
     assert text.startswith("Base solves 3 of 8, so events have little to break.")
     assert "Fix" not in text
+    assert "its own evaluation" in text, "the next step"
 
 
 def test_nothing_is_said_where_base_solves_half_or_no_record_knows() -> None:

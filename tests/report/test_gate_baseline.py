@@ -12,6 +12,7 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin.junit_file import gate_case
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
+from pytest_libero_max.report.comparison.compare_text import comparison_warnings
 from pytest_libero_max.report.gate_results import decide, require_usable
 from pytest_libero_max.report.gates import GateResult, parse_gate, parse_gates
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, parse_rule
@@ -85,9 +86,9 @@ def test_a_gate_is_open_exactly_where_a_comparison_warns(tmp_path: Path, name: s
     for result in verdicts(new, *allowed):
         assert result.passed
         assert "Accepted: the runs also differ in" in result.reason
-        assert result.accepted in gate_lines([result])[0]
-        assert result.accepted in gate_rows([result])[0].why
-    assert all(result.passed and not result.accepted for result in verdicts(store(tmp_path / "a"), *GATES))
+        assert result.differences in gate_lines([result])[0]
+        assert result.differences in gate_rows([result])[0].why
+    assert all(result.passed and not result.differences for result in verdicts(store(tmp_path / "a"), *GATES))
 
 
 def test_another_setting_than_the_one_that_is_accepted_keeps_a_gate_open(tmp_path: Path) -> None:
@@ -99,7 +100,18 @@ def test_another_setting_than_the_one_that_is_accepted_keeps_a_gate_open(tmp_pat
     assert "allow=strength+query_interval" in result.detail
     (result,) = verdicts(new, "regressions_vs(old, allow=strength+query_interval) <= 0")
     assert result.passed
-    assert "strength (1.0 there, 0.05 here)" in result.accepted
+    assert "strength (1.0 there, 0.05 here)" in result.differences
+
+
+def test_a_gate_names_the_files_in_which_policies_of_one_name_differ(tmp_path: Path) -> None:
+    one, other = ({"w.npy": {"bytes": 4, "sha256": digit * 64}} for digit in "01")
+    old, new = store(tmp_path / "old", spec={"files": one}), store(tmp_path / "new", spec={"files": other})
+    for result in verdicts(new, *GATES):
+        assert result.passed
+        assert "differ in the file w.npy." in result.reason
+    comparison = compare_runs(read_runs([old, new]))
+    assert [one.field for one in comparison.policies] == ["policy.files.w.npy"]
+    assert any("the file w.npy" in text for text in comparison_warnings(comparison))
 
 
 def test_policies_that_differ_are_what_a_gate_compares(tmp_path: Path) -> None:
@@ -107,7 +119,7 @@ def test_policies_that_differ_are_what_a_gate_compares(tmp_path: Path) -> None:
     spec = {"name": "other", "revision": "v2", "cameras": [], "privileged": True}
     store(tmp_path / "old")
     new = store(tmp_path / "new", policy=policy, spec=spec)
-    assert all(result.passed and not result.accepted for result in verdicts(new, *GATES))
+    assert all(result.passed and not result.differences for result in verdicts(new, *GATES))
 
 
 @pytest.mark.parametrize(

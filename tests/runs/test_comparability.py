@@ -1,10 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.runs import plan as plan_module
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
     HERE,
@@ -16,6 +20,8 @@ from pytest_libero_max.runs.comparability import (
     differences_between,
     listed,
     measurement_differences,
+    policies_text,
+    policy_differences,
     require_names,
 )
 from pytest_libero_max.runs.plan import Run
@@ -41,6 +47,16 @@ FIELDS: dict[str, tuple[str, Json]] = {
     "weights": ("policy", {"policy": {"weights": "0" * 64}}),
     "reference": ("address", {"policy": {"reference": "other.py"}}),
     "profile": ("place", {"policy": {"profile": "there.toml"}}),
+    "restore": ("policy", {"policy": {"restore": "gated"}}),
+    "adaptive": ("policy", {"policy": {"adaptive": "image"}}),
+    "asked_horizon": ("policy", {"policy": {"horizon": 4}}),
+    "asked_query_interval": ("policy", {"policy": {"query_interval": 2}}),
+    "program": ("setting", {"protocol": {"program": {"name": "twice", "digest": "a" * 64}}}),
+    "instruction": ("setting", {"substrate": {"instruction_source": "clean"}}),
+    "source_variations": ("setting", {"substrate": {"source_variations": "own"}}),
+    "substrate": ("setting", {"substrate": {"name": "libero"}}),
+    "assets": ("place", {"substrate": {"assets": "there"}}),
+    "limit": ("setting", {"case_set": {"limit": 4}}),
 }
 """Kind of the difference and the changed parts of the provenance, by a name of this table."""
 
@@ -104,6 +120,105 @@ def test_every_name_is_that_of_a_difference_and_unknown_ones_are_refused() -> No
         require_names(["strenght"])
     with pytest.raises(OptionError, match="is no setting in which runs can differ"):
         require_names(["platform.cores"])
+
+
+OPTIONS: dict[str, str] = {
+    "policy": "reference",
+    "profile": "profile",
+    "revision": "revision",
+    "manifest": "path",
+    "track": "case_set",
+    "program": "program",
+    "limit": "limit",
+    "substrate": "substrate",
+    "libero": "roots",
+    "libero_assets": "assets",
+    "semantics": "semantics",
+    "instruction": "instruction",
+    "source_variations": "source_variations",
+    "prefix": "prefix",
+    "strength": "strength",
+    "study": "study",
+    **dict.fromkeys(("cadence", "delays", "repeats"), "study"),
+    "latency": "latency",
+    "horizon": "asked_horizon",
+    "query_interval": "asked_query_interval",
+    "restore": "restore",
+    "adaptive": "adaptive",
+    "noise_floor": "noise_floor",
+    "sham": "sham",
+}
+"""The row of :data:`FIELDS` by which an option of a run is compared."""
+
+NO_EPISODE = {
+    "which of the cases, which are compared one by one": ("only_installed", "shard"),
+    "in which order, and how many": ("order", "stop"),
+    "what is read, kept or shown of an episode": (
+        "probe",
+        "traces",
+        "film",
+        "film_limit",
+        "progress",
+        "output",
+    ),
+    "what is decided on results": ("strict", "gate", "compare", "verify"),
+    "what makes a pair an error, and no result": ("query_timeout", "step_timeout", "pair_timeout", "memory"),
+    "where and how often pairs are played": (
+        *("retries", "isolate", "resume"),
+        *("ray", "ray_actors", "ray_cpus", "ray_gpus", "ray_ship"),
+    ),
+}
+"""Options that alter no episode, by what they are about."""
+
+
+def test_every_option_is_compared_or_alters_no_episode() -> None:
+    aside = [name for names in NO_EPISODE.values() for name in names]
+    assert sorted([*OPTIONS, *aside]) == sorted(field.name for field in fields(Settings))
+    assert {*OPTIONS.values()} <= {*FIELDS}
+
+
+def test_every_part_of_a_header_is_compared_or_alters_no_episode() -> None:
+    compared = {"policy", "substrate", "case_set", "protocol", "versions"}
+    aside = {"platform", "command", "started", "git", "gl_backend", "fingerprint"}
+    aside |= {"order", "stopping_rule", "gates", "scores"}
+    assert {*plan_module.Provenance.__struct_fields__} == compared | aside
+    protocol = {*plan_module.Protocol.__struct_fields__}
+    assert protocol <= {name for _, parts in FIELDS.values() for name in parts.get("protocol", ())}
+
+
+def test_budgets_and_instruments_of_records_are_settings() -> None:
+    run = side().run
+    budgets = dict.fromkeys((pair.case_id for pair in run.planned), 220)
+    shorter = {**budgets, run.planned[0].case_id: 30}
+    plus, other = {"LIBERO-Plus": "0.1.5 sources a"}, {"LIBERO-Plus": "0.1.5 sources b"}
+    sides = {
+        THERE: Side(run, POLICY, budgets=budgets, fingerprints={**plus, "blas": "Zen", "scene": "a 1"}),
+        HERE: Side(run, POLICY, budgets=shorter, fingerprints={**other, "blas": "Haswell", "scene": "a 2"}),
+    }
+    instrument, steps = differences_between(sides, COMPARISON)
+    assert (steps.name, steps.values) == ("max_steps", {THERE: [220], HERE: [30]})
+    assert instrument.field == "fingerprints.LIBERO-Plus"
+    require_names([steps.name, instrument.field])
+    sides[HERE] = Side(run, POLICY, budgets=budgets)
+    assert differences_between(sides, COMPARISON) == []
+
+
+@pytest.mark.parametrize(("part", "only"), [("files", True), ("reset_files", False)])
+def test_files_that_policies_read_are_named_and_tolerated_in_comparisons(part: str, only: bool) -> None:
+    one, other = ({"w.npy": {"bytes": 4, "sha256": digit * 64}} for digit in "01")
+    sides = {THERE: side(None, **{part: one}), HERE: side(None, **{part: other})}
+    (difference,) = differences_between(sides, EVERYTHING)
+    assert (difference.field, difference.kind) == ("policy.files.w.npy", "policy")
+    assert difference.values == {THERE: f"bytes 4 sha256 {'0' * 12}", HERE: f"bytes 4 sha256 {'1' * 12}"}
+    assert differences_between(sides, COMPARISON) == []
+    assert policies_text(one.field for one in policy_differences(sides)) == (
+        "The policies have one name, and differ in the file w.npy."
+    )
+    assert differences_between(sides | {HERE: side()}, EVERYTHING) == []  # not recorded
+    assert bool(differences_between(sides | {HERE: side(None, **{part: {}})}, EVERYTHING)) is only
+    assert policy_differences(sides | {HERE: side(None, **{part: other, "name": "another"})}) == []
+    asked = side({"policy": {"horizon": 4, "restore": "gated"}}, **{part: one})
+    assert policy_differences(sides | {HERE: asked}) == []
 
 
 def test_addresses_of_servers_may_differ_where_the_records_name_the_weights() -> None:

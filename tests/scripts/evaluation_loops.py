@@ -1,10 +1,10 @@
 """The loops of other people as ``fixtures/runners/README.md`` prints them, each in an environment of its own.
 
-    python -m tests.scripts.evaluation_loops openpi vla-eval lerobot [--folder FOLDER]
+    python -m tests.scripts.evaluation_loops openpi vla-eval lerobot [--folder FOLDER] [--python PYTHON]
 
 The commands and the Python of a section are run in a copy of the repository. What a reader replaces is
 replaced: the model (by one that costs nothing), the track (by a case of ``tiny``) and the number of pairs.
-It needs the package index; LeRobot takes some 6 GB and a Python from 3.12 on.
+It needs the package index, and LeRobot a Python from 3.12 on.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def run(text: str, folder: Path) -> None:
     subprocess.run(["bash", "-euo", "pipefail", "-c", text], cwd=folder, check=True)
 
 
-def vla_eval(folder: Path) -> None:
+def vla_eval(folder: Path, python: str) -> None:
     """Play vla-eval's section against its own server of models."""
     text = section("vla-eval")
     (config,) = blocks(text, "yaml")
@@ -75,12 +75,12 @@ def vla_eval(folder: Path) -> None:
     (folder / "libero_max.yaml").write_text(replaced(config, tiny))
     (commands,) = blocks(text, "sh")
     install, _, play = commands.partition("\n")
-    run(install, folder)
+    run(replaced(install, {"python3 -m venv": f"{python} -m venv"}), folder)
     with _server(folder / "loops" / "bin" / "python", "vla_eval_server.py", "reach", "5") as port:
         run(replaced(play, {"localhost:8000": f"127.0.0.1:{port}"}), folder)
 
 
-def openpi(folder: Path) -> None:
+def openpi(folder: Path, python: str) -> None:
     """Play the loop of openpi's section with openpi's client, asking a policy that this package serves."""
     text = section("openpi's LIBERO client")
     (install,) = blocks(text, "sh")
@@ -96,7 +96,7 @@ def openpi(folder: Path) -> None:
         },
     )
     (folder / "loop.py").write_text(PROLOGUE + body + "run.close()\n")
-    run(install, folder)
+    run(replaced(install, {"python3 -m venv": f"{python} -m venv"}), folder)
     with fakes.openpi(_reach) as port:
         run(f"loops/bin/python loop.py {port}\nloops/bin/libero-max report {RESULTS}", folder)
 
@@ -107,25 +107,34 @@ def _reach(request: Mapping[str, Any]) -> dict[str, Any]:
     return {"actions": np.tile([*move, 0, 0, 0, 1], (10, 1))}
 
 
-def lerobot(folder: Path) -> None:
-    """Play LeRobot's section with the policy of ``tests/fixtures/lerobot_reach``."""
+def lerobot(folder: Path, python: str) -> None:
+    """Play LeRobot's section with a small ACT of random weights, as ``save_pretrained`` leaves it."""
     (commands,) = blocks(section("LeRobot"), "sh")
+    install, _, play = commands.partition("\n")
+    run(replaced(install, {"python3 -m venv": f"{python} -m venv"}), folder)
+    print(f"lerobot: the environment has {_megabytes(folder / 'lerobot')} MB", flush=True)
+    own = ROOT / "tests" / "policies" / "peers" / "lerobot_own.py"
+    run(f"PYTHONPATH={ROOT} lerobot/bin/python {own} fixtures/policies/lerobot_policy.py checkpoint", folder)
     run(
         replaced(
-            commands,
+            play,
             {
-                "python3 -m venv": f"{sys.executable} -m venv",
                 "--env.task=lite": "--env.task=tiny.json --env.substrate=tiny",
                 "--env.limit=100": f"--env.limit={PAIRS}",
-                "--env.policy=smolvla --env.query_interval=10": "--env.policy=reach --env.query_interval=4",
-                "--policy.path=CHECKPOINT --policy.n_action_steps=10": "--policy.type=reach "
-                "--policy.discover_packages_path=lerobot_reach --policy.push_to_hub=false",
+                "--env.policy=smolvla --env.query_interval=10": "--env.policy=act --env.query_interval=4",
+                "--policy.path=CHECKPOINT --policy.n_action_steps=10": "--policy.path=checkpoint "
+                "--policy.n_action_steps=4 --env.observation_height=64 --env.observation_width=64",
                 "--eval.batch_size=10": f"--eval.batch_size={PAIRS}",
                 "--eval.n_episodes=100": f"--eval.n_episodes={PAIRS}",
             },
         ),
         folder,
     )
+
+
+def _megabytes(folder: Path) -> int:
+    """Size of the files of a folder, MB."""
+    return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file()) // 1_000_000
 
 
 @contextlib.contextmanager
@@ -187,7 +196,11 @@ EPISODE = """
 """
 """The episode of openpi's ``examples/libero/main.py``, from ``t = 0`` on, without its films."""
 
-LOOPS: Mapping[str, Callable[[Path], None]] = {"openpi": openpi, "vla-eval": vla_eval, "lerobot": lerobot}
+LOOPS: Mapping[str, Callable[[Path, str], None]] = {
+    "openpi": openpi,
+    "vla-eval": vla_eval,
+    "lerobot": lerobot,
+}
 
 
 def main() -> None:
@@ -196,6 +209,9 @@ def main() -> None:
     )
     parser.add_argument("loops", nargs="+", choices=LOOPS)
     parser.add_argument("--folder", type=Path, help="Where to install and play (default: a temporary folder)")
+    parser.add_argument(
+        "--python", default=sys.executable, help="Python of the environments (default: this one)"
+    )
     options = parser.parse_args()
     for name in options.loops:
         with tempfile.TemporaryDirectory(dir=options.folder) as temporary:
@@ -206,7 +222,7 @@ def main() -> None:
             shutil.copytree(ROOT, folder, ignore=ignored)
             events = ("camera_shift", "target_relocation")
             (folder / "tiny.json").write_text(json.dumps(tiny_manifest(events=events)))
-            LOOPS[name](folder)
+            LOOPS[name](folder, options.python)
             stored = read_pairs(folder / RESULTS)
             assert not stored.errors, stored.errors
             assert len(stored.records) == PAIRS, len(stored.records)

@@ -104,6 +104,7 @@ class Revision:
 def _bisect(options: argparse.Namespace) -> int:
     from pytest_libero_max.lab.bisection import GATE, Lost, first_bad, verdict_of
     from pytest_libero_max.report.exit_status import GATE_FAILED
+    from pytest_libero_max.report.formats import counted
 
     if not 0 < options.level <= 0.5:
         raise OptionError.seen("--level", options.level, ", but must be above 0 and at most 0.5.")
@@ -115,9 +116,8 @@ def _bisect(options: argparse.Namespace) -> int:
     rule = f"worse_than:{options.level:g},{Path(good_folder).absolute()}"
     bad = runs.end(revisions[-1], options.bad_run, rule)
     lost = Lost.between(good, bad)
-    counts = (
-        f"{len(lost.case_ids)} lost and {lost.gains} gained of {lost.pairs} pairs, p = {lost.p_value:.2g}"
-    )
+    counts = f"{len(lost.case_ids)} lost and {lost.gains} gained of {counted(lost.pairs, 'pair')}"
+    counts += f", p = {lost.p_value:.2g}"
     # Pairs that were in flight when the rule decided are counted here as well.
     if bad.stopped is None and not lost.shown(options.level):
         say(
@@ -173,13 +173,14 @@ def _outcome(
     lost: Lost,
 ) -> Iterator[str]:
     from pytest_libero_max.lab.bisection import completed, table
+    from pytest_libero_max.report.formats import counted
 
     yield ""
     yield from table(looked)
     whole = len(revisions) * len(ends[0].records)
     yield (
-        f"{len(looked)} of {len(revisions)} revisions played, {sum(one.pairs for one in looked)} pairs; all "
-        f"of them on all cases are {whole}."
+        f"{len(looked)} of {counted(len(revisions), 'revision')} played, "
+        f"{counted(sum(one.pairs for one in looked), 'pair')}; all of them on all cases are {whole}."
     )
     yield ""
     before, after = (completed(ends[number], lost.case_ids) for number in (low, high))

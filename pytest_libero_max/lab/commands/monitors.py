@@ -54,8 +54,7 @@ def _monitors(options: argparse.Namespace) -> None:
                 f"{number + 1} of {len(run.stored.records)}{work.left(number, len(run.stored.records))}"
             )
             records.append(scored(run, record, monitors))
-        stopped = run.stored.stopped
-    with_intervals = stopped is None or stopped.rule is None
+        with_intervals = not run.stored.stopped_by_rule
     for title, rows in monitor_sections(records, with_intervals=with_intervals).items():
         if title in chosen:
             cameras = getattr(chosen[title], "cameras", ())

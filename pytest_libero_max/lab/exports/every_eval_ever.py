@@ -12,6 +12,7 @@ from datetime import datetime
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
 from pytest_libero_max.stats.outcome_table import Ratio
@@ -95,7 +96,7 @@ def _result(run: StoredRun, records: Sequence[PairRecord], arm: str) -> Json:
             },
         },
         "metric_config": {
-            "evaluation_description": f"Success rate in arm {arm} over {len(scores)} pairs.",
+            "evaluation_description": f"Success rate in arm {arm} over {counted(len(scores), 'pair')}.",
             "metric_name": "success rate",
             "lower_is_better": False,
             "score_type": "continuous",
@@ -112,7 +113,7 @@ def _result(run: StoredRun, records: Sequence[PairRecord], arm: str) -> Json:
 def _interval(run: StoredRun, scores: Sequence[bool]) -> Json:
     """Return the interval of a rate; empty where a rule stopped the run, which no interval is for."""
     interval = clopper_pearson(Ratio(sum(scores), len(scores)))
-    if interval is None or (run.stopped is not None and run.stopped.rule is not None):
+    if interval is None or run.stopped_by_rule:
         return {}
     return {
         "confidence_interval": {

@@ -22,7 +22,7 @@ _STATES = {"plus": 1, "pro": PRO_STATES}
 """Initial states of a task, by source."""
 
 _PLUS_REVISION, _PRO_REVISION = "4976dc3", "c86fc3b8293185a6f373677018ff3e37f8391602"
-"""What the authors name: a commit of LIBERO-Plus, and one of the data set of LIBERO-PRO."""
+"""Commits that the authors name: of LIBERO-Plus, and of the data set of LIBERO-PRO."""
 
 
 def paper_lite(case_ids: Collection[str], catalogue: Catalogue) -> Manifest:

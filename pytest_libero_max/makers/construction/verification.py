@@ -50,6 +50,7 @@ from pytest_libero_max.makers.construction.release import (
     read_unexamined,
 )
 from pytest_libero_max.makers.construction.splits import SPLITS, own_case_id
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
@@ -108,7 +109,7 @@ def _checks(folder: Path) -> Iterator[str]:
     for name, split in SPLITS.items():
         found = load_track(name, folder)
         _require_same(name, found, split(whole))
-        yield f"{name}: {len(found)} cases, drawn from max, digest {found.digest}"
+        yield f"{name}: {counted(len(found), 'case')}, drawn from max, digest {found.digest}"
     yield from _table_checks(folder, (*whole, *original, *load_track("beyond", folder)))
 
 

@@ -27,6 +27,9 @@ CONNECT_S = 4.0
 _KEEP_ALIVE = (("TCP_KEEPIDLE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
 """When the system looks whether a silent peer is there, s; firewalls forget connections that say nothing."""
 
+ENDS = (ConnectionError, ssl.SSLEOFError, ssl.SSLZeroReturnError)
+"""Errors of a connection that the peer has closed; those of OpenSSL are no ``ConnectionError``."""
+
 Resolved = tuple[int, int, int, str, Any]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from pytest_libero_max.report.comparison.comparison_document import ApartRun
 from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
-from pytest_libero_max.report.measured import result_of
+from pytest_libero_max.report.measured import result_of, without_intervals
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.stats.breakdown import breakdown
@@ -49,13 +49,17 @@ def apart_run(name: str, run: RunOutcomes) -> ApartRun:
     played = [planned[run.case_ids[index]].suite for index in places]
     groups = breakdown(pairs, played, sorted({*suites}))
     result = result_of(measure(pairs), len(planned))
+    by_suite = {suite: result_of(group, suites.count(suite)) for suite, group in groups.items()}
+    if run.stopped_by_rule:
+        result = without_intervals(result)
+        by_suite = {suite: without_intervals(row) for suite, row in by_suite.items()}
     return ApartRun(
         name=name,
         policy=run.policy,
         unsupported=len(unsupported),
         unsupported_suites=sorted({pair.suite for pair in unsupported}),
         result=result,
-        by_suite={suite: result_of(group, suites.count(suite)) for suite, group in groups.items()},
+        by_suite=by_suite,
         warnings=run_warnings(run, result),
         caveats=run_caveats(run, planned),
     )

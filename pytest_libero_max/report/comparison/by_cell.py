@@ -16,9 +16,17 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
-from pytest_libero_max.report.formats import interval_text, p_number, percent, points
+from pytest_libero_max.report.formats import counted, interval_text, p_number, percent, points
 from pytest_libero_max.report.table import aligned
-from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, differences_between, listed
+from pytest_libero_max.runs.comparability import (
+    COMPARISON,
+    HERE,
+    THERE,
+    differences_between,
+    is_file,
+    listed,
+    policy_differences,
+)
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.outcome_table import Ratio
@@ -135,9 +143,15 @@ def _require_alike(old: RunOutcomes, new: RunOutcomes) -> None:
             f"The runs are of the policies {policies[0]} and {policies[1]}, but old less new is of one. Play "
             "one policy on both case sets."
         )
+    sides = {THERE: old.side, HERE: new.side}
+    if files := [one for one in policy_differences(sides) if is_file(one.field)]:
+        raise ReportError(
+            f"The policy has read other files: {listed(files)}, but old less new is of one policy. Play it "
+            "with the same files, or declare PolicySpec(revision=...) where others are the same policy."
+        )
     found = [
         one
-        for one in differences_between({THERE: old.side, HERE: new.side}, COMPARISON)
+        for one in differences_between(sides, COMPARISON)
         if one.field == "versions.mujoco" or not one.accepted(_MAY_DIFFER)
     ]
     if found:
@@ -203,7 +217,7 @@ def old_less_new_lines(found: OldLessNew) -> list[str]:
         rows = [_cells(event, rows[arm]) for event, rows in found.by_event.items()]
         lines += ["", f"{arm}, by event (each interval for itself)", *aligned([_HEAD, *rows], numbers=True)]
     if found.left_out:
-        lines += ["", f"{found.left_out} cases are in cells that only one of the runs has, and are left out."]
+        lines += ["", f"Left out: {counted(found.left_out, 'case')}, in cells that only one of the runs has."]
     return [*lines, "", *_meaning(found)]
 
 

@@ -31,11 +31,17 @@ from pytest_libero_max.report.comparison.contrasts import (
     change_contrast_of,
     contrast_of,
     group_contrast_of,
+    of_fixed_runs,
 )
 from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
-from pytest_libero_max.report.measured import change_of, number, result_of
+from pytest_libero_max.report.measured import change_of, number, result_of, without_intervals
 from pytest_libero_max.report.statements import statements_of
-from pytest_libero_max.runs.comparability import COMPARISON, differences_between
+from pytest_libero_max.runs.comparability import (
+    COMPARISON,
+    Difference,
+    differences_between,
+    policy_differences,
+)
 from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
@@ -193,6 +199,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """
     outcomes, apart = compared_and_apart(runs, restrict)
     common = common_cases(outcomes, restrict)
+    sides = {name: run.side for name, run in outcomes.items()}
     pairs = {name: columns.numbered() for name, columns in common.pairs.items()}
     labels = np.asarray([pair.event for pair in common.planned])
     events = sorted(set(labels.tolist()), key=lambda event: group_order("event", event))
@@ -216,7 +223,10 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     labelled = next(iter(pairs.values()))
     tasks, sources = labelled.task, labelled.source
     by_run = contrasts(dynamic, sources)
-    open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
+    stopped = {name for name, run in outcomes.items() if run.stopped_by_rule}
+    open_ranks = {}
+    if not stopped:
+        open_ranks = rank_sets([name for name, rank in ranked.items() if rank is not None], by_run)
     by_group = group_contrasts(dynamic, masks)
     changes_by_group = group_change_contrasts(base, dynamic, masks)
     case_ids = {pair.case_id for pair in common.planned}
@@ -224,27 +234,26 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     for name, result in results.items():
         block = result_of(result, len(common.planned))
         highest, lowest = open_ranks.get(name, (None, None))
-        rows.append(
-            ComparedRun(
-                name=name,
-                rank=ranked[name],
-                highest_rank=highest,
-                lowest_rank=lowest,
-                policy=outcomes[name].policy,
-                replay=list(replay_command(outcomes[name])),
-                base_success=block.base_success,
-                dynamic_success=block.dynamic_success,
-                paired_change=block.paired_change,
-                outcomes=block.outcomes,
-                conditional_regression=block.conditional_regression,
-                trigger_coverage=block.trigger_coverage,
-                response_coverage=block.response_coverage,
-                by_event={event: change_of(group) for event, group in by_event[name].items()},
-                lowest_event=_lowest_event(by_event[name]),
-                warnings=run_warnings(outcomes[name], block),
-                caveats=run_caveats(outcomes[name], case_ids),
-            )
+        compared = ComparedRun(
+            name=name,
+            rank=ranked[name],
+            highest_rank=highest,
+            lowest_rank=lowest,
+            policy=outcomes[name].policy,
+            replay=list(replay_command(outcomes[name])),
+            base_success=block.base_success,
+            dynamic_success=block.dynamic_success,
+            paired_change=block.paired_change,
+            outcomes=block.outcomes,
+            conditional_regression=block.conditional_regression,
+            trigger_coverage=block.trigger_coverage,
+            response_coverage=block.response_coverage,
+            by_event={event: change_of(group) for event, group in by_event[name].items()},
+            lowest_event=_lowest_event(by_event[name]),
+            warnings=run_warnings(outcomes[name], block),
+            caveats=run_caveats(outcomes[name], case_ids),
         )
+        rows.append(without_intervals(compared) if name in stopped else compared)
     return Comparison(
         pairs=CommonPairs(
             common=len(common.planned),
@@ -253,24 +262,28 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             unsupported=dict(common.unsupported),
         ),
         substrate=substrate_of(next(iter(outcomes.values())).run.provenance, common.planned),
-        differences=[
-            RunDifference(field=one.field, values=dict(one.values))
-            for one in differences_between({name: run.side for name, run in outcomes.items()}, COMPARISON)
-        ],
+        differences=list(map(_difference, differences_between(sides, COMPARISON))),
+        policies=list(map(_difference, policy_differences(sides))),
         runs=rows,
         apart=[apart_run(name, run) for name, run in apart.items()],
-        contrasts=[contrast_of(contrast, _by_task(contrast, dynamic, tasks)) for contrast in by_run],
-        base_contrasts=[
-            contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)
-        ],
-        change_contrasts=[
-            change_contrast_of(contrast, _by_task(contrast, differences, tasks))
-            for contrast in change_contrasts(base, dynamic)
-        ],
+        contrasts=of_fixed_runs(
+            (contrast_of(contrast, _by_task(contrast, dynamic, tasks)) for contrast in by_run), stopped
+        ),
+        base_contrasts=of_fixed_runs(
+            (contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)),
+            stopped,
+        ),
+        change_contrasts=of_fixed_runs(
+            (
+                change_contrast_of(contrast, _by_task(contrast, differences, tasks))
+                for contrast in change_contrasts(base, dynamic)
+            ),
+            stopped,
+        ),
         by_event={
             event: EventContrasts(
-                dynamic_success=[group_contrast_of(contrast) for contrast in by_group[event]],
-                paired_change=[group_contrast_of(contrast) for contrast in changes_by_group[event]],
+                dynamic_success=of_fixed_runs(map(group_contrast_of, by_group[event]), stopped),
+                paired_change=of_fixed_runs(map(group_contrast_of, changes_by_group[event]), stopped),
             )
             for event in events
         },
@@ -288,6 +301,10 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             [pair.case_id for pair in common.planned],
         ),
     )
+
+
+def _difference(difference: Difference) -> RunDifference:
+    return RunDifference(field=difference.field, values=dict(difference.values))
 
 
 def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:

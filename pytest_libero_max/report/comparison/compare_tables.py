@@ -102,12 +102,13 @@ def _by_event(comparison: Comparison) -> Iterator[Table]:
             rows = [(event, *_cells(contrast)) for event, (contrast,) in found.items()]
         else:
             head = (EVENT, f"Contrasts with Holm p < {_LEVEL:g}")
-            rows = [(event, f"{_small(contrasts)} of {len(contrasts)}") for event, contrasts in found.items()]
+            rows = [(event, _small(contrasts)) for event, contrasts in found.items()]
         yield Table(f"{title} by event, contrasts", head, rows, note)
 
 
-def _small(contrasts: Sequence[GroupContrast]) -> int:
-    return sum(10 ** (contrast.log10_p_value_holm or 0.0) < _LEVEL for contrast in contrasts)
+def _small(contrasts: Sequence[GroupContrast]) -> str:
+    tested = [one.log10_p_value_holm for one in contrasts if one.log10_p_value_holm is not None]
+    return f"{sum(10**log10_p < _LEVEL for log10_p in tested)} of {len(tested)}"
 
 
 def _profiles(comparison: Comparison) -> Iterator[Table]:

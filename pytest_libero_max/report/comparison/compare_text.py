@@ -23,6 +23,7 @@ from pytest_libero_max.report.comparison.run_notes import caveat_names, warnings
 from pytest_libero_max.report.formats import count_text, counted, interval_text, percent, points
 from pytest_libero_max.report.table import Table, aligned
 from pytest_libero_max.report.writers.summary import substrate_lines
+from pytest_libero_max.runs.comparability import policies_text
 from pytest_libero_max.runs.replay_command import replay_text
 
 _SHORT = dict(zip(OUTCOMES, ("(1,1)", "(0,1)", "(1,0)", "(0,0)"), strict=True))
@@ -175,7 +176,9 @@ def comparison_warnings(comparison: Comparison) -> list[str]:
     unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
     if unsupported:
         warnings.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
-    return [*warnings, *difference_warnings(comparison.differences), *warnings_by_run(comparison)]
+    warnings += difference_warnings(comparison.differences)
+    policies = policies_text(difference.field for difference in comparison.policies)
+    return [*warnings, *filter(None, [policies]), *warnings_by_run(comparison)]
 
 
 def warning_lines(comparison: Comparison) -> list[str]:

@@ -52,7 +52,9 @@ class RunDifference(Block, frozen=True, kw_only=True):
 
     Attributes:
         field: Place in the provenance; H, Q or repeatable of the policy; or what the records say: scenes,
-            what the cases were played in, and renderers, what drew their images.
+            what the cases were played in, max_steps, the steps that their episodes may take, renderers, what
+            drew their images, ``policy.files.NAME``, a file that the policy has read, or
+            ``fingerprints.NAME``, another instrument.
         values: Its value in every run; None where it has none. For scenes, the number of cases that differ
             from the first run.
     """
@@ -331,7 +333,10 @@ class Comparison(Block, frozen=True, kw_only=True):
         differences: Everything in which the runs differ beside their policies: substrate with semantics,
             instruction source, variations and installations; protocol; cases; versions; renderers. Of the
             policies H (chunk size), Q (execution horizon) and whether they are repeatable.
-        runs: One entry a compared run, in the order given.
+        policies: What is not the same in policies of one name, files that they read among it; empty for
+            policies of several names.
+        runs: One entry a compared run, in the order given. A run that a rule stopped has no intervals, and
+            neither have its contrasts.
         apart: Runs of policies that do not support all suites of the others, where two others are left to
             compare. They change nothing else here.
         contrasts: Contrasts of Dynamic success on the common cases; one family over all pairs of runs.
@@ -348,6 +353,7 @@ class Comparison(Block, frozen=True, kw_only=True):
     pairs: CommonPairs
     substrate: Substrate
     differences: list[RunDifference]
+    policies: list[RunDifference]
     runs: Annotated[list[ComparedRun], Meta(min_length=2)]
     apart: list[ApartRun]
     contrasts: list[SuccessContrast]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
+from typing import TypeVar
+
 from pytest_libero_max.report.blocks import IntervalByTask
 from pytest_libero_max.report.comparison.comparison_document import (
     ChangeContrast,
@@ -11,9 +14,11 @@ from pytest_libero_max.report.comparison.comparison_document import (
     SuccessContrast,
     SuccessDifference,
 )
-from pytest_libero_max.report.measured import ends, interval_of, number
+from pytest_libero_max.report.measured import ends, interval_of, number, without_intervals
 from pytest_libero_max.stats import comparison as stats
 from pytest_libero_max.stats.clusters import TaskInterval
+
+AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContrast)
 
 
 def contrast_of(contrast: stats.Contrast, by_task: TaskInterval | None = None) -> SuccessContrast:
@@ -76,6 +81,18 @@ def group_contrast_of(contrast: stats.GroupContrast) -> GroupContrast:
         ),
         log10_p_value_holm=number(contrast.log10_p_holm),
     )
+
+
+def of_fixed_runs(contrasts: Iterable[AnyContrast], stopped: Collection[str]) -> list[AnyContrast]:
+    """Return contrasts, without intervals and p-values where a rule stopped one of the runs.
+
+    Args:
+        contrasts: The contrasts.
+        stopped: Names of the runs that a rule stopped.
+    """
+    return [
+        without_intervals(one) if one.first in stopped or one.second in stopped else one for one in contrasts
+    ]
 
 
 def _by_task(interval: TaskInterval | None) -> IntervalByTask | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePath
 
 from pytest_libero_max.benchmark.tracks import GENUINE, load_track
@@ -25,6 +26,7 @@ from pytest_libero_max.report.comparison.paper_tables import (
     table_markdown,
 )
 from pytest_libero_max.report.comparison.run_notes import notes_of
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.report.published import (
     NOTE,
@@ -73,7 +75,7 @@ def write_tables(
         own, comparison, said = _own(compared, restrict)
         rows += own
         notes += said
-        title = f"Tables over {own[0].outcomes.total} cases of {_case_set(compared)}"
+        title = f"Tables over {counted(own[0].outcomes.total, 'case')} of {_case_set(compared)}"
         if comparison is not None:
             figures |= drawn(comparison)
             captions |= CAPTIONS
@@ -104,7 +106,10 @@ def _own(
     lite = _lite_cases(_case_set(runs)) & {pair.case_id for pair in common.planned}
     names = _names(runs)
     rows = [
-        row_of(names[name], runs[name].policy, common.planned, pairs, lite)
+        replace(
+            row_of(names[name], runs[name].policy, common.planned, pairs, lite),
+            with_interval=not runs[name].stopped_by_rule,
+        )
         for name, pairs in common.pairs.items()
     ]
     substrate = substrate_of(next(iter(runs.values())).run.provenance, common.planned)

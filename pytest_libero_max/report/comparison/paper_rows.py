@@ -63,6 +63,7 @@ class PolicyRow:
         lite: Rates on the cases of Lite; None where these are not a part of the cases.
         trigger: Pairs whose event fired; None where it is not published.
         response: Pairs with a query after the event; None where it is not published.
+        with_interval: False for a run that a rule stopped, which has no interval of a fixed number of pairs.
     """
 
     name: str
@@ -80,6 +81,7 @@ class PolicyRow:
     lite: Rates | None = None
     trigger: Ratio | None = None
     response: Ratio | None = None
+    with_interval: bool = True
 
 
 def row_of(

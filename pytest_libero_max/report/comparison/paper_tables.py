@@ -232,6 +232,8 @@ def _extreme(source: str, part: Callable[[PolicyRow], Mapping[str, str]]) -> Cal
 
 
 def _interval(row: PolicyRow) -> Cell:
+    if not row.with_interval:
+        return None
     found = paired_difference(
         row.outcomes.regression, row.outcomes.change_associated_success, row.outcomes.total
     )

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable
 from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import ApartRun, ComparedRun, Comparison
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.stopping_rule import bias_of
@@ -23,10 +24,10 @@ def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
         result: Its result over the cases that are compared.
     """
     warnings = [warning_of(result)]
-    if run.stopped is not None and run.stopped.rule is not None:
+    if run.stopped is not None and run.stopped.by_rule:
         warnings.append(
-            f"{run.stopped.text}. Intervals and p-values are for a number of pairs that is fixed before, "
-            "and do not hold for this run."
+            f"{run.stopped.text}. It has no 95% intervals and no p-values here: those hold for a number of "
+            "pairs that is fixed before."
         )
         warnings.append(bias_of(run.stopped))
     return [text for text in warnings if text]
@@ -77,7 +78,7 @@ def _warnings(comparison: Comparison) -> Iterable[tuple[str, str]]:
 
 def _caveats(comparison: Comparison) -> Iterable[tuple[str, str]]:
     return (
-        (caveat.text, f"{caveat.pairs} of {caveat.played} pairs of {run.name}")
+        (caveat.text, f"{caveat.pairs} of {counted(caveat.played, 'pair')} of {run.name}")
         for run in _runs(comparison)
         for caveat in run.caveats
     )

@@ -14,7 +14,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
-from pytest_libero_max.report.writers.summary import alarm_texts, policy_title, stopped_texts
+from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
 
 HEAD = (
     "Policy", "Base success", "Dynamic success", "Paired change", "Base successes lost", "Event fired",
@@ -77,7 +77,7 @@ def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
         Cell(change_text(result.paired_change), _number(result.paired_change.value)),
         Cell(count_text(result.conditional_regression), _number(result.conditional_regression.value)),
         Cell(count_text(fired), _number(fired.value)),
-        Cell(_notes(report), len(alarm_texts(report))),
+        Cell(_notes(report), len(report.warnings)),
         Cell(run.versions, run.versions),
         Cell(taken or "not taken", taken),
         Cell(run.digest[:DIGITS], run.digest),
@@ -89,7 +89,7 @@ def _notes(report: Report) -> str:
     """Return what belongs beside the numbers of a run: its alarms in full, its caveats by name."""
     caveats = ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in report.caveats)
     stopped = stopped_texts(report.pairs)
-    return " ".join([*alarm_texts(report), *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
+    return " ".join([*report.warnings, *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
 
 
 def _verified(run: IndexedRun) -> Cell:

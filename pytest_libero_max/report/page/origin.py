@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.query_times import query_times
 from pytest_libero_max.runs.store import StoredRun
@@ -84,7 +85,7 @@ def _servers(stored: StoredRun) -> Iterator[tuple[str, str]]:
 
 def _counted(pairs: Counter[str], separator: str) -> str:
     """Return names with their numbers of pairs."""
-    return separator.join(f"{name} ({number} pairs)" for name, number in sorted(pairs.items()))
+    return separator.join(f"{name} ({counted(number, 'pair')})" for name, number in sorted(pairs.items()))
 
 
 def _duration(stored: StoredRun) -> str:
@@ -99,4 +100,4 @@ def _duration(stored: StoredRun) -> str:
         return _NOT_RECORDED
     minutes, rest = divmod(round(seconds), 60)
     spelled = f"{minutes} min {rest} s" if minutes else f"{rest} s"
-    return f"{spelled} of {len(stored.records)} pairs, workers added up"
+    return f"{spelled} of {counted(len(stored.records), 'pair')}, workers added up"

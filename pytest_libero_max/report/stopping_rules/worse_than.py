@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate
@@ -14,7 +13,7 @@ from pytest_libero_max.report.stopping_rule import Declared, StoppingRule
 from pytest_libero_max.runs.comparability import COMPARISON, HERE, THERE, Side, differences_between, listed
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.sequential import log_evidence_of_change
 
 LEVEL = 0.05
@@ -63,19 +62,22 @@ class WorseThan(StoppingRule):
         self._run = run
         self._require_comparable(None)
 
-    def _require_comparable(self, policy: Json | None) -> None:
+    def _require_comparable(self, record: PairRecord | None) -> None:
         """Refuse another run that differs in more than its policy.
 
         Args:
-            policy: Spec of the policy of this run; None as long as it is not known.
+            record: The first of this run; None as long as there is none.
 
         Raises:
             OptionError: It differs; names the settings.
         """
         assert self._run is not None
         other = RunOutcomes.of(read_pairs(Path(self._folder)))
-        there = Side(other.run, None if policy is None else other.policy)
-        found = differences_between({THERE: there, HERE: Side(self._run, policy)}, COMPARISON)
+        there, here = Side(other.run), Side(self._run)
+        if record is not None:
+            there = other.side
+            here = RunOutcomes.of(StoredRun(self._run, (record,), (), torn=False)).side
+        found = differences_between({THERE: there, HERE: here}, COMPARISON)
         if found:
             raise OptionError(
                 f"the other run, {self._folder}, also differs in {listed(found)}, so that a loss is not "
@@ -110,9 +112,9 @@ class WorseThan(StoppingRule):
         )
 
     def _asks_alike(self, record: PairRecord) -> bool:
-        """Return True if the policy of a record has H, Q and wrappers as that of the other run had."""
+        """Return True if a record was played as those of the other run, but for the policy."""
         try:
-            self._require_comparable(record.policy)
+            self._require_comparable(record)
         except OptionError:
             return False
         return True

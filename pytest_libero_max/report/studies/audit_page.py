@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.studies.study_tables import study_tables
 from pytest_libero_max.report.writers.markdown import markdown_table
@@ -35,8 +36,8 @@ def audit_lines(report: Report) -> list[str]:
     return [
         f"# Audit: what {policy['name']} needs",
         "",
-        f"{report.study.cases} cases; H={policy['horizon']}, Q={policy['query_interval']}; cameras: "
-        f"{', '.join(policy['cameras']) or 'none'}.",
+        f"{counted(report.study.cases, 'case')}; H={policy['horizon']}, Q={policy['query_interval']}; "
+        f"cameras: {', '.join(policy['cameras']) or 'none'}.",
         *(["", reads] if policy["privileged"] else []),
         "",
         *_sentences([list(row) for row in table.rows]),

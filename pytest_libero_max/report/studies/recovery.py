@@ -80,11 +80,16 @@ def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recov
         restrict: Compare the common cases where the runs have different ones, instead of refusing.
 
     Raises:
-        ReportError: Two runs have one mode, none is native, the policies differ, a run holds pairs of
-            another event than sensor noise, or the cases do not agree
+        ReportError: Two runs have one mode, none is native, the policies differ, a rule stopped a run, a run
+            holds pairs of another event than sensor noise, or the cases do not agree
             (:func:`~pytest_libero_max.report.comparison.compare.common_cases`).
     """
     by_mode = _by_mode(runs)
+    if any(run.stopped_by_rule for run in runs):
+        raise ReportError(
+            "A rule stopped one of the runs, but the intervals of recovery are for a number of pairs that is "
+            "fixed before. Resume it without --libero-max-stop, or play it again."
+        )
     common = common_cases(by_mode, restrict)
     ids = [pair.case_id for pair in common.planned]
     records = {mode: _records(run, ids) for mode, run in by_mode.items()}

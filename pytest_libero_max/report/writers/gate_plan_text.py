@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_plan import (
     FALSE_ALARM,
     MISS,
@@ -45,7 +46,7 @@ def gate_plan_lines(
     planned = () if isinstance(pairs, int) else tuple(_of_group(gate, pairs))
     count = pairs if isinstance(pairs, int) else len(planned)
     lines = [
-        f"{gate.text}, decided on {count} pairs",
+        f"{gate.text}, decided on {counted(count, 'pair')}",
         f"{'Dynamic success there' if gate.run else 'Base'} {base:.1%}; by chance {chance:.1%} of the pairs "
         "are lost and as many gained",
         "",

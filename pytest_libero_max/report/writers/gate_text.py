@@ -68,7 +68,7 @@ def gate_rows(results: Iterable[GateResult]) -> list[GateRow]:
         value, why = "n/a", result.detail
         if result.value is not None:  # which the detail begins with, and with the verdict after it
             value, why = shown(result.gate, result.value), why.partition(". ")[2].partition(": ")[2]
-        why = f"{why[:1].upper()}{why[1:]} {result.accepted}".strip()
+        why = f"{why[:1].upper()}{why[1:]} {result.differences}".strip()
         rows.append(GateRow(result.gate.text, result.finding, value, why, result.lost))
     return rows
 

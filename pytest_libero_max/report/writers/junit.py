@@ -11,6 +11,7 @@ from pytest_libero_max.report.diagnosis import diagnose
 from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.writers.broken import LETTERS, groups_of
+from pytest_libero_max.report.writers.summary import clipping_text, note_texts
 
 PREFIX = "libero_max_"
 
@@ -58,16 +59,17 @@ def broken_properties(pairs: Sequence[ChangedPair]) -> list[tuple[str, str]]:
 
 
 def headline_properties(report: Report) -> list[tuple[str, str]]:
-    """Return names and values for the properties of the whole suite: the status and the main numbers.
+    """Return names and values for the properties of the whole suite: status, main numbers, and each caveat.
 
     A run that is incomplete has counts, and no rates.
     """
     numbers: dict[str, float | str | None] = {"status": report.headline.status, **main_numbers(report)}
     if report.pairs.complete:
         numbers["p_value"] = report.overall.mcnemar.p_value
-    return [
-        (PREFIX + name.replace("/", "_"), str(value)) for name, value in numbers.items() if value is not None
-    ]
+    found = [(name.replace("/", "_"), str(value)) for name, value in numbers.items() if value is not None]
+    texts = [*report.warnings, *note_texts(report), clipping_text(report), report.substrate.note]
+    found += [("caveat", text) for text in texts if text]
+    return [(PREFIX + name, value) for name, value in found]
 
 
 def _flag(value: bool) -> str:

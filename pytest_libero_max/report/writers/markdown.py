@@ -23,7 +23,6 @@ from pytest_libero_max.report.writers.summary import (
     ALL_PAIRS,
     FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
-    alarm_texts,
     any_floor,
     chance_rows,
     clipping_text,
@@ -45,7 +44,7 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     """
     provenance, pairs = report.provenance, report.pairs
     lines = [f"# {markdown_text(title_text(report))}", ""]
-    for text in alarm_texts(report):
+    for text in report.warnings:
         lines += [f"**{markdown_text(text)}**", ""]
     if report.substrate.note:
         lines += [markdown_text(report.substrate.note), ""]

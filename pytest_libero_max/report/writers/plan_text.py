@@ -10,6 +10,7 @@ from pytest_libero_max.benchmark.sharding import shard
 from pytest_libero_max.costs.fleet import Fleet, Played, play, workers_fed
 from pytest_libero_max.costs.model import Cost, CostModel
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.progress import duration
 from pytest_libero_max.runs.store import StoredRun
@@ -58,7 +59,7 @@ def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet
     played = play(costs, fleet)
     return [
         _learnt(stored, costs),
-        f"{what}, {len(chosen)} pairs with {_fleet_words(fleet)}:",
+        f"{what}, {counted(len(chosen), 'pair')} with {_fleet_words(fleet)}:",
         f"  {duration(played.seconds)}, {60.0 * len(chosen) / played.seconds:.4g} pairs/min",
         *_shares(played, fleet),
         *_too_many(costs, played, fleet),

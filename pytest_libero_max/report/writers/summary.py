@@ -138,7 +138,7 @@ def noise_text(report: Report) -> str | None:
     measured = noise.flips.of if noise else 0
     if not noise and not asked:
         return None
-    lacking = f"asked for {asked} pairs, measured on {measured}" if measured < asked else ""
+    lacking = f"asked for {counted(asked, 'pair')}, measured on {measured}" if measured < asked else ""
     if not noise:
         return f"{lacking}: none of the chosen pairs was played"
     text = f"{rate_text(noise.flips)} ended otherwise, {count_text(noise.identical)} bit for bit alike"
@@ -151,7 +151,7 @@ def clipping_text(report: Report) -> str | None:
     if clipped is None or clipped.pairs == 0:
         return None
     return (
-        f"Actions outside [-1, 1] in {clipped.pairs} of {report.pairs.played} pairs, up to "
+        f"Actions outside [-1, 1] in {clipped.pairs} of {counted(report.pairs.played, 'pair')}, up to "
         f"{clipped.largest_share:.1%} of the components of a rollout. They are clipped. Check the units "
         "and the normalisation of the adapter's actions."
     )
@@ -281,8 +281,8 @@ def missing_text(report: Report) -> str | None:
     if rates is None:
         return None
     return (
-        f"With {rates.without_result} pairs without a result as failures of both arms, as in the paper: Base "
-        f"{percent(rates.base_success.value)} ({count_text(rates.base_success)}), Dynamic "
+        f"With {counted(rates.without_result, 'pair')} without a result as failures of both arms, as in the "
+        f"paper: Base {percent(rates.base_success.value)} ({count_text(rates.base_success)}), Dynamic "
         f"{percent(rates.dynamic_success.value)} ({count_text(rates.dynamic_success)}), change "
         f"{points(rates.paired_change.value)} pp. Not a score."
     )

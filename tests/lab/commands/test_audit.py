@@ -39,7 +39,7 @@ def test_a_policy_is_audited_on_one_page(
     arguments += ["--libero-max-substrate=tiny", "--libero-max-manifest=cases.json", "-pno:cacheprovider"]
     assert main(arguments) == 0
     page = (tmp_path / "audited" / "audit.md").read_text()
-    assert page.startswith("# Audit: what looking needs\n\n1 cases; H=8, Q=8; cameras: agentview.\n")
+    assert page.startswith("# Audit: what looking needs\n\n1 case; H=8, Q=8; cameras: agentview.\n")
     assert "- Nothing is known, because Base never succeeds: all images black (0/1); " in page
     for arm in ("black_images", "still_images", "no_state", "no_instruction"):
         assert f"| {arm} | " in page.replace("\\", "")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import socket
+import ssl
 import threading
 import time
 from contextlib import suppress
+from http.client import HTTPConnection
 from importlib import import_module
 from typing import Any
 
@@ -100,6 +102,28 @@ def test_a_connection_that_is_closed_before_the_first_query_is_opened_again() ->
         time.sleep(0.2)
         assert ask(policy).shape == (10, 7)
     assert (len(opened), counts(policy)) == (2, (0, 0.0))
+
+
+@pytest.mark.parametrize(
+    "end", [BrokenPipeError("Broken pipe"), ssl.SSLEOFError(8, "EOF occurred in violation of protocol")]
+)
+def test_an_end_that_is_met_while_the_request_is_sent_is_no_interruption(
+    end: OSError, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Behind TLS it is no ConnectionError: OpenSSL names it in its own way."""
+    send, sent = HTTPConnection.request, []
+
+    def request(connection: Any, *arguments: Any) -> None:
+        sent.append(1)
+        if len(sent) == 2:
+            raise end
+        send(connection, *arguments)
+
+    monkeypatch.setattr(HTTPConnection, "request", request)
+    with EACH["http"].serve() as port:
+        policy = EACH["http"].open(f"http://127.0.0.1:{port}")
+        assert ask(policy).shape == ask(policy, 1).shape
+        assert (len(sent), counts(policy)) == (3, (0, 0.0))
 
 
 @pytest.mark.parametrize("failure", ["again", "after a while", "in the answer"])

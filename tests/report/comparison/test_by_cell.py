@@ -95,9 +95,7 @@ def test_cells_of_one_run_alone_are_left_out() -> None:
         run_of([pair for pair in NEW if pair.source == "pro"], 0.9, 0.9, "new", 2),
     )
     assert (found.cells, found.left_out) == (16, 80)
-    assert "80 cases are in cells that only one of the runs has, and are left out." in old_less_new_lines(
-        found
-    )
+    assert "Left out: 80 cases, in cells that only one of the runs has." in old_less_new_lines(found)
 
 
 def test_what_cannot_be_compared_is_refused() -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -20,16 +21,19 @@ from pytest_libero_max.report.comparison.compare_text import (
     short_lines,
 )
 from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.paper_files import write_tables
 from pytest_libero_max.report.comparison.trend_html import trend_html
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
+from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, plain, plan, record_of
+from tests.report.test_stopped_report import numbers_of_intervals
 
 PAIRS = plan()
 
@@ -66,6 +70,36 @@ def test_a_comparison_finds_the_flips_and_ranks_the_runs() -> None:
     assert flips[0]["outcomes"] == {"old": "preserved_success", "new": "regression"}
     assert plain(comparison)["runs"][1]["replay"][-1] == "-k"
     assert plain(comparison)["substrate"]["scores_comparable_with_published"] is False
+
+
+def test_a_run_that_a_rule_stopped_has_no_interval_in_a_comparison(tmp_path: Path) -> None:
+    stop = Stopped("it is a regression", len(PAIRS), "first_regression", 30)
+    runs = {"old": _run(ALWAYS), "new": _run(MIXED), "stopped": replace(_run(MIXED[:30]), stopped=stop)}
+    comparison = compare_runs(runs, restrict=True)
+    *whole, stopped = plain(comparison)["runs"]
+    assert [*numbers_of_intervals(stopped)] == []
+    assert all([*numbers_of_intervals(run)] for run in whole)
+    assert {run["highest_rank"] for run in [*whole, stopped]} == {None}
+    families = [*(plain(comparison)[f"{name}contrasts"] for name in ("", "base_", "change_"))]
+    families += [family for event in plain(comparison)["by_event"].values() for family in event.values()]
+    for family in families:
+        for contrast in family:
+            of_stopped = "stopped" in (contrast["first"], contrast["second"])
+            assert bool([*numbers_of_intervals(contrast)]) is not of_stopped
+    two = {name: runs[name] for name in ("old", "stopped")}
+    comparison = compare_runs(two, restrict=True)
+    texts = [comparison_markdown(comparison), *comparison_lines(comparison), *short_lines(comparison)]
+    texts += [comparison_html(comparison), trend_html(comparison, [Counter(), Counter()])]
+    lines = [line for text in texts for line in text.splitlines()]
+    rows = [line for line in lines if "stopped against old" in line]
+    assert rows
+    assert not any(re.search(r"\[[+-]\d", row) for row in rows)
+    outcomes = {name: RunOutcomes.of(run) for name, run in two.items()}
+    write_tables(outcomes, tmp_path / "tables", restrict=True)
+    (row,) = [
+        line for line in (tmp_path / "tables" / "main.csv").read_text().splitlines() if "stopped" in line
+    ]
+    assert ",," in row
 
 
 def test_an_event_is_named_where_chance_does_not_explain_its_loss() -> None:

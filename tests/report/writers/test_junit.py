@@ -1,8 +1,15 @@
 from __future__ import annotations
 
+from html import escape
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.diagnosis import changed_pairs
-from pytest_libero_max.report.writers.junit import broken_properties, properties
-from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.writers.junit import broken_properties, headline_properties, properties
+from pytest_libero_max.report.writers.markdown import markdown, markdown_text
+from pytest_libero_max.report.writers.summary import summary_lines
+from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of
 
 
 def test_properties_of_a_regression() -> None:
@@ -33,6 +40,25 @@ def test_the_suite_names_the_pairs_whose_outcome_changed() -> None:
         ("libero_max_regression", f"R {first.item_id}, {first.event}, {said}"),
         ("libero_max_change_associated_success", f"G {second.item_id}, {second.event}, {said}"),
     ]
+
+
+def test_every_caveat_of_a_run_stands_in_all_of_its_files() -> None:
+    pairs = plan()
+    wrong = {
+        "policy": {**POLICY, "repeatable": False},
+        "fingerprints": {"substrate": "embedded", "mujoco": "3.9"},
+    }
+    records = [record_of(pair, False, False, **NEVER_TRIGGERED, **wrong) for pair in pairs]
+    report = build_report(records, (), pairs, PROVENANCE)
+    caveats = [value for name, value in headline_properties(report) if name == "libero_max_caveat"]
+    assert any("the event happened in 0/32" in text for text in caveats)
+    assert {*report.warnings, *map(caveat_text, report.caveats)} <= {*caveats}
+    assert len(report.caveats) >= 2
+    page, text = (" ".join(file.split()) for file in (html(report, [], ["pytest"]), markdown(report)))
+    assert all(escape(caveat, quote=False) in page and markdown_text(caveat) in text for caveat in caveats)
+    assert plain(report)["warnings"] == report.warnings
+    summary = " ".join(" ".join(summary_lines(report)).split())
+    assert all(warning in summary for warning in report.warnings)
 
 
 def test_what_does_not_exist_is_left_out() -> None:

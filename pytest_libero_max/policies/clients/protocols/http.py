@@ -27,7 +27,7 @@ from pytest_libero_max.policies.clients.codecs import (
     shortened,
     to_json,
 )
-from pytest_libero_max.policies.clients.connection import closed_by_peer, connect
+from pytest_libero_max.policies.clients.connection import ENDS, closed_by_peer, connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.recognition import watched
 from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
@@ -156,7 +156,7 @@ class HttpLink:
             raise late(self._target.timeout_s) from None
         except (OSError, http.client.HTTPException) as error:
             text = f"the connection was lost ({type(error).__name__}: {error})"
-            if self._kept and isinstance(error, ConnectionError) and time.monotonic() - asked_at < CROSSING_S:
+            if self._kept and isinstance(error, ENDS) and time.monotonic() - asked_at < CROSSING_S:
                 raise StaleConnection(text) from error
             raise Unreachable(text) from error
 
