@@ -16,6 +16,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+DESCRIBE_ALL = ("tests/test_documented_commands.py", "tests/test_documents.py", "tests/reference")
+"""Tests of pages, which describe the package with the lab."""
+
 _COPIED = ("pytest_libero_max", "tests")
 
 
@@ -75,7 +78,8 @@ def main(arguments: list[str]) -> int:
     """Play tests in a copy; returns the exit status of pytest."""
     with tempfile.TemporaryDirectory() as folder:
         environment = copy_without(Path(folder))
-        command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *arguments]
+        others = (f"--ignore={path}" for path in DESCRIBE_ALL)
+        command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *others, *arguments]
         return subprocess.run(command, cwd=folder, env=environment).returncode
 
 

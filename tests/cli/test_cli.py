@@ -93,7 +93,6 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
             "argument --seconds: '-1', but must be a number from 0.001 to 3600",
         ),
         ("runs run --interval nan", "argument --interval: 'nan', but must be a number from 0.01 to 3600"),
-        ("lab demos here --disturb 2", "argument --disturb: '2', but must be a number from 0 to 1"),
         (
             "plan time run --workers 0",
             "argument --workers: '0', but must be a whole number from 1 to 1000000",
@@ -111,12 +110,3 @@ def test_a_number_out_of_range_names_the_command_the_argument_and_the_rule(
     error = capsys.readouterr().err
     assert error.startswith(f"usage: libero-max {arguments.split()[0]}")
     assert f": error: {message}" in error
-
-
-def test_a_file_that_cannot_be_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "nowhere" / "claim.csv"
-    assert main(["lab", "claim", "78/100", "74/100", f"--output={file}"]) == 1
-    assert capsys.readouterr().err == (
-        f"libero-max: {str(file)!r} cannot be read or written: No such file or directory. Give another path, "
-        "or make its folder.\n"
-    )

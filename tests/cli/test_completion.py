@@ -16,7 +16,7 @@ pytest.importorskip("argcomplete", reason="pip install argcomplete")
     ("typed", "offered"),
     [
         ("libero-max docto", {"doctor"}),
-        ("libero-max lab cla", {"claim"}),
+        ("libero-max list prof", {"profiles"}),
         ("libero-max check a.py --pro", {"--profile"}),
         ("libero-max check a.py --profile pi05_lib", {"pi05_libero"}),
         ("libero-max list profiles pi05_lib", {"pi05_libero"}),

@@ -95,3 +95,12 @@ def test_the_claims_of_the_paper_are_judged_from_its_counts(capsys: pytest.Captu
         f"```\n$ libero-max lab claim --csv reports/claims.csv\n{out}```\n"
         in (REPORTS / "claims.md").read_text()
     )
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "nowhere" / "claim.csv"
+    assert main(["lab", "claim", "78/100", "74/100", f"--output={file}"]) == 1
+    assert capsys.readouterr().err == (
+        f"libero-max: {str(file)!r} cannot be read or written: No such file or directory. Give another path, "
+        "or make its folder.\n"
+    )

@@ -287,3 +287,9 @@ def test_pairs_of_a_run_are_written_in_the_same_format(
     times = {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.npz")}
     assert main(command) == 0
     assert times == {path: path.stat().st_mtime_ns for path in (tmp_path / "out").rglob("*.npz")}
+
+
+def test_a_share_out_of_range_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["lab", "demos", "here", "--disturb", "2"])
+    assert "argument --disturb: '2', but must be a number from 0 to 1" in capsys.readouterr().err

@@ -11,9 +11,11 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.cli import main
+from pytest_libero_max.lab.exports import every_eval_ever
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import PROVENANCE, error_of, plan, record_of
+from tests.report.test_stopped_report import stopped_run
 
 STARTED = "2026-01-02T03:04:05+00:00"
 
@@ -215,3 +217,7 @@ def test_another_format_is_refused_with_the_closest_one(
     assert main(["report", str(run), f"--export=ctfr={run / 'x'}"]) == 1
     assert "'ctrf'" in capsys.readouterr().err
     assert not (run / "x").exists()
+
+
+def test_an_export_of_a_stopped_run_has_no_interval() -> None:
+    assert "confidence_interval" not in str(every_eval_ever.files(stopped_run("smoke/stale_expert")))
