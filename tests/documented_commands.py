@@ -223,7 +223,7 @@ def _fault_of_ours(words: list[str], mention: bool) -> str | None:
         message = error.getvalue().strip().rpartition("error: ")[2]
         bare = mention and not any(word.startswith("-") for word in words)
         may_lack = mention and re.match(
-            rf"the following arguments are required: {'' if bare else '[A-Z]'}", message
+            rf"the following arguments are required: {'' if bare else '[A-Z]'}|one of the arguments", message
         )
         return None if end.code == 0 or may_lack else message
     return None

@@ -124,4 +124,4 @@ def test_the_command_shows_a_case_and_writes_its_pictures(
     assert shown.startswith(f"{case}: target_relocation")
     assert shown.count("Written: ") == len(list((tmp_path / "pictures").iterdir())) == 4
     assert main(["list", "cases", "smoke", *where]) == 1
-    assert "give TRACK and CASE as well" in capsys.readouterr().err
+    assert "give CASE as well" in capsys.readouterr().err

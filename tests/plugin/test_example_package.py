@@ -242,7 +242,18 @@ def test_the_preflight_examines_it(installed: pytest.Pytester) -> None:
     ]
     path.write_text(json.dumps(manifest))
     call = "from pytest_libero_max.cli import main; main()"
-    command = [sys.executable, "-c", call, "preflight", "tiny.json", "--substrate", "tiny", "--jobs", "1"]
+    command = [
+        sys.executable,
+        "-c",
+        call,
+        "dev",
+        "preflight",
+        "tiny.json",
+        "--substrate",
+        "tiny",
+        "--jobs",
+        "1",
+    ]
     done = subprocess.run(command, cwd=installed.path, capture_output=True, text=True, check=False)
     assert "3 of 4 cases pass" in done.stdout, done.stdout + done.stderr
     assert f"{fast['case_id']}: box_1 moves by" in done.stdout

@@ -93,7 +93,9 @@ def test_a_run_is_verified_by_the_bytes_of_its_pairs(published: Path, tmp_path: 
 @pytest.mark.parametrize("text", ["{", "[]", '{"a": {"pairs": 1}}', '{"a": 1}'])
 def test_a_file_that_holds_no_checks_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "verified.json").write_text(text)
-    with pytest.raises(ReportError, match=r"holds no checks of published runs.*verify-run FOLDER --record"):
+    with pytest.raises(
+        ReportError, match=r"holds no checks of published runs.*publish verify FOLDER --record"
+    ):
         read_checks(tmp_path / "verified.json")
 
 
