@@ -63,6 +63,7 @@ _PARTS = {
 FORMERLY = {
     "show": "list cases",
     "power": "plan pairs, or plan gates",
+    "verify": "dev verify, or publish verify",
     "verify-run": "publish verify",
     "launch": "shards slurm",
     "watch": "runs --follow",
@@ -84,10 +85,14 @@ def _own() -> Mapping[str, Callable[[], Add]]:
         if name not in _PARTS:
             loaders[name] = partial(_own_command, name)
             continue
-        help, parts = _PARTS[name]
-        loaders[name] = partial(partial, CommandPlace.add_group, name=name, help=help)
-        loaders |= {f"{name}.{part}": partial(_own_command, module) for part, module in parts.items()}
+        loaders[name] = partial(_own_group, name)
+        parts = _PARTS[name][1].items()
+        loaders |= {f"{name}.{part}": partial(_own_command, module) for part, module in parts}
     return loaders
+
+
+def _own_group(name: str) -> Add:
+    return partial(CommandPlace.add_group, name=name, help=_PARTS[name][0])
 
 
 def _own_command(name: str) -> Add:
@@ -154,10 +159,13 @@ class CommandPlace(_Action):
 
     def hint(self, name: str) -> str:
         """Return the new name of a command that does not belong here, or the one that was probably meant."""
+        closest = did_you_mean(name, self.names())
+        if self.prefix:
+            alone = FORMERLY.get(self.prefix)
+            return f"{closest} Without a part it was what is now libero-max {alone}" if alone else closest
         grouped = [key.replace(".", " ") for key in COMMANDS if key.endswith(f".{name}")]
-        known = [FORMERLY[key] for key in (name, self.prefix) if key in FORMERLY]
-        new = [*known, *grouped]
-        return f"It is now libero-max {new[0]}" if new else did_you_mean(name, self.names())
+        new = [FORMERLY[name]] if name in FORMERLY else grouped
+        return f"It is now libero-max {new[0]}" if new else closest
 
     def require(self, name: str) -> None:
         """Add a command if it belongs here.

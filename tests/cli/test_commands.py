@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -98,3 +99,12 @@ def test_a_name_that_two_packages_declare_is_refused(
     assert all(
         word in error for word in (["tide", "pytest-libero-max"] if name == "film" else ["tide", "surf"])
     )
+
+
+def test_help_imports_nothing_heavy() -> None:
+    script = (
+        "import sys; from pytest_libero_max.cli import parser; parser().format_help(); "
+        "print(*{'mujoco', 'cv2', 'scipy', 'robosuite', 'numba'} & {*sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
