@@ -29,12 +29,7 @@ Level = Literal["ok", "note", "missing"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
-
-    Attributes:
-        level: ``missing`` where something cannot be done without it, ``note`` where it is worth knowing.
-        text: The finding, or its cure.
-    """
+    """One thing that was looked at."""
 
     level: Level
     text: str

@@ -249,8 +249,6 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
     ``is_success``. An arm that is played after its pair has been written is not written again.
 
     Attributes:
-        case: The case.
-        arm: The arm.
         place: Number of the set of worlds.
         task_description: The instruction; empty before the first reset.
     """

@@ -11,11 +11,12 @@ Looking at the names imports nothing; an entry is imported when it is asked for.
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import pkgutil
 from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
@@ -51,6 +52,7 @@ class Registry(Generic[T]):
         error: Raised for an unknown name, for a name that is used twice and for an entry that cannot be
             loaded.
         read: Returns the object of an entry point; by default imports the one that it names.
+        attribute: Attribute of another package's entry that has to be its name; None where it has none.
     """
 
     def __init__(
@@ -61,6 +63,7 @@ class Registry(Generic[T]):
         accept: Callable[[str, object], T],
         error: type[LiberoMaxError],
         read: Callable[[EntryPoint], object] = EntryPoint.load,
+        attribute: str | None = None,
     ) -> None:
         self.noun = noun
         self.group = group
@@ -68,6 +71,7 @@ class Registry(Generic[T]):
         self._accept = accept
         self._error = error
         self._read = read
+        self._attribute = attribute
         self._loaders: Mapping[str, Callable[[], T]] | None = None
         self._loaded: dict[str, T] = {}
 
@@ -120,10 +124,19 @@ class Registry(Generic[T]):
             self._loaders = loaders
         return self._loaders
 
+    def _accepted(self, name: str, value: object) -> T:
+        entry = self._accept(name, value)
+        own = name if self._attribute is None else getattr(entry, self._attribute, None)
+        if own != name:
+            raise ValueError(
+                f"{self._attribute}={own!r}, but it is registered as {name!r}; both must be the same"
+            )
+        return entry
+
     def _loader(self, point: EntryPoint) -> Callable[[], T]:
         def load() -> T:
             try:
-                return self._accept(point.name, self._read(point))
+                return self._accepted(point.name, self._read(point))
             except Exception as error:  # somebody else's module may raise anything
                 raise self._error(
                     f"The {self.noun} {point.name!r} of {_distribution(point)} cannot be used: "
@@ -131,6 +144,17 @@ class Registry(Generic[T]):
                 ) from error
 
         return load
+
+
+def class_in(module: str, base: type[Any]) -> Any:
+    """Import a module and return the one class in it that is defined there and extends ``base``."""
+    values = vars(importlib.import_module(module)).values()
+    (kind,) = (
+        value
+        for value in values
+        if isinstance(value, type) and issubclass(value, base) and value.__module__ == module
+    )
+    return kind
 
 
 def modules_in(package: str) -> tuple[str, ...]:

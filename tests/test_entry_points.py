@@ -9,7 +9,7 @@ import pytest_libero_max
 from pytest_libero_max.registry import ENTRY_POINTS
 
 PACKAGE = Path(pytest_libero_max.__file__).parent
-_GROUP = re.compile(r'(?:GROUP = |Registry\(\s*"[a-z ]+", )"(pytest_libero_max\.[a-z_]+)"')
+_GROUP = re.compile(r'(?:GROUP = |Registry\(\s*"[a-z ]+",\s*)"(pytest_libero_max\.[a-z_]+)"')
 
 
 def test_every_group_that_is_read_is_in_the_table() -> None:

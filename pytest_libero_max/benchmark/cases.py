@@ -59,32 +59,27 @@ PROXIMITY = "on_proximity"
 
 @dataclass(frozen=True)
 class Event:
-    """A change in the middle of an episode.
-
-    Attributes:
-        name: Name of the event, for example ``camera_shift`` (``change_type`` in the manifests); see
-            :mod:`pytest_libero_max.events.registry`.
-        variant: Parameter variant, 0 or 1 (``draw_id`` in the manifests).
-        seed: Scenario seed; whatever an event draws at run time is drawn from it.
-        severity: ``low``, ``medium`` or ``high``.
-        family_code: The manifests' code of the event's family, for example ``OBS`` (``change_family``).
-        response: Expected response of a policy: ``continue`` or ``replan``, or where the instruction changes
-            ``follow_update`` or ``stop`` (``expected_response_mode``).
-        change: The change as the manifest spells it: an ``operation`` and its parameters.
-        setup: Changes both arms share, applied right after reset.
-        trigger: Moment of the change, as the manifest spells it: a ``type`` and its parameters, among them
-            the name of an entity in ``value``.
-    """
+    """A change in the middle of an episode."""
 
     name: str
     variant: int
+    """Parameter variant, 0 or 1 (``draw_id`` in the manifests)."""
     seed: int
+    """Scenario seed; whatever an event draws at run time is drawn from it."""
     severity: str
+    """``low``, ``medium`` or ``high``."""
     family_code: str
+    """The manifests' code of the event's family, for example ``OBS`` (``change_family``)."""
     response: str
+    """Expected response of a policy: ``continue`` or ``replan``, or where the instruction changes
+    ``follow_update`` or ``stop`` (``expected_response_mode``)."""
     change: Json
+    """The change as the manifest spells it: an ``operation`` and its parameters."""
     setup: tuple[Json, ...]
+    """Changes both arms share, applied right after reset."""
     trigger: Json
+    """Moment of the change, as the manifest spells it: a ``type`` and its parameters, among them the name of
+    an entity in ``value``."""
 
     @property
     def entity(self) -> str:
@@ -94,36 +89,31 @@ class Event:
 
 @dataclass(frozen=True, repr=False)
 class Case:
-    """One frozen unit of the benchmark; the evaluation of a case is a pair of rollouts.
-
-    Attributes:
-        case_id: Unique in its manifest.
-        suite: LIBERO suite, for example ``libero_spatial``.
-        task_index: Index in the source's own registry (LIBERO-Plus: its long list; otherwise 0 to 9).
-        init_state_index: Index of the frozen initial state.
-        policy_seed: Seed of the policy, the same in both rollouts.
-        event: The one change of the Dynamic rollout.
-        source: ``plus``, ``pro``, or ``libero`` for an unmodified task.
-        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
-        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
-        instruction: Prompt fixed by the manifest, or None where the substrate's task gives it.
-        record: The case exactly as its manifest spells it.
-        program: The arms of the case, where its manifest spells them out. None: nothing happens in Base, the
-            event in Dynamic.
-    """
+    """One frozen unit of the benchmark; the evaluation of a case is a pair of rollouts."""
 
     case_id: str
+    """Unique in its manifest."""
     suite: str
     task_index: int
+    """Index in the source's own registry (LIBERO-Plus: its long list; otherwise 0 to 9)."""
     init_state_index: int
     policy_seed: int
+    """Seed of the policy, the same in both rollouts."""
     event: Event
+    """The one change of the Dynamic rollout."""
     source: Source
+    """``plus``, ``pro``, or ``libero`` for an unmodified task."""
     source_category: str
+    """Category of the source variation; ``Unmodified`` for an unmodified task."""
     difficulty: int | None
+    """LIBERO-Plus difficulty 1 to 5, or None."""
     instruction: str | None
+    """Prompt fixed by the manifest, or None where the substrate's task gives it."""
     record: Json
+    """The case exactly as its manifest spells it."""
     program: Program | None = None
+    """The arms of the case, where its manifest spells them out. None: nothing happens in Base, the event in
+    Dynamic."""
 
     def __hash__(self) -> int:
         return hash(self.case_id)
@@ -255,10 +245,6 @@ class _Case(_Spelled, frozen=True):
 
 def parse_case(record: Any, where: str = "case") -> Case:
     """Check one case of a manifest.
-
-    Args:
-        record: The decoded JSON object.
-        where: Name of it in an error.
 
     Raises:
         ManifestError: It breaks the format.

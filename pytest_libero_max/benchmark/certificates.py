@@ -20,17 +20,14 @@ ENDINGS: tuple[Ending, ...] = get_args(Ending)
 
 @dataclass(frozen=True)
 class Certificate:
-    """Result of the expert on a case: proof that it can be done, or that this expert cannot do it.
-
-    Attributes:
-        ending: Ending of its Dynamic episode.
-        trigger_step: Policy steps before the event; None where it did not happen.
-        steps: Policy steps of the Dynamic episode; None where the event did not happen.
-    """
+    """Result of the expert on a case: proof that it can be done, or that this expert cannot do it."""
 
     ending: Ending
+    """Ending of its Dynamic episode."""
     trigger_step: int | None = None
+    """Policy steps before the event; None where it did not happen."""
     steps: int | None = None
+    """Policy steps of the Dynamic episode; None where the event did not happen."""
 
     @property
     def solved(self) -> bool:

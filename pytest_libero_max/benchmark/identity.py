@@ -38,15 +38,12 @@ def seed_of(*parts: object) -> int:
 
 @dataclass(frozen=True)
 class Draw:
-    """A fresh draw of cases, whose names and seeds nobody knew before its seed was revealed.
-
-    Attributes:
-        name: For example ``2026Q4``.
-        seed: The revealed seed, any text.
-    """
+    """A fresh draw of cases, whose names and seeds nobody knew before its seed was revealed."""
 
     name: str
+    """For example ``2026Q4``."""
     seed: str
+    """The revealed seed, any text."""
 
     @property
     def policy_seed(self) -> int:
@@ -56,23 +53,17 @@ class Draw:
 
 @dataclass(frozen=True)
 class Identity:
-    """Configuration of a case, apart from its event.
-
-    Attributes:
-        source: Source of the task.
-        suite: For example ``libero_spatial``.
-        task_index: Index in the source's registry.
-        init_state_index: Index of the initial state.
-        category: Source category of a LIBERO-PRO task, for example ``view_occlusion``; otherwise empty.
-        draw: The fresh draw of the case; None for the frozen tracks.
-    """
+    """Configuration of a case, apart from its event."""
 
     source: Source
     suite: str
     task_index: int
+    """Index in the source's registry."""
     init_state_index: int
     category: str = ""
+    """Source category of a LIBERO-PRO task, for example ``view_occlusion``; otherwise empty."""
     draw: Draw | None = None
+    """The fresh draw of the case; None for the frozen tracks."""
 
     @property
     def sampler(self) -> str:

@@ -30,20 +30,17 @@ PATTERN = rf"^({_STEPS}|{_DRAWN}(\+{_DRAWN})*)steps(,sync)?$(?!\n)"
 
 @dataclass(frozen=True)
 class Latency:
-    """Time that a query takes.
-
-    Attributes:
-        steps: d, the control steps from an observation to the first action that may follow from it; the most
-            where they are drawn. At 0 the world waits for the policy.
-        runner: Behaviour of the robot until the answer is there. Of no meaning at 0 steps.
-        drawn: Where the delay of each query is drawn: values of d and their weights. Empty: it is ``steps``.
-        key: Text that the draws follow from, set by :meth:`drawn_for`.
-    """
+    """Time that a query takes."""
 
     steps: int = 0
+    """D, the control steps from an observation to the first action that may follow from it; the most where
+    they are drawn. At 0 the world waits for the policy."""
     runner: Runner = "async"
+    """Behaviour of the robot until the answer is there. Of no meaning at 0 steps."""
     drawn: tuple[tuple[int, int], ...] = ()
+    """Where the delay of each query is drawn: values of d and their weights. Empty: it is ``steps``."""
     key: str = ""
+    """Text that the draws follow from, set by :meth:`drawn_for`."""
 
     def __str__(self) -> str:
         """Return ``4steps``, ``4steps,sync`` or ``1:80+2:20steps``; :meth:`parse` reads it."""

@@ -107,10 +107,6 @@ def load_manifest(path: Path) -> Manifest:
 def decode_manifest(content: bytes, path: Path) -> Manifest:
     """Check the unpacked content of a manifest; see :func:`load_manifest`.
 
-    Args:
-        content: Content of the file.
-        path: Path for messages.
-
     Raises:
         ManifestError: It is not JSON, or breaks the format.
     """

@@ -25,18 +25,15 @@ _STRATA: tuple[Callable[[Case], str], ...] = (lambda case: case.event.name, lamb
 
 @dataclass(frozen=True)
 class Order:
-    """An order in which the cases of a run are played. No result depends on it.
-
-    Attributes:
-        seed: Seed of a permutation in blocks. Every block has the same share of each event as the whole, and
-            the cases of an event run through the suites in the same way, so every prefix is balanced. None:
-            sorted by item id, which keeps the cases of a scene together.
-        balanced: False for a permutation without blocks. Each of all permutations is equally likely over the
-            seeds, so every prefix is a simple random sample of the cases.
-    """
+    """An order in which the cases of a run are played. No result depends on it."""
 
     seed: int | None = None
+    """Seed of a permutation in blocks. Every block has the same share of each event as the whole, and the
+    cases of an event run through the suites in the same way, so every prefix is balanced. None: sorted by
+    item id, which keeps the cases of a scene together."""
     balanced: bool = True
+    """False for a permutation without blocks. Each of all permutations is equally likely over the seeds, so
+    every prefix is a simple random sample of the cases."""
 
     @classmethod
     def parse(cls, text: str) -> Order:

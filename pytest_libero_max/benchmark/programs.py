@@ -60,26 +60,23 @@ NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 @dataclass(frozen=True)
 class Program:
-    """The arms of a case with their schedules, as spelled in a manifest or a file.
-
-    Attributes:
-        name: Lower-case letters, digits and underscores; ends the ids of the test items.
-        arms: The arms that are spelled out, in the order in which they are played.
-        about: What is played, in words; empty where it does not say.
-        only: Patterns of the cases that it fits, by ``event``, ``suite`` and ``entity`` (of the trigger); a
-            case has to match one of each. Empty: it fits all.
-        without: Patterns of the cases that it does not fit, likewise: none may match.
-        because: Why it does not fit the others, in words.
-        source: Name under which it comes with the package, or the path of its file; empty where it has none.
-    """
+    """The arms of a case with their schedules, as spelled in a manifest or a file."""
 
     name: str
+    """Lower-case letters, digits and underscores; ends the ids of the test items."""
     arms: tuple[Json, ...]
+    """The arms that are spelled out, in the order in which they are played."""
     about: str = field(default="", compare=False)
+    """What is played, in words; empty where it does not say."""
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
+    """Patterns of the cases that it fits, by ``event``, ``suite`` and ``entity`` (of the trigger); a case has
+    to match one of each. Empty: it fits all."""
     without: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
+    """Patterns of the cases that it does not fit, likewise: none may match."""
     because: str = field(default="", compare=False)
+    """Why it does not fit the others, in words."""
     source: str = field(default="", compare=False)
+    """Name under which it comes with the package, or the path of its file; empty where it has none."""
 
     def __hash__(self) -> int:
         return hash(self.name)
@@ -225,10 +222,6 @@ def program_of_run(protocol: Json) -> Program | None:
 
 def parse_program(value: Any, where: str = "program") -> Program:
     """Check the form of a program; whether its triggers and changes exist is checked where they are built.
-
-    Args:
-        value: The decoded JSON object.
-        where: Name of it in an error.
 
     Raises:
         ManifestError: It breaks the format.

@@ -13,21 +13,16 @@ from types import MappingProxyType
 
 @dataclass(frozen=True)
 class ReleasedFile:
-    """A manifest that the authors have released.
-
-    Attributes:
-        file: Its name.
-        benchmark_id: Its own id.
-        version: Its ``benchmark_version``; their Lite of 400 cases had the name and version of that of 800.
-        cases: Number of its cases.
-        sha256: Of its content, hexadecimal.
-    """
+    """A manifest that the authors have released."""
 
     file: str
     benchmark_id: str
+    """Its own id."""
     version: str
+    """Its ``benchmark_version``; their Lite of 400 cases had the name and version of that of 800."""
     cases: int
     sha256: str
+    """Of its content, hexadecimal."""
 
     def __str__(self) -> str:
         return f"the authors' {self.file} {self.version}"
@@ -125,15 +120,12 @@ NOT_PLAYED = ("1.0.0",)
 
 @dataclass(frozen=True)
 class Recognition:
-    """Relation of a manifest to a released one.
-
-    Attributes:
-        released: The released file that it is, or is like.
-        identical: True if it is that file, byte for byte.
-    """
+    """Relation of a manifest to a released one."""
 
     released: ReleasedFile
+    """The released file that it is, or is like."""
     identical: bool
+    """True if it is that file, byte for byte."""
 
     def __str__(self) -> str:
         if self.identical:

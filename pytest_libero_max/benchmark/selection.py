@@ -13,15 +13,11 @@ from pytest_libero_max.errors import ReportError
 
 @dataclass(frozen=True)
 class Shards:
-    """Parts of a divided case set that are here.
-
-    Attributes:
-        of: The number of parts.
-        present: The numbers of those that are here, from 1, sorted.
-    """
+    """Parts of a divided case set that are here."""
 
     of: int
     present: tuple[int, ...]
+    """The numbers of those that are here, from 1, sorted."""
 
     @property
     def missing(self) -> tuple[int, ...]:
@@ -31,24 +27,21 @@ class Shards:
 
 @dataclass(frozen=True)
 class Selection:
-    """The part of its case set that a run plays.
-
-    Attributes:
-        asked: User's selection, as the command line spells it, for example ``-k camera_shift``. Where runs
-            of different selections were merged: one entry for each, in brackets.
-        chosen: Number of cases that the run plays.
-        of: Number of cases of the whole track or manifest.
-        digest: SHA-256 of the sorted ids of the chosen cases, hexadecimal.
-        shards: Shards that are here; None where the cases were not divided, or where all shards are here.
-        merged: True if this is several runs joined, so that a shard that is not here is missing.
-    """
+    """The part of its case set that a run plays."""
 
     asked: tuple[str, ...]
+    """User's selection, as the command line spells it, for example ``-k camera_shift``. Where runs of
+    different selections were merged: one entry for each, in brackets."""
     chosen: int
+    """Number of cases that the run plays."""
     of: int
+    """Number of cases of the whole track or manifest."""
     digest: str
+    """SHA-256 of the sorted ids of the chosen cases, hexadecimal."""
     shards: Shards | None = None
+    """Shards that are here; None where the cases were not divided, or where all shards are here."""
     merged: bool = False
+    """True if this is several runs joined, so that a shard that is not here is missing."""
 
     @classmethod
     def choose(
@@ -140,10 +133,6 @@ class Selection:
 
 def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -> Selection:
     """Return the selection of several runs of one case set together.
-
-    Args:
-        selections: Of the runs, at least one.
-        case_ids: Ids of the cases that they planned together.
 
     Raises:
         ReportError: They are parts of case sets of different sizes, of different divisions into shards, or

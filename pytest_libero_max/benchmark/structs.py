@@ -30,7 +30,6 @@ from uuid import UUID
 
 import msgspec
 from msgspec import Meta, Struct
-from msgspec.structs import FieldInfo
 
 from pytest_libero_max.errors import LiberoMaxError, ReportError, did_you_mean
 
@@ -108,13 +107,10 @@ PlainObject = Annotated[
 
 
 class Document(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A stored JSON object: exactly these fields, each of its type.
-
-    Attributes:
-        NOUN: Its name in messages.
-    """
+    """A stored JSON object: exactly these fields, each of its type."""
 
     NOUN: ClassVar[str] = "object"
+    """Its name in messages."""
 
 
 def decode_json(content: bytes | str, cure: str) -> Any:
@@ -155,7 +151,7 @@ def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
     try:
         return msgspec.convert(values, kind)
     except (msgspec.ValidationError, RecursionError) as error:
-        _explain(values, kind)
+        _checked_inside(values, kind, f"{kind.NOUN}: ", ReportError)
         raise ReportError(f"The {kind.NOUN} cannot be read: {error}.") from None
 
 
@@ -191,29 +187,40 @@ def _checked_inside(value: Any, kind: Any, where: str, error: type[LiberoMaxErro
         if Ellipsis in parts:
             parts = parts[:1] * len(value)
         if len(parts) == len(value):
-            found = [
+            items = [
                 checked(item, part, f"{where}[{i}]", error)
                 for i, (item, part) in enumerate(zip(value, parts, strict=True))
             ]
-            if fits(found, kind):
-                return tuple(found)
+            if fits(items, kind):
+                return tuple(items)
+    if isinstance(value, dict) and parts and isinstance(parts[-1], type) and issubclass(parts[-1], Struct):
+        for key, item in value.items():
+            checked(item, parts[-1], f"{where}.{key}", error)
+    elif isinstance(value, dict) and fits({}, kind):
+        for key, item in value.items():
+            if not fits({key: item}, kind):
+                raise _wrong(f"{where}.{key}", item, f", in what must be {words(kind)}.", error)
     if get_origin(plain) is Literal:
         is_text = isinstance(value, str) and value != ""
         what = f". {did_you_mean(value, parts)}" if is_text else ", but must be a non-empty string."
-        raise error.seen(where, value, what)
-    raise error.seen(where, value, f", but must be {words(kind)}.")
+        raise _wrong(where, value, what, error)
+    raise _wrong(where, value, f", but must be {words(kind)}.", error)
+
+
+def _wrong(where: str, value: Any, rest: str, error: type[LiberoMaxError]) -> LiberoMaxError:
+    """Return the error about a value, which may be long."""
+    return error(f"{where}={shown(value)}{rest}", field=where.rpartition(": ")[2], value=value)
 
 
 def _checked_struct(value: Any, kind: type[Struct], where: str, error: type[LiberoMaxError]) -> Any:
     require_fields(value, kind, where, error)
     hints = _hints(kind)
     at = where if where.endswith(": ") else f"{where}."
-    found = {
-        key: checked(value[key], hints[key], at + key, error)
-        for key in kind.__struct_fields__
-        if key in value
-    }
-    return kind(**found)
+    found = {key: checked(value[key], hints[key], at + key, error) for key in _names(kind) if key in value}
+    try:
+        return kind(**found)
+    except ValueError as broken:  # a rule that a struct checks itself
+        raise error(f"{where.removesuffix(': ')}: {broken}.") from broken
 
 
 def require_fields(value: Any, kind: type[Struct], where: str, error: type[LiberoMaxError]) -> None:
@@ -225,24 +232,19 @@ def require_fields(value: Any, kind: type[Struct], where: str, error: type[Liber
     where = where.removesuffix(": ")
     if not isinstance(value, dict):
         raise error(f"{where} must be a JSON object, not {type(value).__name__}.")
-    known = _names(kind)
+    known, config = _names(kind), kind.__struct_config__
+    for key in value if config.forbid_unknown_fields else ():
+        if key not in known and key != config.tag_field:
+            raise error(f"{where} has the unknown field {shown(key)}. {did_you_mean(str(key), known)}")
     missing = sorted(name for name, required in known.items() if required and name not in value)
     if missing:
         raise error(f"{where} lacks {', '.join(missing)}.")
-    for key in value:
-        if key not in known and kind.__struct_config__.forbid_unknown_fields:
-            raise error(f"{where} has the unknown field {key!r}. {did_you_mean(str(key), known)}")
 
 
 @cache
 def _names(kind: type[Struct]) -> dict[str, bool]:
     """Return the fields of a struct, True where they are required."""
-    return {field.name: field.required for field in _fields(kind)}
-
-
-@cache
-def _fields(kind: type[Struct]) -> tuple[FieldInfo, ...]:
-    return msgspec.structs.fields(kind)
+    return {field.name: field.required for field in msgspec.structs.fields(kind)}
 
 
 @cache
@@ -312,71 +314,6 @@ def shown(value: object) -> str:
 @cache
 def _decoder(kind: type[AnyStruct]) -> msgspec.json.Decoder[AnyStruct]:
     return msgspec.json.Decoder(kind)
-
-
-def _explain(values: Any, kind: type[Document]) -> None:
-    """Raise an error that names the first mistake in the values of a struct.
-
-    Raises:
-        ReportError: Always where ``values`` are no such struct.
-    """
-    if not isinstance(values, dict):
-        raise ReportError(f"The {kind.NOUN} must be an object, but this is {shown(values)}.")
-    names = {name.encode_name: name for name in _fields(kind)}
-    tag = kind.__struct_config__.tag_field
-    if kind.__struct_config__.forbid_unknown_fields:
-        for key in values:
-            if key not in names and key != tag:
-                raise ReportError(
-                    f"The {kind.NOUN} has the unknown field {shown(key)}. {did_you_mean(str(key), names)}"
-                )
-    missing = ", ".join(
-        sorted(name for name, field in names.items() if field.required and name not in values)
-    )
-    if missing:
-        raise ReportError(f"{kind.NOUN.capitalize()} {shown(values.get('case_id'))} lacks {missing}.")
-    hints = _hints(kind)
-    for name, field in names.items():
-        if name in values:
-            _explain_value(name, values[name], hints[field.name], kind)
-
-
-def _explain_value(name: str, value: Any, hint: Any, kind: type[Document]) -> None:
-    if fits({"value": value}, _holder(kind, name)):
-        return
-    inner = _document_in(hint)
-    plain = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    if inner is not None and isinstance(value, dict) and get_origin(plain) is dict:
-        for key, item in value.items():
-            try:
-                convert(item, inner)
-            except ReportError as error:
-                raise ReportError(f"{inner.NOUN} {key!r}: {error}") from None
-    elif inner is not None and isinstance(value, list | tuple):
-        for item in value:
-            convert(item, inner)
-    elif inner is not None and isinstance(value, dict):
-        convert(value, inner)
-    elif isinstance(value, dict):
-        wrong = [key for key in value if not fits({"value": {key: value[key]}}, _holder(kind, name))]
-        if wrong and fits({"value": {}}, _holder(kind, name)):
-            part = f"{name}.{wrong[0]}={shown(value[wrong[0]])}"
-            raise ReportError(f"{part} of the {kind.NOUN}, in what must be {words(hint)}.")
-    raise ReportError(f"{name}={shown(value)} of the {kind.NOUN}, but must be {words(hint)}.")
-
-
-@cache
-def _holder(kind: type[Document], name: str) -> type[Struct]:
-    """Return a struct of one field: msgspec prepares the type of any other value at each call."""
-    return msgspec.defstruct(f"{kind.__name__}_{name}", [("value", _hints(kind)[name])])
-
-
-def _document_in(hint: Any) -> type[Document] | None:
-    """Return the struct that a type is, or holds as the values of an object or the items of a list."""
-    if isinstance(hint, type) and issubclass(hint, Document):
-        return hint
-    found = (_document_in(part) for part in get_args(hint) if part is not Ellipsis)
-    return next((kind for kind in found if kind is not None), None)
 
 
 def require_plain(value: Any, where: str, levels: int) -> None:

@@ -100,10 +100,6 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
 def unexamined_cases(name: str, folder: Path = FOLDER) -> frozenset[str]:
     """Return the ids of the cases that were not examined, of all tracks beside a track.
 
-    Args:
-        name: The track.
-        folder: Folder of the tracks.
-
     Raises:
         ManifestError: The table differs from its checksum.
     """

@@ -36,14 +36,6 @@ class ShiftCamera(ManifestFields):
 
     A component that is zero is not written at all, so a shift by nothing leaves the camera bit-identical.
 
-    Attributes:
-        camera: Camera name, for example ``agentview``.
-        delta_position_m: Added to the camera's position; in the frame of the body that carries it, which
-            is the world for LIBERO's fixed cameras.
-        yaw_degrees: Turn about the z axis of that frame, counter-clockwise seen from above.
-        delta_fovy_degrees: Added to the vertical field of view, which must stay within 5 to 150.
-        calibration: Rule by which the parameters were chosen; a note.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -51,10 +43,16 @@ class ShiftCamera(ManifestFields):
     operation: ClassVar[str] = "shift_camera"
 
     camera: Text
+    """Camera name, for example ``agentview``."""
     delta_position_m: Place
+    """Added to the camera's position; in the frame of the body that carries it, which is the world for
+    LIBERO's fixed cameras."""
     yaw_degrees: Annotated[float, between(-360.0, 360.0)]
+    """Turn about the z axis of that frame, counter-clockwise seen from above."""
     delta_fovy_degrees: Degrees
+    """Added to the vertical field of view, which must stay within 5 to 150."""
     calibration: Text | None = None
+    """Rule by which the parameters were chosen; a note."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -155,15 +153,6 @@ class OrbitCamera(ManifestFields):
     of the world, distance from the pivot, yaw about z and pitch about y without moving. A part that is zero
     (or a distance factor of 1) is left out, so an orbit by nothing leaves the camera bit-identical.
 
-    Attributes:
-        camera: A camera that the world itself carries, for example ``agentview``.
-        pivot_m: Point that it turns about and moves away from.
-        elevation_degrees: Upwards.
-        azimuth_degrees: Counter-clockwise seen from above.
-        distance_scale: Factor on the distance from the pivot, above 0.
-        yaw_degrees: Turn on the spot, counter-clockwise seen from above.
-        pitch_degrees: Turn on the spot, downwards for a camera that looks along -x.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -171,12 +160,19 @@ class OrbitCamera(ManifestFields):
     operation: ClassVar[str] = "orbit_camera"
 
     camera: Text
+    """A camera that the world itself carries, for example ``agentview``."""
     pivot_m: Place
+    """Point that it turns about and moves away from."""
     elevation_degrees: Degrees = 0.0
+    """Upwards."""
     azimuth_degrees: Degrees = 0.0
+    """Counter-clockwise seen from above."""
     distance_scale: Annotated[float, between(0.05, 20.0)] = 1.0
+    """Factor on the distance from the pivot, above 0."""
     yaw_degrees: Degrees = 0.0
+    """Turn on the spot, counter-clockwise seen from above."""
     pitch_degrees: Degrees = 0.0
+    """Turn on the spot, downwards for a camera that looks along -x."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -223,12 +219,6 @@ class OrbitCamera(ManifestFields):
 class PlaceCamera(ManifestFields):
     """Put a camera at a pose, or part of the way there.
 
-    Attributes:
-        camera: Camera name.
-        position_m: In the frame of the body that carries it, the world for LIBERO's fixed cameras.
-        quaternion_wxyz: Unit quaternion in that frame.
-        blend: Share of the way, 0 to 1; None means all of it.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -236,9 +226,13 @@ class PlaceCamera(ManifestFields):
     operation: ClassVar[str] = "place_camera"
 
     camera: Text
+    """Camera name."""
     position_m: Place
+    """In the frame of the body that carries it, the world for LIBERO's fixed cameras."""
     quaternion_wxyz: tuple[Cosine, Cosine, Cosine, Cosine]
+    """Unit quaternion in that frame."""
     blend: Share | None = None
+    """Share of the way, 0 to 1; None means all of it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

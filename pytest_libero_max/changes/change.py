@@ -16,21 +16,18 @@ Factor = str
 
 @dataclass(frozen=True)
 class Evidence:
-    """Evidence of a change: the values before and after it, as plain JSON values.
-
-    Attributes:
-        operation: Name of the change's operation.
-        factors: Factors that it was allowed to touch, sorted.
-        before: Measured values just before, by name with unit suffix.
-        after: The same names, just after.
-        saved: Values that only a reversal needs, as plain JSON values. No record holds it.
-    """
+    """Evidence of a change: the values before and after it, as plain JSON values."""
 
     operation: str
+    """Name of the change's operation."""
     factors: tuple[Factor, ...]
+    """Factors that it was allowed to touch, sorted."""
     before: Mapping[str, Any]
+    """Measured values just before, by name with unit suffix."""
     after: Mapping[str, Any]
+    """The same names, just after."""
     saved: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    """Values that only a reversal needs, as plain JSON values. No record holds it."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -74,9 +71,6 @@ class Change(Protocol):
         """Return the change that takes this one back: its factors get their former values, bit for bit.
 
         Objects come to rest where they were before the change; changes of anything else since then stay.
-
-        Args:
-            evidence: The result of :meth:`apply`.
 
         Raises:
             ChangeError: The evidence is of another change, or the change cannot be taken back; says why.

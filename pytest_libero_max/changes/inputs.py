@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing
 from pytest_libero_max.changes.measuring import filter_records
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, added_filters
 from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, PixelFilter, World
 
@@ -26,15 +25,11 @@ _SomeCameras = Annotated[_Cameras, rule("a list of at least one camera name", mi
 
 @dataclass(frozen=True)
 class HiddenInputs:
-    """Black images of some cameras.
-
-    Attributes:
-        cameras: Names of the cameras.
-        hides_state: True if the world also shows a robot state of zeros.
-    """
+    """Black images of some cameras."""
 
     cameras: tuple[str, ...]
     hides_state: bool
+    """True if the world also shows a robot state of zeros."""
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         return np.zeros_like(image) if camera in self.cameras else image
@@ -42,17 +37,14 @@ class HiddenInputs:
 
 @dataclass(frozen=True)
 class StillImages:
-    """The images of some cameras as they were once, here or in another scene.
-
-    Attributes:
-        digest: SHA-256 of the images, hexadecimal.
-        shape: Height and width, pixels. Requests for another size get the nearest pixels.
-        images: The bytes of each image, by camera.
-    """
+    """The images of some cameras as they were once, here or in another scene."""
 
     digest: str
+    """SHA-256 of the images, hexadecimal."""
     shape: tuple[int, int]
+    """Height and width, pixels. Requests for another size get the nearest pixels."""
     images: tuple[tuple[str, bytes], ...] = field(repr=False)
+    """The bytes of each image, by camera."""
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         kept = dict(self.images).get(camera)
@@ -74,7 +66,7 @@ def _still_images(world: World, cameras: tuple[str, ...], shape: tuple[int, int]
     return StillImages(digest.hexdigest(), shape, images)
 
 
-class _InputChange(ManifestFields):
+class _InputChange(Indivisible):
     """A change that adds one filter to a world."""
 
     @property
@@ -90,10 +82,6 @@ class _InputChange(ManifestFields):
         after = {"filters": filter_records(world)}
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
 
-    def scaled(self, strength: float) -> Self | Nothing:
-        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
     def reverted(self, evidence: Evidence) -> Reversal:
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, filters=added_filters(evidence))
@@ -105,10 +93,6 @@ class HideInputs(_InputChange):
 
     The orientation of such a state is the identity: a quaternion of zeros is none.
 
-    Attributes:
-        cameras: Names of the cameras; none for the state alone.
-        state: True to hide the state.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -116,7 +100,9 @@ class HideInputs(_InputChange):
     operation: ClassVar[str] = "hide_inputs"
 
     cameras: _Cameras
+    """Names of the cameras; none for the state alone."""
     state: Flag
+    """True to hide the state."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -130,11 +116,6 @@ class HideInputs(_InputChange):
 class FreezeImages(_InputChange):
     """Show the images of some cameras as they are now from now on.
 
-    Attributes:
-        cameras: Names of the cameras.
-        height: Height of the images that are kept, pixels.
-        width: Width of them, pixels.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -143,7 +124,9 @@ class FreezeImages(_InputChange):
 
     cameras: _SomeCameras
     height: Positive
+    """Height of the images that are kept, pixels."""
     width: Positive
+    """Width of them, pixels."""
 
     def _filter(self, world: AlterableWorld) -> PixelFilter:
         return _still_images(world, self.cameras, (self.height, self.width))
@@ -153,14 +136,6 @@ class FreezeImages(_InputChange):
 class SwapImages(_InputChange):
     """Show the first images of another task of LIBERO from now on: its scene, settled, before any action.
 
-    Attributes:
-        cameras: Names of the cameras.
-        height: Height of the images that are kept, pixels.
-        width: Width of them, pixels.
-        suite: The suite of the other task.
-        task_index: Its position in the suite, from 0.
-        init_state_index: Its initial state.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -169,10 +144,15 @@ class SwapImages(_InputChange):
 
     cameras: _SomeCameras
     height: Positive
+    """Height of the images that are kept, pixels."""
     width: Positive
+    """Width of them, pixels."""
     suite: Text
+    """The suite of the other task."""
     task_index: Count
+    """Its position in the suite, from 0."""
     init_state_index: Count
+    """Its initial state."""
 
     def _filter(self, world: AlterableWorld) -> PixelFilter:
         other = world.other_task(self.suite, self.task_index)

@@ -10,19 +10,15 @@ from msgspec import Struct
 
 from pytest_libero_max.benchmark.structs import AnyText, Text, rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, Offset, all_or_nothing
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.fields import Offset
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, frozen, saved
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 
 @dataclass(frozen=True)
-class SetInstruction(ManifestFields):
+class SetInstruction(Indivisible):
     """Give the same task in other words.
-
-    Attributes:
-        instruction: The policy's instruction from now on; empty for none.
-        style: Kind of the rewording; a note that no policy sees.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -31,7 +27,9 @@ class SetInstruction(ManifestFields):
     operation: ClassVar[str] = "set_instruction"
 
     instruction: AnyText
+    """The policy's instruction from now on; empty for none."""
     style: Text | None = None
+    """Kind of the rewording; a note that no policy sees."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -46,21 +44,14 @@ class SetInstruction(ManifestFields):
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
-    def scaled(self, strength: float) -> SetInstruction | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 _Fact = Annotated[tuple[Text, ...], rule("a predicate and one or two names", min_length=2, max_length=3)]
 _Goal = Annotated[tuple[_Fact, ...], rule("a non-empty list of predicates", min_length=1)]
 
 
 @dataclass(frozen=True)
-class SetTask(ManifestFields):
+class SetTask(Indivisible):
     """Give another task in the same scene: a goal and its instruction.
-
-    Attributes:
-        instruction: The policy's instruction from now on.
-        goal: Predicates that must all hold, for example ``[["on", "akita_black_bowl_2", "plate_1"]]``.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -69,7 +60,9 @@ class SetTask(ManifestFields):
     operation: ClassVar[str] = "set_task"
 
     instruction: Text
+    """The policy's instruction from now on."""
     goal: _Goal
+    """Predicates that must all hold, for example ``[["on", "akita_black_bowl_2", "plate_1"]]``."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -84,9 +77,6 @@ class SetTask(ManifestFields):
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
-    def scaled(self, strength: float) -> SetTask | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 class _Said(Struct, frozen=True, forbid_unknown_fields=True):
     """A fact of a goal as the manifests of the benchmark's authors spell it."""
@@ -99,13 +89,8 @@ _SaidGoal = Annotated[tuple[_Said, ...], rule("a non-empty list of predicates", 
 
 
 @dataclass(frozen=True)
-class ReplaceInstruction(ManifestFields):
+class ReplaceInstruction(Indivisible):
     """Give another task in the same scene, as the authors' manifests spell it.
-
-    Attributes:
-        instruction: The policy's instruction from now on.
-        alternate_goal: Facts that must all hold from now on: ``predicate`` and ``arguments`` of each.
-        alternate_task_id: The task whose goal it is; a note.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -114,8 +99,11 @@ class ReplaceInstruction(ManifestFields):
     operation: ClassVar[str] = "replace_instruction"
 
     instruction: Text
+    """The policy's instruction from now on."""
     alternate_goal: _SaidGoal
+    """Facts that must all hold from now on: ``predicate`` and ``arguments`` of each."""
     alternate_task_id: Text | None = None
+    """The task whose goal it is; a note."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -132,29 +120,19 @@ class ReplaceInstruction(ManifestFields):
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
 
-    def scaled(self, strength: float) -> ReplaceInstruction | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
     def parameters(self) -> dict[str, Any]:
         goal = [{"predicate": fact.predicate, "arguments": [*fact.arguments]} for fact in self.alternate_goal]
         return super().parameters() | {"alternate_goal": goal}
 
 
 @dataclass(frozen=True)
-class CancelInstruction(ManifestFields):
+class CancelInstruction(Indivisible):
     """Tell the policy to stop: from now on success is to stand still, and not to complete the task.
 
     Looked at are the first steps after the first query with the new instruction. The policy has stopped if
     within them the hand has moved little, from the first to the last and along its way, and so has the
     case's trigger entity. The episode goes on to the end of its budget; the goal that was cancelled must not
     hold after any step of it.
-
-    Attributes:
-        instruction: The policy's instruction from now on.
-        stop_window_steps: Number of steps that are looked at.
-        eef_stop_threshold_m: Greatest distance of the hand between the first and the last of them, m.
-        eef_path_threshold_m: Greatest length of its way between them, m.
-        target_stop_threshold_m: Greatest distance of the trigger entity between them, m.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -163,10 +141,15 @@ class CancelInstruction(ManifestFields):
     operation: ClassVar[str] = "cancel_instruction"
 
     instruction: Text
+    """The policy's instruction from now on."""
     stop_window_steps: Annotated[int, rule("an integer from 2 to 520, the longest episode", ge=2, le=520)]
+    """Number of steps that are looked at."""
     eef_stop_threshold_m: Offset
+    """Greatest distance of the hand between the first and the last of them, m."""
     eef_path_threshold_m: Offset
+    """Greatest length of its way between them, m."""
     target_stop_threshold_m: Offset
+    """Greatest distance of the trigger entity between them, m."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -178,9 +161,6 @@ class CancelInstruction(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         check_evidence(self, evidence)
         return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
-
-    def scaled(self, strength: float) -> CancelInstruction | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def stopped(self, hand: Array, entity: Array) -> bool:
         """Return True if the steps that are looked at are there, and nothing moved too much in them.

@@ -33,11 +33,6 @@ DARKENED, BRIGHTENED = 0.75, 1.25
 class SetLighting(ManifestFields):
     """Multiply the intensity of every lamp, and the brightness of every image from now on.
 
-    Attributes:
-        scale: Times on the ambient, diffuse and specular intensity of every light, at least 0.
-        brightness: Factor on the pixels. None means the benchmark's rule: 0.75 where ``scale`` is below
-            1, otherwise 1.25. A change that :meth:`scaled` returned states it.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -45,7 +40,10 @@ class SetLighting(ManifestFields):
     operation: ClassVar[str] = "set_lighting"
 
     scale: Times
+    """Times on the ambient, diffuse and specular intensity of every light, at least 0."""
     brightness: Times | None = None
+    """Factor on the pixels. None means the benchmark's rule: 0.75 where ``scale`` is below 1, otherwise 1.25.
+    A change that :meth:`scaled` returned states it."""
 
     @property
     def pixel_brightness(self) -> float:
@@ -94,15 +92,6 @@ _LOWEST_LAMP_DEG = 80.0
 class SetLamps(ManifestFields):
     """Alter every lamp of the scene; properties that are not given stay.
 
-    Attributes:
-        levels: Ambient, diffuse and specular intensity of every lamp, absolute, the same for all channels.
-        diffuse_factor: Factor on the red, green and blue of the diffuse and ambient light.
-        specular: Specular intensity of every lamp, absolute.
-        azimuth_degrees: Turn of the lamps' direction about the vertical.
-        tilt_degrees: Turn of the lamps' direction away from the vertical; negative towards it.
-        cast_shadows: True lets the first lamp, the main one, cast shadows.
-        blend: Share of all that, 0 to 1; None means all of it.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -110,12 +99,19 @@ class SetLamps(ManifestFields):
     operation: ClassVar[str] = "set_lamps"
 
     levels: Times3 | None = None
+    """Ambient, diffuse and specular intensity of every lamp, absolute, the same for all channels."""
     diffuse_factor: Times3 | None = None
+    """Factor on the red, green and blue of the diffuse and ambient light."""
     specular: Annotated[float, between(0.0, 10.0)] | None = None
+    """Specular intensity of every lamp, absolute."""
     azimuth_degrees: Degrees | None = None
+    """Turn of the lamps' direction about the vertical."""
     tilt_degrees: Annotated[float, between(-90.0, 90.0)] | None = None
+    """Turn of the lamps' direction away from the vertical; negative towards it."""
     cast_shadows: bool | None = None
+    """True lets the first lamp, the main one, cast shadows."""
     blend: Share | None = None
+    """Share of all that, 0 to 1; None means all of it."""
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -16,10 +16,9 @@ from pytest_libero_max.changes.fields import (
     Share,
     Times3,
     Vector3,
-    all_or_nothing,
     strength_of,
 )
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld
@@ -39,11 +38,6 @@ class SetVisualTheme(ManifestFields):
 
     The new colour is ``clip(rgb[permutation] * multiplier, 0, 1)``, mixed with the old one by ``blend``.
 
-    Attributes:
-        rgb_permutation: Old channel that becomes red, green and blue: a permutation of 0, 1, 2.
-        rgb_multiplier: Factor on each new channel, at least 0.
-        blend: Share of the new colour, 0 to 1; None means all of it.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -51,8 +45,11 @@ class SetVisualTheme(ManifestFields):
     operation: ClassVar[str] = "set_visual_theme"
 
     rgb_permutation: tuple[_Channel, _Channel, _Channel]
+    """Old channel that becomes red, green and blue: a permutation of 0, 1, 2."""
     rgb_multiplier: Times3
+    """Factor on each new channel, at least 0."""
     blend: Share | None = None
+    """Share of the new colour, 0 to 1; None means all of it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,12 +103,8 @@ def _mean_colours(world: AlterableWorld) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class SetTexture(ManifestFields):
+class SetTexture(Indivisible):
     """Show another texture of the scene on a material.
-
-    Attributes:
-        material: Name of the material, for example ``room_table``.
-        texture: Name of a texture that the scene has loaded.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -120,7 +113,9 @@ class SetTexture(ManifestFields):
     operation: ClassVar[str] = "set_texture"
 
     material: Text
+    """Name of the material, for example ``room_table``."""
     texture: Text
+    """Name of a texture that the scene has loaded."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -137,20 +132,12 @@ class SetTexture(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _material_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> SetTexture | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
-class CoverEntity(ManifestFields):
+class CoverEntity(Indivisible):
     """Cover an entity with a texture, or paint it in one colour: its own textures are not seen any more.
 
     Materials belong to a category, so every instance of the entity's category looks like that afterwards.
-
-    Attributes:
-        entity: The entity to cover.
-        rgb: Colour, 0 to 1; multiplies the texture.
-        texture: Name of a texture that the scene has loaded; None paints without any.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -160,7 +147,9 @@ class CoverEntity(ManifestFields):
 
     entity: Text
     rgb: tuple[Share, Share, Share]
+    """Colour, 0 to 1; multiplies the texture."""
     texture: Text | None = None
+    """Name of a texture that the scene has loaded; None paints without any."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -178,9 +167,6 @@ class CoverEntity(ManifestFields):
 
     def reverted(self, evidence: Evidence) -> Reversal:
         return _material_reversal(self, evidence)
-
-    def scaled(self, strength: float) -> CoverEntity | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 def _alter(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:

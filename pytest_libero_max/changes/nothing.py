@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 from pytest_libero_max.benchmark.latency import CHANGED_BY, Latency
 from pytest_libero_max.benchmark.structs import rule
@@ -36,6 +36,14 @@ class Nothing(ManifestFields):
         return self
 
 
+class Indivisible(ManifestFields):
+    """A change that has no other magnitude than its own."""
+
+    def scaled(self, strength: float) -> Self | Nothing:
+        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
+        return self if all_or_nothing(self.operation, strength) else Nothing()
+
+
 @dataclass(frozen=True)
 class ReseedPolicy(Nothing):
     """Leave the world as it is, and ask the policy with other seeds from the next query on.
@@ -53,14 +61,12 @@ class DelayAnswers(Nothing):
 
     The runner sees it among the entries that have happened
     (:meth:`pytest_libero_max.pairing.trajectory.Trajectory.latency_of`).
-
-    Attributes:
-        latency: Time that a query takes, for example ``4steps`` or ``4steps,sync``; None for that of the arm.
     """
 
     operation: ClassVar[str] = CHANGED_BY
 
     latency: Annotated[str, _STEPS] | None = None
+    """Time that a query takes, for example ``4steps`` or ``4steps,sync``; None for that of the arm."""
 
     def takes(self, usual: Latency) -> Latency:
         """Return the time that a query takes, given that of the arm."""

@@ -49,16 +49,13 @@ class SensorCorruption:
     looks. Here each camera has its own stream, counted in control steps, so a policy that asks for one
     camera sees the pixels it would see beside another. Where published results are to be matched,
     :class:`PublishedSensorCorruption` stands in.
-
-    Attributes:
-        noise_std: Standard deviation of the noise, grey levels (0 to 255).
-        occlusion_fraction: Share of the image's area that the rectangle covers, 0 to 1; both its sides
-            are the image's sides times the square root, rounded.
-        seed: Seed of the event.
     """
 
     noise_std: float
+    """Standard deviation of the noise, grey levels (0 to 255)."""
     occlusion_fraction: float
+    """Share of the image's area that the rectangle covers, 0 to 1; both its sides are the image's sides times
+    the square root, rounded."""
     seed: int
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
@@ -85,15 +82,12 @@ class PublishedSensorCorruption:
     The stream is NumPy's ``RandomState`` seeded with the event's seed plus the observations since onset,
     one a control step. It is spent on the cameras in LIBERO's order, so the second camera's noise is found
     by drawing the first one's. Both images are taken to be of one size, as they are in the benchmark.
-
-    Attributes:
-        noise_std: Standard deviation of the noise, grey levels (0 to 255).
-        occlusion_fraction: Share of the image's area that the rectangle covers, 0 to 1.
-        seed: Seed of the event.
     """
 
     noise_std: float
+    """Standard deviation of the noise, grey levels (0 to 255)."""
     occlusion_fraction: float
+    """Share of the image's area that the rectangle covers, 0 to 1."""
     seed: int
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
@@ -125,20 +119,17 @@ class PictureCorruption:
 
     Its randomness comes from SHA-256 of (seed, step, camera): the same step gives the same picture in both
     rollouts of a pair, the next step another one.
-
-    Attributes:
-        kind: One of :data:`.image_corruptions.KINDS`.
-        level: 1 to 10.
-        seed: Seed of all its randomness.
-        camera: The camera it belongs to.
-        blend: Share of the corrupted picture, 0 to 1.
     """
 
     kind: str
+    """One of :data:`.image_corruptions.KINDS`."""
     level: int
+    """1 to 10."""
     seed: int
+    """Seed of all its randomness."""
     camera: str
     blend: float
+    """Share of the corrupted picture, 0 to 1."""
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         if camera != self.camera:
@@ -156,19 +147,16 @@ class PictureCorruption:
 
 @dataclass(frozen=True)
 class Glare:
-    """A white veil over the images of every camera, densest around one place.
-
-    Attributes:
-        strength: 0 to 1; at 1 its middle is white.
-        across: Position of its middle, share of the width from the left.
-        up: Position of its middle, share of the height from the bottom.
-        radius: Distance at which a third of it is left, share of the width.
-    """
+    """A white veil over the images of every camera, densest around one place."""
 
     strength: float
+    """0 to 1; at 1 its middle is white."""
     across: float
+    """Position of its middle, share of the width from the left."""
     up: float
+    """Position of its middle, share of the height from the bottom."""
     radius: float
+    """Distance at which a third of it is left, share of the width."""
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         veiled = np.subtract(255.0, image, out=image_corruptions.scratch("work", image.shape))
@@ -181,11 +169,6 @@ class Glare:
 class SetSensorCorruption(ManifestFields):
     """Let every image from now on pass through a :class:`SensorCorruption`.
 
-    Attributes:
-        noise_std: Standard deviation of the noise, grey levels (0 to 255), at least 0.
-        occlusion_fraction: Share of the image's area under the black rectangle, 0 to 1.
-        seed: Seed of all its randomness, at least 0.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -193,8 +176,11 @@ class SetSensorCorruption(ManifestFields):
     operation: ClassVar[str] = "set_sensor_corruption"
 
     noise_std: Annotated[float, between(0.0, 255.0)]
+    """Standard deviation of the noise, grey levels (0 to 255), at least 0."""
     occlusion_fraction: Share
+    """Share of the image's area under the black rectangle, 0 to 1."""
     seed: Seed
+    """Seed of all its randomness, at least 0."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -224,13 +210,6 @@ class SetSensorCorruption(ManifestFields):
 class CorruptPicture(ManifestFields):
     """Let one camera's pictures pass through a :class:`PictureCorruption` from now on.
 
-    Attributes:
-        camera: Camera name, for example ``agentview``.
-        kind: ``motion_blur``, ``gaussian_blur``, ``zoom_blur``, ``fog`` or ``glass_blur``.
-        level: 1 to 10.
-        seed: Seed of all its randomness, at least 0.
-        blend: Share of the corrupted picture, 0 to 1; None means all of it.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -238,12 +217,17 @@ class CorruptPicture(ManifestFields):
     operation: ClassVar[str] = "corrupt_picture"
 
     camera: Text
+    """Camera name, for example ``agentview``."""
     kind: Text
+    """``motion_blur``, ``gaussian_blur``, ``zoom_blur``, ``fog`` or ``glass_blur``."""
     level: Annotated[
         int, rule(f"an integer from 1 to {image_corruptions.LEVELS}", ge=1, le=image_corruptions.LEVELS)
     ]
+    """1 to 10."""
     seed: Seed
+    """Seed of all its randomness, at least 0."""
     blend: Share | None = None
+    """Share of the corrupted picture, 0 to 1; None means all of it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -279,12 +263,6 @@ class CorruptPicture(ManifestFields):
 class SetGlare(ManifestFields):
     """Let every picture from now on pass through a :class:`Glare`.
 
-    Attributes:
-        strength: 0 to 1.
-        across: Position of its middle, share of the picture's width from the left, 0 to 1.
-        up: Position of its middle, share of the picture's height from the lower edge of an upright picture.
-        radius: Distance at which a third of it is left, share of the picture's width, above 0.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -292,9 +270,13 @@ class SetGlare(ManifestFields):
     operation: ClassVar[str] = "set_glare"
 
     strength: Share
+    """0 to 1."""
     across: Share
+    """Position of its middle, share of the picture's width from the left, 0 to 1."""
     up: Share
+    """Position of its middle, share of the picture's height from the lower edge of an upright picture."""
     radius: Annotated[float, between(0.01, 1.0)]
+    """Distance at which a third of it is left, share of the picture's width, above 0."""
 
     @property
     def factors(self) -> frozenset[Factor]:

@@ -17,13 +17,12 @@ from pytest_libero_max.changes.fields import (
     ManifestFields,
     Offset,
     Place,
-    all_or_nothing,
     between,
     strength_of,
 )
 from pytest_libero_max.changes.lowering import lower, reach, top
 from pytest_libero_max.changes.measuring import measure_poses
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, former_poses, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds import rotations
@@ -40,14 +39,6 @@ class MoveObject(ManifestFields):
 
     A move by nothing leaves the world bit-identical: it does not even stop a moving object.
 
-    Attributes:
-        object: The entity to move.
-        delta_position_m: Added to its position, world frame.
-        support_entity: Its support before and after; a note.
-        distance_m: Length of the move; a note.
-        direction_xy: Direction of the move, unit vector; a note.
-        calibration: Rule by which the direction was chosen; a note.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -56,10 +47,15 @@ class MoveObject(ManifestFields):
 
     object: Text
     delta_position_m: Place
+    """Added to its position, world frame."""
     support_entity: Text | None = None
+    """Its support before and after; a note."""
     distance_m: Annotated[float, between(0.0, 2 * FARTHEST_M)] | None = None
+    """Length of the move; a note."""
     direction_xy: tuple[Cosine, Cosine] | None = None
+    """Direction of the move, unit vector; a note."""
     calibration: Text | None = None
+    """Rule by which the direction was chosen; a note."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -97,10 +93,6 @@ class MoveObject(ManifestFields):
 class BumpObject(ManifestFields):
     """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres.
 
-    Attributes:
-        object: The object.
-        velocity_m_s: Added to its linear velocity, world frame.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -109,6 +101,7 @@ class BumpObject(ManifestFields):
 
     object: Text
     velocity_m_s: tuple[_Speed, _Speed, _Speed]
+    """Added to its linear velocity, world frame."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -149,14 +142,10 @@ class BumpObject(ManifestFields):
 
 
 @dataclass(frozen=True)
-class RemoveObject(ManifestFields):
+class RemoveObject(Indivisible):
     """Take an object out of the scene: unseen, untouchable and unmoved until it is inserted again.
 
     All or nothing: it cannot be scaled to anything between.
-
-    Attributes:
-        object: The object to take out.
-        offworld_position_m: Position at which it is kept meanwhile, world frame.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -165,7 +154,9 @@ class RemoveObject(ManifestFields):
     operation: ClassVar[str] = "remove_object"
 
     object: Text
+    """The object to take out."""
     offworld_position_m: Place
+    """Position at which it is kept meanwhile, world frame."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -190,21 +181,10 @@ class RemoveObject(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> RemoveObject | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
 class Placement(ManifestFields):
     """Place at which an object that was taken out comes back.
-
-    Attributes:
-        object: The object.
-        relative_to: The anchor: an entity whose position at that moment is the origin of the offset.
-        offset_m: From the anchor to the object, world frame.
-        preserve_initial_z: Keep the height the object had when it was taken out, whatever the offset's z.
-        support_entity: Its support then; a note.
-        placement_rule: Rule by which the offset was chosen; a note.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -214,14 +194,19 @@ class Placement(ManifestFields):
 
     object: Text
     relative_to: Text
+    """The anchor: an entity whose position at that moment is the origin of the offset."""
     offset_m: Place
+    """From the anchor to the object, world frame."""
     preserve_initial_z: bool
+    """Keep the height the object had when it was taken out, whatever the offset's z."""
     support_entity: Text | None = None
+    """Its support then; a note."""
     placement_rule: Text | None = None
+    """Rule by which the offset was chosen; a note."""
 
 
 @dataclass(frozen=True)
-class InsertObstacle(Placement):
+class InsertObstacle(Indivisible, Placement):
     """Bring one object back, next to an anchor, in the orientation it had when it was taken out.
 
     All or nothing: it cannot be scaled to anything between. Fields as in :class:`Placement`.
@@ -239,19 +224,12 @@ class InsertObstacle(Placement):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> InsertObstacle | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
-class InsertDistractors(ManifestFields):
+class InsertDistractors(Indivisible):
     """Bring several objects back at once, each in the orientation it had when it was taken out.
 
     All or nothing: it cannot be scaled to anything between.
-
-    Attributes:
-        placements: Place at which each of them comes back; every object once.
-        distractor_count: Number of distractors.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -260,6 +238,7 @@ class InsertDistractors(ManifestFields):
     operation: ClassVar[str] = "insert_distractors"
 
     placements: tuple[Placement, ...]
+    """Place at which each of them comes back; every object once."""
     distractor_count: Count
 
     def __post_init__(self) -> None:
@@ -289,22 +268,12 @@ class InsertDistractors(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> InsertDistractors | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
-class PutObject(ManifestFields):
+class PutObject(Indivisible):
     """Put an object down on something, a hair above touching it; one that was taken out comes back for it.
 
     All or nothing: it cannot be scaled to anything between.
-
-    Attributes:
-        object: The object to move.
-        onto: The entity it is to rest on: a table, a floor, a fixture or another object.
-        relative_to: The entity whose position is the origin of the offset; None for the world's origin.
-        offset_xy_m: From there to the object, world frame.
-        yaw_degrees: Turn about the vertical from the orientation it has, or had when it was taken out.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -313,10 +282,15 @@ class PutObject(ManifestFields):
     operation: ClassVar[str] = "put_object"
 
     object: Text
+    """The object to move."""
     onto: Text
+    """The entity it is to rest on: a table, a floor, a fixture or another object."""
     offset_xy_m: tuple[Offset, Offset]
+    """From there to the object, world frame."""
     relative_to: Text | None = None
+    """The entity whose position is the origin of the offset; None for the world's origin."""
     yaw_degrees: Degrees = 0.0
+    """Turn about the vertical from the orientation it has, or had when it was taken out."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -352,17 +326,10 @@ class PutObject(ManifestFields):
     def reverted(self, evidence: Evidence) -> Reversal:
         return _pose_reversal(self, evidence)
 
-    def scaled(self, strength: float) -> PutObject | Nothing:
-        return self if all_or_nothing(self.operation, strength) else Nothing()
-
 
 @dataclass(frozen=True)
 class TurnObject(ManifestFields):
     """Turn an object or a fixture about the vertical through its origin; it is at rest afterwards.
-
-    Attributes:
-        object: The entity to turn.
-        yaw_degrees: Counter-clockwise seen from above.
 
     Raises:
         ChangeError: A value breaks its rule.
@@ -372,6 +339,7 @@ class TurnObject(ManifestFields):
 
     object: Text
     yaw_degrees: Degrees
+    """Counter-clockwise seen from above."""
 
     @property
     def factors(self) -> frozenset[Factor]:

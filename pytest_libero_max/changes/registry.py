@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any, ClassVar, Protocol, cast
 
@@ -81,9 +81,6 @@ class ChangeType(Protocol):
 
 
 def _accept(name: str, found: object) -> ChangeType:
-    operation = getattr(found, "operation", None)
-    if operation != name:
-        raise ValueError(f"operation={operation!r}, but it is registered as {name!r}; both must be the same")
     for method in ("from_dict", "apply", "scaled", "reverted", "to_dict"):
         if not callable(getattr(found, method, None)):
             raise ValueError(
@@ -93,12 +90,13 @@ def _accept(name: str, found: object) -> ChangeType:
     return cast(ChangeType, found)
 
 
-def _own() -> Mapping[str, Callable[[], ChangeType]]:
-    return {kind.operation: partial(_accept, kind.operation, kind) for kind in _KINDS}
-
-
 OPERATIONS: Registry[ChangeType] = Registry(
-    "operation", "pytest_libero_max.changes", _own, _accept, ChangeError
+    "operation",
+    "pytest_libero_max.changes",
+    lambda: {kind.operation: partial(cast, ChangeType, kind) for kind in _KINDS},
+    _accept,
+    ChangeError,
+    attribute="operation",
 )
 """Every operation a manifest may name: this package's, then those that installed packages add."""
 

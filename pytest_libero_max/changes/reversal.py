@@ -32,29 +32,27 @@ class Reversal:
     change was applied. Objects come back to exactly where they were before the change, at rest, wherever they
     have been moved since. Motion that the change caused stays. Velocities, and the order in which objects
     were taken out of the scene, are not restored.
-
-    Attributes:
-        reverts: Operation of the change that is taken back.
-        factors: Factors that it may touch: those of that change.
-        rows: Model fields to write.
-        filters: Pixel filters to remove, as :func:`~.measuring.filter_records` describes them.
-        placed: Entities to place, or to bring back where they have been taken out.
-        parked: Objects to take out of the scene again: where each was kept, and the pose it had in the scene.
-        joints: Joint positions of the arm (7,), rad; None leaves it alone.
-        assigned: Instruction and goal to assign, None where the task's own are to hold; an empty tuple leaves
-            both alone.
     """
 
     operation: ClassVar[str] = "revert"
 
     reverts: str
+    """Operation of the change that is taken back."""
     factors: frozenset[Factor]
+    """Factors that it may touch: those of that change."""
     rows: tuple[Row, ...] = ()
+    """Model fields to write."""
     filters: tuple[Mapping[str, Any], ...] = field(default=(), hash=False)
+    """Pixel filters to remove, as :func:`~.measuring.filter_records` describes them."""
     placed: tuple[Pose, ...] = ()
+    """Entities to place, or to bring back where they have been taken out."""
     parked: tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...] = ()
+    """Objects to take out of the scene again: where each was kept, and the pose it had in the scene."""
     joints: tuple[float, ...] | None = None
+    """Joint positions of the arm (7,), rad; None leaves it alone."""
     assigned: tuple[()] | tuple[str | None, Goal | None] = ()
+    """Instruction and goal to assign, None where the task's own are to hold; an empty tuple leaves both
+    alone."""
 
     def apply(self, world: AlterableWorld) -> Evidence:
         """Write the former values.

@@ -9,8 +9,8 @@ import numpy as np
 
 from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, between, strength_of
-from pytest_libero_max.changes.nothing import Nothing
+from pytest_libero_max.changes.fields import ManifestFields, between, strength_of
+from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld
@@ -30,11 +30,6 @@ _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
 class OffsetArm(ManifestFields):
     """Turn the arm's joints away from where they are; the arm is at rest there and the controller holds it.
 
-    Attributes:
-        delta_joint_rad: (7,) added to the joint positions, rad.
-        keep_clear: True: where the arm would touch something, the opposite offset is taken, and where that
-            does too, three quarters of the one or the other, and so on. The evidence has the offset taken.
-
     Raises:
         ChangeError: A value breaks its rule.
     """
@@ -42,7 +37,10 @@ class OffsetArm(ManifestFields):
     operation: ClassVar[str] = "offset_arm"
 
     delta_joint_rad: _JointOffsets
+    """(7,) added to the joint positions, rad."""
     keep_clear: bool | None = None
+    """True: where the arm would touch something, the opposite offset is taken, and where that does too, three
+    quarters of the one or the other, and so on. The evidence has the offset taken."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -77,7 +75,7 @@ class OffsetArm(ManifestFields):
 
 
 @dataclass(frozen=True)
-class OpenGripper(ManifestFields):
+class OpenGripper(Indivisible):
     """Let the fingers open for a moment, whatever the policy commands.
 
     Their command becomes that of an open gripper. Actions that close it need eight steps (0.4 s) to bring it
@@ -102,10 +100,6 @@ class OpenGripper(ManifestFields):
             ChangeError: Always.
         """
         raise ChangeError(f"{self.operation} cannot be taken back: what was held has fallen. Leave it out.")
-
-    def scaled(self, strength: float) -> OpenGripper | Nothing:
-        """Return the change at strength 1, nothing at strength 0; other strengths are errors."""
-        return self if all_or_nothing(self.operation, strength) else Nothing()
 
 
 def _fingers(world: AlterableWorld) -> dict[str, list[float]]:

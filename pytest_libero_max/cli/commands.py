@@ -36,7 +36,6 @@ GROUPS = {
         "compare",
         "gate",
         "film",
-        "poses",
         "publish",
     ),
 }
@@ -66,6 +65,7 @@ FORMERLY = {
     "verify": "dev verify, or publish verify",
     "verify-run": "publish verify",
     "launch": "shards slurm",
+    "poses": "lab rerun",
     "watch": "runs --follow",
     "trend": "compare --over-time",
     "export": "report --export",

@@ -11,11 +11,7 @@ from pytest_libero_max.cli.commands import CommandPlace
 
 
 def complete(command: argparse.ArgumentParser) -> None:
-    """Answer the shell and end the process, if it is the shell that asks.
-
-    Args:
-        command: The parser of the whole command.
-    """
+    """Answer the shell and end the process, if it is the shell that asks."""
     if "_ARGCOMPLETE" not in os.environ:
         return
     import argcomplete

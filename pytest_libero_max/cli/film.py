@@ -57,19 +57,7 @@ def add_command(commands: Commands) -> None:
 
 
 def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
-    """Add the arguments of :func:`add_choice`, and those for pictures.
-
-    Args:
-        command: The command.
-        folder: As there.
-    """
-    add_choice(command, folder)
-    option(command, "--size PX", "Side of a picture", type=whole_number(32), default=256)
-    option(command, "--every STEPS", "Show every so many steps", type=whole_number(1), default=2)
-
-
-def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
-    """Add the arguments for the pairs to play again, and for the place of the files.
+    """Add the arguments for the pairs to play again, their pictures, and the place of the files.
 
     Args:
         command: The command.
@@ -91,6 +79,8 @@ def add_choice(command: argparse.ArgumentParser, folder: str) -> None:
         choices=FILM_SELECTIONS,
     )
     option(command, "--output FOLDER", f"Folder for the files (default: {folder} in RUN)", type=Path)
+    option(command, "--size PX", "Side of a picture", type=whole_number(32), default=256)
+    option(command, "--every STEPS", "Show every so many steps", type=whole_number(1), default=2)
     switch(command, "--overwrite", "Replace files that are there already")
     option(
         command,

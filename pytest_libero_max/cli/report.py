@@ -72,12 +72,7 @@ def _export(options: argparse.Namespace) -> None:
 
 
 def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:
-    """Write the report of a run again; return it, the files to look at, and the verdicts on gates.
-
-    Args:
-        folder: Of the run.
-        asked: Gates; by default those of the ini file.
-    """
+    """Write the report of a run again; return it, the files to look at, and the verdicts on gates."""
     from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.gate_results import decide
     from pytest_libero_max.report.writers.report_files import write_reports

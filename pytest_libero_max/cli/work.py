@@ -46,12 +46,7 @@ class Work:
         print(line, flush=True)
 
     def left(self, done: float, total: float) -> str:
-        """Return the time left at the pace so far, as words that end a line; empty where unknown.
-
-        Args:
-            done: Work done since the beginning, in any unit.
-            total: Work to do in all, in the same unit.
-        """
+        """Return the time left at the pace so far, as words that end a line; empty where unknown."""
         if done <= 0 or done >= total:
             return ""
         seconds = time.monotonic() - self._began

@@ -18,25 +18,21 @@ from pytest_libero_max.costs.model import Cost
 
 @dataclass(frozen=True)
 class Fleet:
-    """Workers, policy servers and the times they need.
-
-    Attributes:
-        workers: Processes that play pairs, each on a processor core of its own.
-        servers: Policy servers, which answer one batch at a time; 0: each worker has the policy in it.
-        query_s: Seconds of a query that is answered alone; None: as in the run that was measured.
-        batch: Queries that a server answers together.
-        batch_s: Seconds of a full batch; None: those of one query. In between they are interpolated.
-        record_s: Seconds that the process that owns the run needs to receive, check and write a pair.
-        start_s: Seconds before a worker begins its first pair.
-    """
+    """Workers, policy servers and the times they need."""
 
     workers: int
+    """Processes that play pairs, each on a processor core of its own."""
     servers: int = 0
+    """Policy servers, which answer one batch at a time; 0: each worker has the policy in it."""
     query_s: float | None = None
+    """Seconds of a query that is answered alone; None: as in the run that was measured."""
     batch: int = 1
     batch_s: float | None = None
+    """Seconds of a full batch; None: those of one query. In between they are interpolated."""
     record_s: float = 0.0
+    """Seconds that the process that owns the run needs to receive, check and write a pair."""
     start_s: float = 0.0
+    """Seconds before a worker begins its first pair."""
 
     def answer_s(self, queries: float) -> float:
         """Seconds of an answer to this many queries at once."""
@@ -48,30 +44,22 @@ class Fleet:
 
 @dataclass(frozen=True)
 class Played:
-    """Time that a fleet needs, and the use of its parts.
-
-    Attributes:
-        seconds: From the start of the workers until the last record is written.
-        bottleneck: ``workers``, ``policy servers`` or ``controller``: the part that needs longest.
-        computing: Share of the workers' time in which they play, the policy in them included.
-        serving: Share of the servers' time in which they answer.
-        writing: Share of the time in which the process that owns the run takes in records.
-    """
+    """Time that a fleet needs, and the use of its parts."""
 
     seconds: float
+    """From the start of the workers until the last record is written."""
     bottleneck: str
+    """``workers``, ``policy servers`` or ``controller``: the part that needs longest."""
     computing: float
+    """Share of the workers' time in which they play, the policy in them included."""
     serving: float
+    """Share of the servers' time in which they answer."""
     writing: float
+    """Share of the time in which the process that owns the run takes in records."""
 
 
 def play(costs: Sequence[Cost], fleet: Fleet) -> Played:
-    """Return the time that a fleet needs for pairs that it plays in their order.
-
-    Args:
-        costs: Expected cost of each pair; at least one.
-        fleet: The fleet.
-    """
+    """Return the time that a fleet needs for pairs that it plays in their order."""
     calls = sum(cost.calls for cost in costs)
     policy_s = [_policy_s(cost, fleet) for cost in costs]
     pairs_s = [cost.worker_s + seconds for cost, seconds in zip(costs, policy_s, strict=True)]
@@ -99,10 +87,6 @@ def play(costs: Sequence[Cost], fleet: Fleet) -> Played:
 
 def workers_fed(costs: Sequence[Cost], fleet: Fleet) -> int | None:
     """Return the largest number of workers whose records one controller takes in as they come.
-
-    Args:
-        costs: Expected cost of each pair; at least one.
-        fleet: The fleet; its own workers do not matter.
 
     Returns:
         At least 1; None where a record takes no time.

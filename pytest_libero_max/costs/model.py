@@ -29,13 +29,7 @@ _DONORS = 3
 
 
 class Kind(NamedTuple):
-    """Properties of a pair from which its cost is expected.
-
-    Attributes:
-        suite: LIBERO suite.
-        task: Its task, for example ``libero_goal/3``.
-        event: Name of its event.
-    """
+    """Properties of a pair from which its cost is expected."""
 
     suite: str
     task: str
@@ -54,17 +48,14 @@ class Counted(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Cost of a pair.
-
-    Attributes:
-        worker_s: Seconds of its worker apart from the policy: scene, steps, images, checks.
-        calls: Calls of the policy.
-        policy_s: Seconds of these calls, as they were measured.
-    """
+    """Cost of a pair."""
 
     worker_s: float
+    """Seconds of its worker apart from the policy: scene, steps, images, checks."""
     calls: float
+    """Calls of the policy."""
     policy_s: float
+    """Seconds of these calls, as they were measured."""
 
     @property
     def seconds(self) -> float:

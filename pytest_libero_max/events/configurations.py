@@ -32,19 +32,13 @@ class Cell(NamedTuple):
 
 
 class Configuration(NamedTuple):
-    """A source variation with an initial state.
-
-    Attributes:
-        variation: The variation.
-        init: Index of the initial state.
-        catalogue: Catalogue that the variation is of.
-        draw: The fresh draw that a case of it belongs to; None for the frozen tracks.
-    """
+    """A source variation with an initial state."""
 
     variation: Variation
     init: int
     catalogue: Catalogue = OWN
     draw: Draw | None = None
+    """The fresh draw that a case of it belongs to; None for the frozen tracks."""
 
     @property
     def identity(self) -> Identity:

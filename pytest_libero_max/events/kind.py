@@ -25,15 +25,12 @@ VARIANTS = (0, 1)
 
 
 class Scenario(NamedTuple):
-    """Effect of an event, as a manifest spells it.
-
-    Attributes:
-        change: The change in the middle of the episode: an ``operation`` and its parameters.
-        setup: Changes that both arms share, applied right after reset.
-    """
+    """Effect of an event, as a manifest spells it."""
 
     change: Json
+    """The change in the middle of the episode: an ``operation`` and its parameters."""
     setup: tuple[Json, ...] = ()
+    """Changes that both arms share, applied right after reset."""
 
 
 class EventKind(ABC):
@@ -41,28 +38,26 @@ class EventKind(ABC):
 
     A subclass is one file in ``events/kinds``, or an entry point of a package of your own. Its docstring says
     what happens to the world.
-
-    Attributes:
-        name: In manifests, ids, markers and reports: lower case letters, digits and underscores.
-        family: The paper's family, by which results are grouped; also a marker.
-        code: The family code of the manifests, for example ``OBS``.
-        severities: Severity of variant 0 and of variant 1: ``low``, ``medium`` or ``high``.
-        response: The manifests' word for the expected response of a policy: ``continue`` where the task stays
-            the same, ``replan`` where the target, the destination or the path has changed, ``follow_update``
-            where there is another task, ``stop`` where there is none any more.
-        needs: Requirement of a task, in words that follow "The task needs".
-        expected: Expected response of a policy, in a sentence.
-        drawn: False if only manifests spell such events out, and none are drawn for a task.
     """
 
     name: ClassVar[str]
+    """In manifests, ids, markers and reports: lower case letters, digits and underscores."""
     family: ClassVar[str]
+    """The paper's family, by which results are grouped; also a marker."""
     code: ClassVar[str]
+    """The family code of the manifests, for example ``OBS``."""
     severities: ClassVar[tuple[str, str]]
+    """Severity of variant 0 and of variant 1: ``low``, ``medium`` or ``high``."""
     response: ClassVar[Response]
+    """The manifests' word for the expected response of a policy: ``continue`` where the task stays the same,
+    ``replan`` where the target, the destination or the path has changed, ``follow_update`` where there is
+    another task, ``stop`` where there is none any more."""
     needs: ClassVar[str] = "an entity that the hand comes near: its target, or what its goal names first."
+    """Requirement of a task, in words that follow "The task needs"."""
     expected: ClassVar[str]
+    """Expected response of a policy, in a sentence."""
     drawn: ClassVar[bool] = True
+    """False if only manifests spell such events out, and none are drawn for a task."""
 
     def eligible(self, task: TaskMetadata) -> bool:
         """Return True if the task can host the event; decided from the task's description alone."""
@@ -138,8 +133,6 @@ def accept_kind(name: str, found: object) -> EventKind:
     ]
     if lacking:
         raise ValueError(f"{type(found).__name__} lacks {', '.join(lacking)}")
-    if found.name != name:
-        raise ValueError(f"name={found.name!r}, but it is registered as {name!r}; both must be the same")
     for attribute in ("name", "family"):
         word = getattr(found, attribute)
         if not isinstance(word, str) or not _WORD.fullmatch(word):

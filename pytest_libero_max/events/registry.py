@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import Case, Event
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.kind import VARIANTS, EventKind, accept_kind
 from pytest_libero_max.events.schedules import arms_of, trigger_of
-from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.registry import Registry, class_in, modules_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.identity import Identity
     from pytest_libero_max.tasks.contents import TaskMetadata
-
-ENTRY_POINT_GROUP = "pytest_libero_max.events"
 
 BENCHMARK_EVENTS = (
     "illumination_switch",
@@ -39,25 +37,16 @@ _KINDS = "pytest_libero_max.events.kinds"
 def _own() -> Mapping[str, Callable[[], EventKind]]:
     modules = modules_in(_KINDS)
     others = (name for name in modules if name not in BENCHMARK_EVENTS)
-    return {name: _loader(name) for name in (*BENCHMARK_EVENTS, *others)}
+    return {name: partial(_load, name) for name in (*BENCHMARK_EVENTS, *others)}
 
 
-def _loader(name: str) -> Callable[[], EventKind]:
-    def load() -> EventKind:
-        module = importlib.import_module(f"{_KINDS}.{name}")
-        (kind,) = (
-            value
-            for value in vars(module).values()
-            if isinstance(value, type)
-            and issubclass(value, EventKind)
-            and value.__module__ == module.__name__
-        )
-        return accept_kind(name, kind)
-
-    return load
+def _load(name: str) -> EventKind:
+    return accept_kind(name, class_in(f"{_KINDS}.{name}", EventKind))
 
 
-EVENTS: Registry[EventKind] = Registry("event", ENTRY_POINT_GROUP, _own, accept_kind, ManifestError)
+EVENTS: Registry[EventKind] = Registry(
+    "event", "pytest_libero_max.events", _own, accept_kind, ManifestError, attribute="name"
+)
 """Every event kind by name: the benchmark's eight first, then the others."""
 
 

@@ -34,15 +34,7 @@ _DECIMALS = 8
 def relocation(
     event: str, moved: str | None, distance_m: float, task: TaskMetadata, identity: Identity
 ) -> Json:
-    """Return the change that moves an object; its direction depends on the task and the event alone.
-
-    Args:
-        event: Name of the event, from which the direction is drawn.
-        moved: The object; an eligible task has one.
-        distance_m: Length of the move.
-        task: Contents of the scene.
-        identity: Configuration of the case.
-    """
+    """Return the change that moves an object; its direction depends on the task and the event alone."""
     assert moved is not None  # eligibility demands it
     x, y = DIRECTIONS[identity.direction_index(event)]
     return {

@@ -41,26 +41,20 @@ DRAWN = "drawn"
 
 @dataclass(frozen=True)
 class Revert:
-    """Takes back the change of an earlier entry of the schedule.
-
-    Attributes:
-        entry: Index of that entry, from 0.
-    """
+    """Takes back the change of an earlier entry of the schedule."""
 
     entry: int
+    """Index of that entry, from 0."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One thing that happens in an arm.
-
-    Attributes:
-        trigger: Moment of the entry. It is asked as soon as the entry before has happened.
-        action: A change, or the reversal of an earlier entry's change.
-    """
+    """One thing that happens in an arm."""
 
     trigger: Trigger
+    """Moment of the entry. It is asked as soon as the entry before has happened."""
     action: Change | Revert
+    """A change, or the reversal of an earlier entry's change."""
 
     def to_dict(self) -> Json:
         """As JSON values; :func:`schedule_from_list` reads them."""
@@ -78,15 +72,12 @@ Schedule = tuple[Entry, ...]
 
 @dataclass(frozen=True)
 class Cadence:
-    """Frequency of queries.
-
-    Attributes:
-        query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
-        horizon: H (chunk size), the most actions a query may return; None for the policy's own.
-    """
+    """Frequency of queries."""
 
     query_interval: int
+    """Q (execution horizon, replan steps), the actions executed before the next query."""
     horizon: int | None = None
+    """H (chunk size), the most actions a query may return; None for the policy's own."""
 
     def to_dict(self) -> Json:
         """JSON types, without ``horizon`` where it is the policy's own."""
@@ -100,22 +91,20 @@ class Arm:
 
     Two arms share everything up to the first entry in which their schedules differ: it is executed once.
 
-    Attributes:
-        name: Lower-case letters, digits and underscores; begins with a letter.
-        schedule: Changes of the arm with their triggers.
-        repetition: Arms of another repetition share nothing: they are played from the start once more.
-        cadence: Frequency of queries; None for the policy's own. Arms of another cadence share nothing.
-        latency: Time that a query takes. Arms of another latency share nothing.
-
     Raises:
         ManifestError: The name is not one, or an entry refers to one that does not come before it.
     """
 
     name: str
+    """Lower-case letters, digits and underscores; begins with a letter."""
     schedule: Schedule = ()
+    """Changes of the arm with their triggers."""
     repetition: int = 0
+    """Arms of another repetition share nothing: they are played from the start once more."""
     cadence: Cadence | None = None
+    """Frequency of queries; None for the policy's own. Arms of another cadence share nothing."""
     latency: Latency = NO_LATENCY
+    """Time that a query takes. Arms of another latency share nothing."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):

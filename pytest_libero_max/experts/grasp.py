@@ -32,19 +32,16 @@ _ROUND = ("neck", "knob")  # parts that can be held from any side
 
 @dataclass(frozen=True)
 class Grasp:
-    """A pose of the hand in which closing the fingers takes hold.
-
-    Attributes:
-        position: (3,) m, world.
-        angle: Horizontal direction of the finger axis before the tilt, rad.
-        tilt: Angle between the fingers and straight down, rad.
-        heading: Horizontal direction towards which the hand is tilted, rad.
-    """
+    """A pose of the hand in which closing the fingers takes hold."""
 
     position: Array
+    """(3,) m, world."""
     angle: float
+    """Horizontal direction of the finger axis before the tilt, rad."""
     tilt: float = 0.0
+    """Angle between the fingers and straight down, rad."""
     heading: float = 0.0
+    """Horizontal direction towards which the hand is tilted, rad."""
 
     @property
     def axis(self) -> Array:

@@ -39,27 +39,24 @@ _DAMPING_OF_INVERSE = 1e-4  # keeps actions small in directions in which the han
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A pose of the hand on a route.
-
-    Attributes:
-        position: (3,) m, world.
-        angle: Horizontal direction of the finger axis before the tilt, rad.
-        grip: ``OPEN`` or ``CLOSED``.
-        tolerance_m: Distance at which the waypoint counts as reached; ten times that in rad.
-        wait: Control steps to stay.
-        tilt: Angle between the fingers and straight down, rad.
-        heading: Horizontal direction towards which the hand is tilted, rad.
-        exact: The orientation of the hand, in place of the three angles.
-    """
+    """A pose of the hand on a route."""
 
     position: Array
+    """(3,) m, world."""
     angle: float
+    """Horizontal direction of the finger axis before the tilt, rad."""
     grip: float
+    """``OPEN`` or ``CLOSED``."""
     tolerance_m: float = 0.005
+    """Distance at which the waypoint counts as reached; ten times that in rad."""
     wait: int = 0
+    """Control steps to stay."""
     tilt: float = 0.0
+    """Angle between the fingers and straight down, rad."""
     heading: float = 0.0
+    """Horizontal direction towards which the hand is tilted, rad."""
     exact: Rotation | None = None
+    """The orientation of the hand, in place of the three angles."""
 
     @property
     def turn(self) -> Rotation:

@@ -38,21 +38,18 @@ _AS_DELIVERED = "the images as delivered, bottom row first"
 
 @dataclass(frozen=True)
 class Shown:
-    """Conversion of an observation to the images of a query.
-
-    Attributes:
-        words: Owner of the images, for the caption.
-        images: The images by name, (H, W, 3) uint8 each, from an observation and its query.
-        instruction: Converts the policy's instruction to the model's.
-        policy: The policy where one was loaded; it is told of the episode.
-        every_step: The policy was shown every step, and not queries alone.
-    """
+    """Conversion of an observation to the images of a query."""
 
     words: str
+    """Owner of the images, for the caption."""
     images: Callable[[Observation, Query], Mapping[str, Image]]
+    """The images by name, (H, W, 3) uint8 each, from an observation and its query."""
     instruction: Callable[[str], str] = str
+    """Converts the policy's instruction to the model's."""
     policy: Policy | None = None
+    """The policy where one was loaded; it is told of the episode."""
     every_step: bool = False
+    """The policy was shown every step, and not queries alone."""
 
 
 def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) -> Shown:

@@ -27,7 +27,6 @@ from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
-from pytest_libero_max.runs.recorded_poses import write_poses
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
@@ -98,35 +97,6 @@ def film_pair(
     write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ, overwrite)
 
 
-def pose_pair(
-    path: Path,
-    case: Case,
-    world: World,
-    record: PairRecord,
-    traces: Mapping[str, ArmTrace],
-    *,
-    overwrite: bool = False,
-    on_step: Callable[[int], None] | None = None,
-) -> None:
-    """Write the poses of a recorded pair after every step, for the page of its run, or nothing at all.
-
-    Args:
-        path: Ends in ``.npz``; otherwise as for :func:`film_pair`, which raises the same errors.
-        case: As there.
-        world: As there.
-        record: As there.
-        traces: As there.
-        overwrite: As there.
-        on_step: As there.
-    """
-    from pytest_libero_max.films.scene_poses import look_at_poses, poses_of
-
-    ticks = play_again(case, world, record, traces, look_at_poses(), simulate=False)
-    if on_step is not None:
-        ticks = tell_steps(ticks, on_step)
-    write_poses(path, poses_of(world, record, ticks), overwrite)
-
-
 def tell_steps(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
     """Yield the pictures of a pair, and pass the policy steps of each on before it is drawn."""
     for tick in ticks:
@@ -136,14 +106,7 @@ def tell_steps(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterato
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """A run on the disk with everything that its pairs need to be played again.
-
-    Attributes:
-        folder: Its folder.
-        stored: Its pairs.
-        cases: Its cases, by id.
-        substrate: Builds their worlds.
-    """
+    """A run on the disk with everything that its pairs need to be played again."""
 
     folder: Path
     stored: StoredRun

@@ -35,19 +35,16 @@ from pytest_libero_max.worlds.rendering.appearance import (
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """View of a world at one moment.
-
-    Attributes:
-        images: By camera, (size, size, 3) uint8, upright; or by another name an image of the policy's.
-        opening_m: Distance between the fingers, m.
-        words: Text for the picture beside that of the record.
-        outlines: By camera, (n, 2) pixels of each thing that an event has moved away, where it was.
-    """
+    """View of a world at one moment."""
 
     images: Mapping[str, Image]
+    """By camera, (size, size, 3) uint8, upright; or by another name an image of the policy's."""
     opening_m: float
+    """Distance between the fingers, m."""
     words: tuple[str, ...] = ()
+    """Text for the picture beside that of the record."""
     outlines: Mapping[str, Sequence[NDArray[np.int32]]] = field(default_factory=dict)
+    """By camera, (n, 2) pixels of each thing that an event has moved away, where it was."""
 
 
 Look = Callable[[str, int, World, View | None], View]
@@ -56,15 +53,11 @@ Look = Callable[[str, int, World, View | None], View]
 
 @dataclass(frozen=True, eq=False)
 class Tick:
-    """All arms after the same number of policy steps.
-
-    Attributes:
-        step: Policy steps executed.
-        views: By arm. An arm that ended earlier shows its last step.
-    """
+    """All arms after the same number of policy steps."""
 
     step: int
     views: Mapping[str, View]
+    """By arm. An arm that ended earlier shows its last step."""
 
 
 def distinct_arms(record: PairRecord) -> tuple[str, ...]:
@@ -247,12 +240,11 @@ def _advance(players: list[_Player], step: int, world: World) -> None:
             player.follow(known)
 
 
-def through_cameras(size: int, cameras: tuple[str, ...] = CAMERAS) -> Look:
+def through_cameras(size: int) -> Look:
     """Return the view of a world through its cameras. A world that looks as it did is not drawn again.
 
     Args:
         size: Side of an image in pixels.
-        cameras: The cameras.
     """
     drawn: dict[str, Appearance] = {}
 
@@ -262,8 +254,8 @@ def through_cameras(size: int, cameras: tuple[str, ...] = CAMERAS) -> Look:
             return replace(before, opening_m=opening_m(world.observe((), 1)))
         if now is not None:
             drawn[name] = now
-        observation = world.observe(cameras, size)
-        images = {camera: observation[f"{camera}_image"][::-1] for camera in cameras}
+        observation = world.observe(CAMERAS, size)
+        images = {camera: observation[f"{camera}_image"][::-1] for camera in CAMERAS}
         return View(images, opening_m(observation))
 
     return look

@@ -44,18 +44,15 @@ Camera = tuple[NDArray[np.float64], NDArray[np.float64], float]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(View):
-    """View of a world, with the poses of everything in it.
-
-    Attributes:
-        hand: (3,) m, world frame.
-        entities: (3,) m and (4,) w, x, y, z of each, world frame, by name.
-        cameras: (3,) m, the (3, 3) rotation of each from its own frame (x right, y up, looking along -z) to
-            the world's, and its vertical angle of view in rad, by name.
-    """
+    """View of a world, with the poses of everything in it."""
 
     hand: NDArray[np.float64]
+    """(3,) m, world frame."""
     entities: Mapping[str, Pose]
+    """(3,) m and (4,) w, x, y, z of each, world frame, by name."""
     cameras: Mapping[str, Camera]
+    """(3,) m, the (3, 3) rotation of each from its own frame (x right, y up, looking along -z) to the
+    world's, and its vertical angle of view in rad, by name."""
 
 
 def scenes(size: int) -> Look:

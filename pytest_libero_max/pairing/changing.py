@@ -40,18 +40,14 @@ def begin_world(case: Case, world: World, control: Control = "delta") -> None:
 
 @dataclass(frozen=True)
 class Applied:
-    """A change that has happened.
-
-    Attributes:
-        change: The change.
-        evidence: Values that it touches, before and after.
-        pixel_change: For each camera that was looked through, the mean absolute difference of its images
-            before and after, 0 to 255.
-    """
+    """A change that has happened."""
 
     change: Change
     evidence: Evidence
+    """Values that it touches, before and after."""
     pixel_change: dict[str, float]
+    """For each camera that was looked through, the mean absolute difference of its images before and after, 0
+    to 255."""
 
     def to_dict(self) -> Json:
         """Return the evidence and the change of pixels as JSON values."""

@@ -28,15 +28,12 @@ def is_sampled(index: int, case_id: str) -> bool:
 
 @dataclass(frozen=True)
 class Memory:
-    """A copy of a policy's memory, as its ``snapshot`` returned it.
-
-    Attributes:
-        value: The copy; None for a policy without one.
-        digest: Its fingerprint then; None where it cannot be computed.
-    """
+    """A copy of a policy's memory, as its ``snapshot`` returned it."""
 
     value: object
+    """The copy; None for a policy without one."""
     digest: bytes | None
+    """Its fingerprint then; None where it cannot be computed."""
 
     @classmethod
     def of(cls, policy: Policy) -> Memory:
@@ -50,10 +47,6 @@ class Memory:
 
     def restore(self, stage: Stage, step: int) -> None:
         """Give the policy the memory back, if it has any.
-
-        Args:
-            stage: Stage of the policy.
-            step: Step of the copy, for messages.
 
         Raises:
             RefusalError: The copy has changed since.
@@ -79,19 +72,15 @@ class Memory:
 
 @dataclass(frozen=True)
 class RecordedQuery:
-    """A query's result with all that is needed to ask for it again.
-
-    Attributes:
-        result: The result.
-        state: The world at the query.
-        digest: Its fingerprint, 32 bytes.
-        memory: The policy's memory before the query; None for the first query, before which it has none.
-    """
+    """A query's result with all that is needed to ask for it again."""
 
     result: QueryResult
     state: WorldState
+    """The world at the query."""
     digest: bytes
+    """Its fingerprint, 32 bytes."""
     memory: Memory | None
+    """The policy's memory before the query; None for the first query, before which it has none."""
 
     def ask_again(self, stage: Stage) -> None:
         """Bring world and policy to the query, ask, and compare; both are left there.

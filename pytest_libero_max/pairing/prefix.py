@@ -25,20 +25,14 @@ recorded actions from reset."""
 
 @dataclass(frozen=True)
 class BranchPoint:
-    """A rollout between two steps: all that is needed to go on from there.
-
-    Attributes:
-        trajectory: All that has happened.
-        state: The world.
-        memory: The policy's memory; None at step 0, where it has not begun.
-        recorded: The last query, to be asked again; None where there is none, or the policy does not repeat
-            itself.
-    """
+    """A rollout between two steps: all that is needed to go on from there."""
 
     trajectory: Trajectory
     state: WorldState
     memory: Memory | None
+    """The policy's memory; None at step 0, where it has not begun."""
     recorded: RecordedQuery | None
+    """The last query, to be asked again; None where there is none, or the policy does not repeat itself."""
 
     @property
     def step(self) -> int:

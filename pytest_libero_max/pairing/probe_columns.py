@@ -64,19 +64,16 @@ def require_columns(probes: Mapping[str, Json], steps: int) -> None:
 
 @dataclass(frozen=True)
 class _Layout:
-    """The declared columns of a probe, in the forms in which they are checked.
-
-    Attributes:
-        schema: Its columns.
-        kind: A struct of them.
-        lists: For each group of columns that have as many values: returns their values.
-        steps: Returns the values of the lists, and of the other columns, that count steps of the arm.
-    """
+    """The declared columns of a probe, in the forms in which they are checked."""
 
     schema: tuple[Column, ...]
+    """Its columns."""
     kind: type[Struct]
+    """A struct of them."""
     lists: tuple[_Get, ...]
+    """For each group of columns that have as many values: returns their values."""
     steps: tuple[_Get, _Get]
+    """Returns the values of the lists, and of the other columns, that count steps of the arm."""
 
     def require(self, columns: Json, steps: int) -> None:
         """Check the columns of an arm.

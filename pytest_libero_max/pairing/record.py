@@ -1,6 +1,6 @@
 """The pair record: the only thing that leaves the simulator. JSON with a schema version.
 
-It holds one entry an arm. Version 2, which is still read, had no columns of probes.
+It holds one entry an arm, and in it the columns of probes.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import Meta, field
-from msgspec.structs import force_setattr
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
@@ -58,9 +57,8 @@ if TYPE_CHECKING:
     from pytest_libero_max.policies.contract import MemoryKind, PolicySpec
 
 RECORD_VERSION = 3
-READABLE_VERSIONS = (2, 3)
-Version = Annotated[int, Meta(ge=2, le=3)]
-"""Versions of the fields below; one that is read is a record of :data:`RECORD_VERSION` from then on."""
+Version = Annotated[int, Meta(ge=RECORD_VERSION, le=RECORD_VERSION)]
+"""Version of the fields below."""
 
 _OWN_FIELDS = ("approach", "clipping", "contacts", "response")
 """The probes whose columns are fields of an arm's record."""
@@ -86,82 +84,73 @@ OUTCOMES = ("preserved_success", "change_associated_success", "regression", "per
 
 
 class FiringRecord(Document, frozen=True, kw_only=True):
-    """An entry of an arm's schedule that happened.
-
-    Attributes:
-        step: Policy steps executed before it.
-        queries: Policy queries before it.
-        distance_m: Distance of the end effector to the case's trigger entity then.
-        prefix_proof: Hash chain over (action, world digest) up to it, hexadecimal. Arms in which it is the
-            same executed the same prefix.
-        evidence: Values before and after the change, and mean absolute pixel change per camera (0 to 255).
-    """
-
-    NOUN: ClassVar[str] = "firing"
+    """An entry of an arm's schedule that happened."""
 
     step: Count
+    """Policy steps executed before it."""
     queries: Count
+    """Policy queries before it."""
     distance_m: Distance
+    """Distance of the end effector to the case's trigger entity then."""
     prefix_proof: Proof
+    """Hash chain over (action, world digest) up to it, hexadecimal. Arms in which it is the same executed the
+    same prefix."""
     evidence: PlainObject
+    """Values before and after the change, and mean absolute pixel change per camera (0 to 255)."""
 
 
 class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
-    """One arm of a measured case.
-
-    Attributes:
-        schedule: Entries of the arm, as
-            :meth:`~pytest_libero_max.events.schedules.Entry.to_dict` writes it; empty for Base.
-        repetition: Arms of another repetition were played independently, from the start.
-        success: True if the task was completed within the budget.
-        steps: Policy steps taken, shared ones included.
-        queries: Policy queries, shared ones included.
-        firings: The entries of the schedule that happened, in order.
-        response_step: Policy steps executed at the first query after the first firing, or None where there
-            was none.
-        stale_actions: Queued actions executed after the first firing and before that query, or with latency
-            before its answer is there, held ones included; None where nothing happened. Where no query
-            followed, all actions executed afterwards were stale.
-        min_distance_m: Smallest distance of the end effector to the case's trigger entity.
-        clipped_components: Number of the 7 * steps components of executed actions that are beyond +-1; the
-            controller clips them. Under absolute control only those of the gripper are counted.
-        contacts: Names of everything that touches the trigger entity at the end.
-        proof: The hash chain over the whole rollout, changes included, hexadecimal.
-        shares: The earlier arm that this one equals bit for bit, because nothing happened in it that did not
-            in the other: it was not played a second time. None for an arm that was played.
-        notes: Counts of a wrapper around the policy, summed over the queries of Base, or over those after
-            the first firing of another arm; by name. Absent without such a wrapper.
-        returned: Smallest and largest number of actions that a server returned to a query, before they were
-            cut to H (chunk size); absent for other policies.
-        probes: Columns of ``stages`` and of each probe that was asked for, by its name. Version 2 had none.
-        latency: Time that a query took, for example ``4steps``; absent where the world waited for the policy.
-        held_steps: Steps in which the robot had no action to execute and waited for an answer; absent without
-            latency, of the arm or of a change in its schedule.
-    """
+    """One arm of a measured case."""
 
     NOUN: ClassVar[str] = "arm"
 
     schedule: tuple[PlainObject, ...]
+    """Entries of the arm, as :meth:`~pytest_libero_max.events.schedules.Entry.to_dict` writes it; empty for
+    Base."""
     repetition: Count
+    """Arms of another repetition were played independently, from the start."""
     success: Flag
+    """True if the task was completed within the budget."""
     steps: Count
+    """Policy steps taken, shared ones included."""
     queries: Count
+    """Policy queries, shared ones included."""
     firings: tuple[FiringRecord, ...]
+    """The entries of the schedule that happened, in order."""
     response_step: Count | None
+    """Policy steps executed at the first query after the first firing, or None where there was none."""
     stale_actions: Count | None
+    """Queued actions executed after the first firing and before that query, or with latency before its answer
+    is there, held ones included; None where nothing happened. Where no query followed, all actions
+    executed afterwards were stale."""
     min_distance_m: Distance
+    """Smallest distance of the end effector to the case's trigger entity."""
     clipped_components: Count
+    """Number of the 7 * steps components of executed actions that are beyond +-1; the controller clips them.
+    Under absolute control only those of the gripper are counted."""
     contacts: Texts
+    """Names of everything that touches the trigger entity at the end."""
     proof: Proof
+    """The hash chain over the whole rollout, changes included, hexadecimal."""
     shares: Text | None
+    """The earlier arm that this one equals bit for bit, because nothing happened in it that did not in the
+    other: it was not played a second time. None for an arm that was played."""
     notes: Counts | None = None
+    """Counts of a wrapper around the policy, summed over the queries of Base, or over those after the first
+    firing of another arm; by name. Absent without such a wrapper."""
     returned: Span | None = None
+    """Smallest and largest number of actions that a server returned to a query, before they were cut to H
+    (chunk size); absent for other policies."""
     probes: Annotated[
         dict[ProbeName, Columns],
         rule("columns by probe, both named in lower case: values or lists of values, up to 2^63 - 1"),
     ] = field(default_factory=dict)
+    """Columns of ``stages`` and of each probe that was asked for, by its name."""
     latency: LatencyText | None = None
+    """Time that a query took, for example ``4steps``; absent where the world waited for the policy."""
     held_steps: Count | None = None
+    """Steps in which the robot had no action to execute and waited for an answer; absent without latency, of
+    the arm or of a change in its schedule."""
 
     @property
     def clipped_share(self) -> float:
@@ -267,71 +256,66 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
     two runs, ``fork`` and ``replay``, any number of workers give the same bytes (:meth:`identity`).
 
     The properties view the record as a pair, Base and Dynamic.
-
-    Attributes:
-        case_id: Unique in the manifest.
-        item_id: Name of the test item.
-        case_digest: SHA-256 of the case.
-        source: Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task.
-        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
-        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
-        suite: LIBERO suite.
-        task_index: Index of the task in its source's registry.
-        init_state_index: Index of the initial state.
-        policy_seed: Seed of the policy, the same in every arm.
-        instruction: Instruction of the policy when the episode began.
-        event: Name of the case's event.
-        family: The event's family.
-        variant: The event's parameter variant, 0 or 1.
-        severity: The event's severity.
-        trigger_entity: The entity that the distances and contacts of every arm are about.
-        max_steps: Policy steps an episode may take.
-        arms: Results by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base
-            played a second time for the noise floor.
-        policy: The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to
-            the event: ``snapshot``, or what it was shown again (``queries``, ``frames``). ``files`` and
-            ``reset_files`` are those that it has read, of a policy without a revision that is no server's
-            and not this package's.
-        fingerprints: Everything else that could change a result: versions, substrate, the policy's code, the
-            digests of the scene and of the state in which the pair starts, the case's program if it has one.
-        timings: Wall-clock seconds, server_batch (a count) and server (an address); the only fields that
-            differ between runs.
-            ``pair_s`` is the whole pair, ``world_s`` the building of its scene. ``reset_s``, ``prefix_s``, an
-            ``arm_..._s`` for each arm and ``asked_again_s`` (the check of a policy's answer) are its parts;
-            ``observe_s`` (images), ``policy_s`` and ``event_s`` are again parts of these. ``query_ms`` has
-            the numbers of queries by their milliseconds, for Base and for Dynamic after the event.
     """
 
     NOUN: ClassVar[str] = "pair record"
 
     schema_version: Version = RECORD_VERSION
     case_id: Name
+    """Unique in the manifest."""
     item_id: FileName
+    """Name of the test item."""
     case_digest: Sha256
+    """SHA-256 of the case."""
     source: SourceName
+    """Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task."""
     source_category: Name
+    """Category of the source variation; ``Unmodified`` for an unmodified task."""
     difficulty: Difficulty | None
+    """LIBERO-Plus difficulty 1 to 5, or None."""
     suite: Name
+    """LIBERO suite."""
     task_index: Count
+    """Index of the task in its source's registry."""
     init_state_index: Count
+    """Index of the initial state."""
     policy_seed: Count
+    """Seed of the policy, the same in every arm."""
     instruction: Text
+    """Instruction of the policy when the episode began."""
     event: Name
+    """Name of the case's event."""
     family: Name
+    """The event's family."""
     variant: Variant
+    """The event's parameter variant, 0 or 1."""
     severity: Name
+    """The event's severity."""
     trigger_entity: Name
+    """The entity that the distances and contacts of every arm are about."""
     max_steps: Count
+    """Policy steps an episode may take."""
     arms: Annotated[dict[ArmName, ArmRecord], Meta(min_length=1)]
+    """Results by name of the arm. A pair has ``base`` and ``dynamic``; ``base_again`` is Base played a second
+    time for the noise floor."""
     policy: PlainObject
+    """The policy's spec as played. Where it has a memory, ``memory`` says how that was brought to the event:
+    ``snapshot``, or what it was shown again (``queries``, ``frames``). ``files`` and ``reset_files`` are
+    those that it has read, of a policy without a revision that is no server's and not this package's."""
     fingerprints: NamedTexts
+    """Everything else that could change a result: versions, substrate, the policy's code, the digests of the
+    scene and of the state in which the pair starts, the case's program if it has one."""
     timings: Annotated[
         dict[str, Timing],
         rule("numbers of at least 0, an address, and numbers of queries by milliseconds, by arm"),
     ] = field(default_factory=dict)
+    """Wall-clock seconds, server_batch (a count) and server (an address); the only fields that differ between
+    runs. ``pair_s`` is the whole pair, ``world_s`` the building of its scene. ``reset_s``, ``prefix_s``,
+    an ``arm_..._s`` for each arm and ``asked_again_s`` (the check of a policy's answer) are its parts;
+    ``observe_s`` (images), ``policy_s`` and ``event_s`` are again parts of these. ``query_ms`` has the
+    numbers of queries by their milliseconds, for Base and for Dynamic after the event."""
 
     def __post_init__(self) -> None:
-        force_setattr(self, "schema_version", RECORD_VERSION)
         name = self.policy.get("name", "?")
         if not fits(name, Name):
             raise ValueError(f"policy.name={shown(name)} but must be printable text on one line")
@@ -528,7 +512,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
         Raises:
             ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one;
-                or the schema version is not one of :data:`READABLE_VERSIONS`.
+                or the schema version is not :data:`RECORD_VERSION`.
         """
         require_version(values, "pair record")
         return require_consistent(convert(values, cls))
@@ -543,29 +527,18 @@ def require_version(values: Json, what: str) -> None:
     """Check that a stored object is of a schema version that can be read.
 
     Raises:
-        ReportError: It is not one of :data:`READABLE_VERSIONS`.
+        ReportError: It is not :data:`RECORD_VERSION`.
     """
     version = values.get("schema_version")
-    if type(version) is not int or version not in READABLE_VERSIONS:
+    if type(version) is not int or version != RECORD_VERSION:
         raise ReportError(
             f"schema_version={version!r} of a {what}, but this version reads "
-            f"{', '.join(map(str, READABLE_VERSIONS[:-1]))} and {READABLE_VERSIONS[-1]}. Read it with the "
-            "version of pytest-libero-max that wrote it."
+            f"{RECORD_VERSION}. Read it with the version of pytest-libero-max that wrote it."
         )
 
 
 class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="error"):
-    """A pair that could not be measured: an error of the machinery, never a failure of the policy.
-
-    Attributes:
-        case_id: Unique in the manifest.
-        item_id: Name of the test item.
-        case_digest: SHA-256 of the case.
-        kind: Name of the exception class.
-        message: Message of the exception.
-        phase: ``setup``, the name of the arm that was being played, ``crash``, ``record`` where what was
-            played makes no valid record, or ``policy`` where no pair at all can be played with the policy.
-    """
+    """A pair that could not be measured: an error of the machinery, never a failure of the policy."""
 
     NOUN: ClassVar[str] = "pair error"
 
@@ -576,14 +549,18 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
 
     schema_version: Version = RECORD_VERSION
     case_id: Name
+    """Unique in the manifest."""
     item_id: FileName
+    """Name of the test item."""
     case_digest: Sha256
+    """SHA-256 of the case."""
     kind: Text
+    """Name of the exception class."""
     message: AnyText
+    """Message of the exception."""
     phase: Text
-
-    def __post_init__(self) -> None:
-        force_setattr(self, "schema_version", RECORD_VERSION)
+    """``setup``, the name of the arm that was being played, ``crash``, ``record`` where what was played makes
+    no valid record, or ``policy`` where no pair at all can be played with the policy."""
 
     def to_dict(self) -> Json:
         """Return JSON types only, ``schema_version`` first."""
@@ -612,7 +589,7 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
             ReportError: It has other fields or another schema version, or a value that cannot be.
         """
         require_version(values, "pair error")
-        return convert({**values, "schema_version": RECORD_VERSION}, cls)
+        return convert(values, cls)
 
 
 def is_error(values: Json) -> bool:

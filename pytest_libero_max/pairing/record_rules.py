@@ -94,8 +94,6 @@ class PlayedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fa
 class Measured(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The values before or after a change that causes and films read."""
 
-    NOUN: ClassVar[str] = "values of the evidence"
-
     position_m: Annotated[dict[str, Point] | list[Plain] | None, rule("three numbers for each object")] = None
     taken_out: Texts = ()
 

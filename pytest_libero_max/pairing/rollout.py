@@ -33,12 +33,7 @@ from pytest_libero_max.worlds.contract import NOOP_ACTION, Array, Observation, W
 
 @dataclass(frozen=True)
 class RolloutResult:
-    """A rollout that has ended. Everything in it counts from the first policy step, prefix included.
-
-    Attributes:
-        trajectory: All that has happened.
-        probes: Columns of each probe, by its name.
-    """
+    """A rollout that has ended. Everything in it counts from the first policy step, prefix included."""
 
     trajectory: Trajectory
     probes: Mapping[str, Mapping[str, Value]]
@@ -91,15 +86,11 @@ class RolloutResult:
 
 @dataclass(frozen=True)
 class Parted:
-    """Arms that have shared everything so far, and the branch point from which they go on.
-
-    Attributes:
-        arms: The arms.
-        branch: The branch point; None: the start.
-    """
+    """Arms that have shared everything so far, and the branch point from which they go on."""
 
     arms: tuple[Arm, ...]
     branch: BranchPoint | None = None
+    """The branch point; None: the start."""
 
 
 class Rollout:
@@ -109,9 +100,6 @@ class Rollout:
     here, and the others are left in :attr:`parted`.
 
     Attributes:
-        trajectory: All that has happened so far.
-        arms: The arms that are being played.
-        parted: The arms that parted from them.
         recorded: A late query, to be asked again: the last one as long as arms may part, one of the last four
             afterwards. None where there is none, or the policy does not repeat itself.
     """
@@ -132,10 +120,6 @@ class Rollout:
 
         The policy is told that an episode begins right before its first query, after what a schedule does at
         the start.
-
-        Args:
-            stage: Case, world and policy.
-            arms: The arms, of one cadence and one latency.
         """
         stage.begin_world()
         world = stage.world

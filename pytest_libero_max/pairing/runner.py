@@ -41,35 +41,28 @@ from pytest_libero_max.worlds.contract import World
 
 @dataclass(frozen=True)
 class PairSettings:
-    """Settings of how pairs are played. Nothing here may change what is measured.
-
-    Attributes:
-        prefix: Way of an arm to the branch point; see :func:`return_to`.
-        fingerprints: Versions, substrate, scene: whatever could change a result, for the record.
-        watch: Notified of each call, so that it can end one that takes too long.
-        probes: The probes that read every arm; see
-            :func:`~pytest_libero_max.pairing.probes.registry.probes_called`.
-        films: True if rollouts keep what films are drawn from.
-    """
+    """Settings of how pairs are played. Nothing here may change what is measured."""
 
     prefix: PrefixMode = "fork"
+    """Way of an arm to the branch point; see :func:`return_to`."""
     fingerprints: Mapping[str, str] = field(default_factory=dict)
+    """Versions, substrate, scene: whatever could change a result, for the record."""
     watch: Watch = NO_WATCH
+    """Notified of each call, so that it can end one that takes too long."""
     probes: Probes = STANDARD
+    """The probes that read every arm; see
+    :func:`~pytest_libero_max.pairing.probes.registry.probes_called`."""
     films: bool = False
+    """True if rollouts keep what films are drawn from."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A measured case with its trajectories.
-
-    Attributes:
-        record: The record of the pair.
-        rollouts: By name of the arm. Arms that ended as one have the same object.
-    """
+    """A measured case with its trajectories."""
 
     record: PairRecord
     rollouts: Mapping[str, RolloutResult]
+    """By name of the arm. Arms that ended as one have the same object."""
 
     @property
     def base(self) -> RolloutResult:

@@ -18,10 +18,6 @@ def scene_fingerprints(world: World, init: int) -> dict[str, str]:
     scene have in common. ``start`` is the digest of the state after the reset, the source variation's changes
     included.
 
-    Args:
-        world: The world of the pair.
-        init: The initial state.
-
     Raises:
         SubstrateError: The scene has no such initial state.
     """

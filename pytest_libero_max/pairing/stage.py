@@ -35,29 +35,21 @@ BATCH = "server_batch"
 
 @dataclass(frozen=True)
 class Stage:
-    """Case, world, policy and clock of an arm.
-
-    Attributes:
-        case: The case.
-        world: A world of the case's scene.
-        policy: A checked policy.
-        clock: Adds up wall-clock seconds.
-        watch: Notified of each call that may take too long.
-        probes: The probes that read every arm.
-        films: True if the positions of all joints are kept, for films.
-        spec: A copy of the policy's spec, which must stay the same.
-        images: The images of the arms, each of which is drawn once.
-    """
+    """Case, world, policy and clock of an arm."""
 
     case: Case
     world: World
     policy: Policy
     clock: Clock = field(default_factory=Clock)
     watch: Watch = NO_WATCH
+    """Notified of each call that may take too long."""
     probes: Probes = STANDARD
     films: bool = False
+    """True if the positions of all joints are kept, for films."""
     spec: PolicySpec = field(init=False)
+    """A copy of the policy's spec, which must stay the same."""
     images: KeptImages = field(init=False, default_factory=KeptImages, repr=False)
+    """The images of the arms, each of which is drawn once."""
     _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
@@ -203,11 +195,7 @@ class Stage:
 
     @contextmanager
     def _policy_acts(self, where: str) -> Iterator[None]:
-        """Call the policy in the block, which must leave the world and the policy's spec unchanged.
-
-        Args:
-            where: Name of the call, for a message.
-        """
+        """Call the policy in the block, which must leave the world and the policy's spec unchanged."""
         before, digest = self._seen_by_policy(), self.world.digest()
         self.watch.query()
         with self.clock("policy_s"):

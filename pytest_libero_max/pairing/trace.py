@@ -22,24 +22,22 @@ class ArmTrace:
     """Steps of an arm that was played, shared ones included.
 
     With the record and the case this is enough to play the arm again.
-
-    Attributes:
-        actions: (n, 7) float64, as the policy returned them.
-        query_steps: (q,) policy steps executed before each query.
-        end_effector: (n, 3) m, world frame, after each step.
-        entity: (n, 3) m, world frame: the trigger entity after each step.
-        joints: (n, nq) positions of all joints of the world after each step, in single precision, from which
-            a film is drawn; None where the run was to make none.
-        answers: (q, H, 7) float64, all that the policy answered at each query, executed or not, NaN behind
-            the end of a shorter answer; None in traces of an early version.
     """
 
     actions: NDArray[np.float64]
+    """(n, 7) float64, as the policy returned them."""
     query_steps: NDArray[np.int64]
+    """(q,) policy steps executed before each query."""
     end_effector: NDArray[np.float64]
+    """(n, 3) m, world frame, after each step."""
     entity: NDArray[np.float64]
+    """(n, 3) m, world frame: the trigger entity after each step."""
     joints: NDArray[np.float32] | None = None
+    """(n, nq) positions of all joints of the world after each step, in single precision, from which a film is
+    drawn; None where the run was to make none."""
     answers: NDArray[np.float64] | None = None
+    """(q, H, 7) float64, all that the policy answered at each query, executed or not, NaN behind the end of a
+    shorter answer; None in traces of an early version."""
 
 
 def traces_of(pair: Pair) -> dict[str, ArmTrace]:
@@ -59,10 +57,6 @@ def write_trace(folder: Path, pair: Pair) -> Path:
     ``<arm>_actions``, ``<arm>_query_steps``, ``<arm>_end_effector``, ``<arm>_entity`` and
     ``<arm>_answers`` (:class:`ArmTrace`), with ``<arm>_joints`` where they were kept.
 
-    Args:
-        folder: Made if missing.
-        pair: The pair.
-
     Returns:
         The path of the file.
     """
@@ -78,10 +72,6 @@ def write_trace(folder: Path, pair: Pair) -> Path:
 
 def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
     """Read what :func:`write_trace` wrote of a pair.
-
-    Args:
-        path: The file.
-        record: The record of the pair.
 
     Returns:
         The trace of each arm that was played, by name.

@@ -41,51 +41,44 @@ def event_link(link: bytes, digest: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """An executed policy step.
-
-    Attributes:
-        action: (7,) as the policy returned it, or a held one.
-        end_effector: (3,) m, world frame, after the step.
-        entity: (3,) m, world frame: the trigger entity after the step.
-        distance_m: Distance of the two.
-        success: True if the task's goal holds after the step.
-        link: The hash chain's link of the step.
-        joints: (nq,) positions of all joints after the step, for films; None where none are to be made.
-        held: True if the robot had no action to execute, and waited for an answer.
-    """
+    """An executed policy step."""
 
     action: NDArray[np.float64]
+    """(7,) as the policy returned it, or a held one."""
     end_effector: Array
+    """(3,) m, world frame, after the step."""
     entity: Array
+    """(3,) m, world frame: the trigger entity after the step."""
     distance_m: float
+    """Distance of the two."""
     success: bool
+    """True if the task's goal holds after the step."""
     link: bytes
+    """The hash chain's link of the step."""
     joints: NDArray[np.float32] | None = None
+    """(nq,) positions of all joints after the step, for films; None where none are to be made."""
     held: bool = False
+    """True if the robot had no action to execute, and waited for an answer."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QueryResult:
-    """A query of the policy with all the actions it returned, executed or not.
-
-    Attributes:
-        index: Number of the query in the episode, from 0.
-        step: Policy steps executed before it.
-        actions: (n, 7), Q <= n <= H.
-        notes: Counts of a wrapper around the policy at the query, by name; None where it counts nothing.
-        reseeds: Number of times that the policy was given new seeds before it.
-        returned: Number of actions that a server returned, before they were cut to H; None where it is not
-            known.
-        seconds: Wall-clock time of the answer; None where it was not measured.
-    """
+    """A query of the policy with all the actions it returned, executed or not."""
 
     index: int
+    """Number of the query in the episode, from 0."""
     step: int
+    """Policy steps executed before it."""
     actions: Actions
+    """(n, 7), Q <= n <= H."""
     notes: Mapping[str, int] | None = None
+    """Counts of a wrapper around the policy at the query, by name; None where it counts nothing."""
     reseeds: int = 0
+    """Number of times that the policy was given new seeds before it."""
     returned: int | None = None
+    """Number of actions that a server returned, before they were cut to H; None where it is not known."""
     seconds: float | None = None
+    """Wall-clock time of the answer; None where it was not measured."""
 
     @property
     def is_asked(self) -> bool:
@@ -95,25 +88,21 @@ class QueryResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Firing:
-    """An entry of a schedule that has happened.
-
-    Attributes:
-        entry: The entry.
-        step: Policy steps executed before it.
-        queries: Policy queries before it.
-        distance_m: Distance of the end effector to the case's trigger entity then.
-        proof: Last link of the hash chain before it, hexadecimal.
-        applied: The change and its evidence; the change is the one that was made, also for a reversal.
-        link: The last link after it. The same as before it where the world stayed as it was.
-    """
+    """An entry of a schedule that has happened."""
 
     entry: Entry
     step: int
+    """Policy steps executed before it."""
     queries: int
+    """Policy queries before it."""
     distance_m: float
+    """Distance of the end effector to the case's trigger entity then."""
     proof: str
+    """Last link of the hash chain before it, hexadecimal."""
     applied: Applied
+    """The change and its evidence; the change is the one that was made, also for a reversal."""
     link: bytes
+    """The last link after it. The same as before it where the world stayed as it was."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,30 +110,26 @@ class Trajectory:
     """All that has happened in a rollout, from the first policy step on.
 
     An immutable value: each step makes a new one, so keeping one is forking it.
-
-    Attributes:
-        query_interval: Q (execution horizon, replan steps), the actions executed of an answer.
-        first: The first link of the hash chain.
-        link: The last one.
-        digest: Fingerprint of the world now, 32 bytes.
-        distance_m: Distance of the end effector to the trigger entity after the last step, or at the start.
-        executed: The steps.
-        queries: The queries.
-        firings: The entries of the schedule that happened, in order.
-        seen: The state of each probe, in the order of the probes.
-        latency: Time that a query takes, unless a change says otherwise (:meth:`latency_of`).
     """
 
     query_interval: int
+    """Q (execution horizon, replan steps), the actions executed of an answer."""
     first: bytes
+    """The first link of the hash chain."""
     link: bytes
+    """The last one."""
     digest: bytes
+    """Fingerprint of the world now, 32 bytes."""
     distance_m: float
+    """Distance of the end effector to the trigger entity after the last step, or at the start."""
     executed: tuple[Step, ...] = ()
     queries: tuple[QueryResult, ...] = ()
     firings: tuple[Firing, ...] = ()
+    """The entries of the schedule that happened, in order."""
     seen: tuple[object, ...] = ()
+    """The state of each probe, in the order of the probes."""
     latency: Latency = NO_LATENCY
+    """Time that a query takes, unless a change says otherwise (:meth:`latency_of`)."""
 
     @classmethod
     def begin(

@@ -75,29 +75,21 @@ def _steps(record: PairRecord) -> int:
 
 
 def _film(settings: Settings, cases: Mapping[str, Case], records: Sequence[PairRecord], told: Told) -> None:
-    """Film pairs in this process, and write their poses where the scenes may be shown in three dimensions.
-
-    Whatever a renderer or an encoder raises, the pairs are measured.
-    """
-    from pytest_libero_max.films.recorded import film_pair, film_path, pose_pair
+    """Film pairs in this process. Whatever a renderer or an encoder raises, the pairs are measured."""
+    from pytest_libero_max.films.recorded import film_pair, film_path
     from pytest_libero_max.pairing.trace import read_trace, trace_name
-    from pytest_libero_max.runs.media import POSES_NAME, TRACES_NAME, poses_name
-    from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
+    from pytest_libero_max.runs.media import TRACES_NAME
+    from pytest_libero_max.substrates.registry import open_substrate
 
     with closing(open_substrate(settings.substrate, settings.substrate_options)) as substrate:
         for record in records:
             path = film_path(settings.output / FILMS_NAME, record)
-            poses = settings.output / POSES_NAME / poses_name(record.item_id)
-            posed = SUBSTRATES[settings.substrate].portable and not poses.exists()
             reason = None
             try:
-                if posed or not path.exists():
+                if not path.exists():
                     case = cases[record.case_id]
                     traces = read_trace(settings.output / TRACES_NAME / trace_name(record.item_id), record)
-                if not path.exists():
                     film_pair(path, case, substrate.world(case), record, traces)
-                if posed:
-                    pose_pair(poses, case, substrate.world(case), record, traces)
             except Exception as error:
                 reason = f"{class_name(error)}: {text_of(error)}"
             told(record.item_id, reason)

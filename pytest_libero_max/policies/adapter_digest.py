@@ -70,9 +70,6 @@ def names_its_files(text: str) -> bool:
 
     They do not for a policy that ships with the package, which has a version, and not behind a server, whose
     files are read elsewhere.
-
-    Args:
-        text: The reference as the user typed it.
     """
     if is_served(text):
         return False
@@ -176,9 +173,6 @@ def code_digest(paths: Iterable[Path]) -> str:
     A Python file counts as its syntax tree: comments, docstrings, layout and the version of Python make no
     difference. Any other file (an extension module, or one that does not parse) counts as its bytes. Where a
     file lies and the order of the files make no difference either; its name does.
-
-    Args:
-        paths: The files.
 
     Raises:
         OSError: A file cannot be read.

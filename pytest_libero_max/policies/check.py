@@ -118,11 +118,6 @@ def check_cameras(policy: Policy, world: World) -> None:
 def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
     """Check that the policy's spec is unchanged.
 
-    Args:
-        policy: The policy.
-        spec: A copy of its spec, made earlier.
-        where: The call that it has answered since, for the message.
-
     Raises:
         RefusalError: Its spec has changed; names the first field.
     """

@@ -35,43 +35,39 @@ MOST = MappingProxyType({"horizon": 10_000, "query_interval": 10_000, "image_siz
 class PolicySpec:
     """A policy's declaration about itself; part of every result.
 
-    Attributes:
-        name: Shown in reports.
-        horizon: H (chunk size), the most actions a query may return.
-        query_interval: Q (execution horizon, replan steps), the actions executed before the next query; at
-            most H.
-        cameras: The images it wants in every observation. None are rendered for an empty tuple.
-        image_size: Side of square images, or height and width, pixels.
-        privileged: True if it reads the simulator's state through ``episode.world``.
-        repeatable: True if the same observation and query give the same bytes again. The pair runner checks
-            it on policies without a snapshot; False, for a server whose arithmetic varies, switches that
-            check off.
-        revision: Identity of the weights among others of the same name, for example a checkpoint's commit or
-            digest. Kept with every result.
-        suites: The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they
-            are skipped, and neither played nor failed.
-        control: Kind of its actions: movements (``delta``), or poses of the grip site in the world
-            (``absolute``: position in m, axis times angle in rad).
-        wrappers: Wrappers around the policy, from the inside out, for example ``restore=gated``.
-        history: True if its answers depend on all that it was asked before in the episode, without a
-            ``snapshot``. It is then asked all of it again on the way to the event.
-
     Raises:
         AdapterError: A value breaks its rule.
     """
 
     name: str
+    """Shown in reports."""
     horizon: int = 1
+    """H (chunk size), the most actions a query may return."""
     query_interval: int = 1
+    """Q (execution horizon, replan steps), the actions executed before the next query; at most H."""
     cameras: tuple[str, ...] = CAMERAS
+    """The images it wants in every observation. None are rendered for an empty tuple."""
     image_size: ImageSize = 256
+    """Side of square images, or height and width, pixels."""
     privileged: bool = False
+    """True if it reads the simulator's state through ``episode.world``."""
     repeatable: bool = True
+    """True if the same observation and query give the same bytes again. The pair runner checks it on policies
+    without a snapshot; False, for a server whose arithmetic varies, switches that check off."""
     revision: str | None = None
+    """Identity of the weights among others of the same name, for example a checkpoint's commit or digest.
+    Kept with every result."""
     suites: tuple[str, ...] | None = None
+    """The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they are
+    skipped, and neither played nor failed."""
     control: Control = "delta"
+    """Kind of its actions: movements (``delta``), or poses of the grip site in the world (``absolute``:
+    position in m, axis times angle in rad)."""
     wrappers: tuple[str, ...] = ()
+    """Wrappers around the policy, from the inside out, for example ``restore=gated``."""
     history: bool = False
+    """True if its answers depend on all that it was asked before in the episode, without a ``snapshot``. It
+    is then asked all of it again on the way to the event."""
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -163,41 +159,35 @@ class PolicySpec:
 
 @dataclass(frozen=True)
 class Episode:
-    """Description of an episode, for a policy when it begins.
-
-    Attributes:
-        suite: LIBERO suite.
-        task_index: Index of the task in its source's registry.
-        instruction: The task in words.
-        seed: The policy seed of the case, the same in both arms.
-        max_steps: Policy steps the episode may take.
-        world: The live world for a policy that declares itself privileged, otherwise None. Read only.
-    """
+    """Description of an episode, for a policy when it begins."""
 
     suite: str
+    """LIBERO suite."""
     task_index: int
+    """Index of the task in its source's registry."""
     instruction: str
+    """The task in words."""
     seed: int
+    """The policy seed of the case, the same in both arms."""
     max_steps: int
+    """Policy steps the episode may take."""
     world: World | None = None
+    """The live world for a policy that declares itself privileged, otherwise None. Read only."""
 
 
 @dataclass(frozen=True)
 class Query:
-    """One call for actions.
-
-    Attributes:
-        index: Number of this query in the episode, from 0.
-        step: Policy steps executed before it.
-        instruction: The task in words.
-        seed: Derived from (policy seed, query index) alone: a policy that draws from nothing else repeats
-            itself exactly, whatever order servers see its queries in.
-    """
+    """One call for actions."""
 
     index: int
+    """Number of this query in the episode, from 0."""
     step: int
+    """Policy steps executed before it."""
     instruction: str
+    """The task in words."""
     seed: int
+    """Derived from (policy seed, query index) alone: a policy that draws from nothing else repeats itself
+    exactly, whatever order servers see its queries in."""
 
 
 @runtime_checkable
@@ -253,17 +243,14 @@ class RemembersPolicy(Policy, Protocol):
 
 @dataclass(frozen=True)
 class BatchItem:
-    """One of several queries that a policy answers together.
-
-    Attributes:
-        observation: The world's observation.
-        query: The query.
-        episode: The episode it belongs to. The items of a batch may be of different episodes.
-    """
+    """One of several queries that a policy answers together."""
 
     observation: Observation
+    """The world's observation."""
     query: Query
+    """The query."""
     episode: Episode
+    """The episode it belongs to. The items of a batch may be of different episodes."""
 
 
 @runtime_checkable

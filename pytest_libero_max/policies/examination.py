@@ -52,12 +52,7 @@ QUERIES = 4
 
 
 def examine(policy: Policy, shown: Shown) -> list[Finding]:
-    """Examine a policy; stop at the first query that cannot be answered.
-
-    Args:
-        policy: A checked policy that reads no simulator.
-        shown: Observations to show it.
-    """
+    """Examine a policy; stop at the first query that cannot be answered."""
     findings: list[Finding] = []
     try:
         for look in (_answers, _repeats, _forgets, _writes, _looks, _carries, _batches, _follows_h, _inputs):

@@ -20,23 +20,18 @@ STRICT = "--strict"
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check.
-
-    Attributes:
-        level: Severity.
-        subject: Property that was examined, for example ``seed``; stable.
-        observed: The observed behaviour.
-        expected: The expected behaviour; empty where it was observed.
-        mistake: The likely mistake and its cure; empty where there is none.
-        probable: True for a note of what is a mistake of most policies, and intended by few.
-    """
+    """Result of one check."""
 
     level: Level
     subject: str
+    """Property that was examined, for example ``seed``; stable."""
     observed: str
     expected: str = ""
+    """The expected behaviour; empty where it was observed."""
     mistake: str = ""
+    """The likely mistake and its cure; empty where there is none."""
     probable: bool = False
+    """True for a note of what is a mistake of most policies, and intended by few."""
 
     def strict(self) -> Finding:
         """Return the finding as ``wrong`` if it is a probable mistake, and as it is otherwise."""
@@ -56,15 +51,12 @@ doubt, skip = partial(Finding, "note", probable=True), partial(Finding, "skip")
 
 @dataclass(frozen=True)
 class Shown:
-    """Observations and queries that a policy is examined with.
-
-    Attributes:
-        episode: Of all queries.
-        observations: At least four that differ in everything, as a world gives them.
-    """
+    """Observations and queries that a policy is examined with."""
 
     episode: Episode
+    """Of all queries."""
     observations: tuple[Observation, ...]
+    """At least four that differ in everything, as a world gives them."""
 
     def query(self, index: int) -> Query:
         """Return the query in which ``observations[index]`` is shown."""

@@ -102,17 +102,13 @@ Table = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Profile:
-    """A profile as read, including everything that it extends.
-
-    Attributes:
-        path: The file.
-        tables: The tables of :data:`SECTIONS`.
-        folder: Folder in which its statistics are looked for: that of the profile that names them.
-    """
+    """A profile as read, including everything that it extends."""
 
     path: Path
     tables: Mapping[str, Table]
+    """The tables of :data:`SECTIONS`."""
     folder: Path
+    """Folder in which its statistics are looked for: that of the profile that names them."""
 
     @property
     def name(self) -> str:
@@ -153,9 +149,6 @@ class Profile:
 
     def require_known(self, given: tuple[str, ...] = ()) -> None:
         """Refuse a profile with a field that could not be established.
-
-        Args:
-            given: Fields that are given in another way.
 
         Raises:
             AdapterError: There is one; says how to give it.

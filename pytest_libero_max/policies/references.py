@@ -49,17 +49,14 @@ FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE, PACKAGE.MODULE:NAME, or the
 
 @dataclass(frozen=True)
 class Reference:
-    """Reference to a policy.
-
-    Attributes:
-        text: The reference as the user typed it.
-        target: A path that ends in ``.py``, or the dotted name of a module.
-        name: Name to take from there: a policy, or a class or function that makes one.
-    """
+    """Reference to a policy."""
 
     text: str
+    """The reference as the user typed it."""
     target: str
+    """A path that ends in ``.py``, or the dotted name of a module."""
     name: str
+    """Name to take from there: a policy, or a class or function that makes one."""
 
     @property
     def is_file(self) -> bool:
@@ -129,12 +126,7 @@ def parse_reference(text: str) -> Reference:
 
 
 def absolute_reference(text: str, folder: Path) -> str:
-    """Return a reference that means the same in every working folder.
-
-    Args:
-        text: The reference as the user typed it.
-        folder: The working folder that it was typed in.
-    """
+    """Return a reference that means the same in every working folder."""
     file, colon, name = text.rpartition(":")
     if not colon or not file.endswith(".py"):
         file, colon, name = text, "", ""

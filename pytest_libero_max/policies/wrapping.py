@@ -37,7 +37,6 @@ class WrappedPolicy:
     ``predict_batch``: the queries of a wrapped policy are answered one by one.
 
     Attributes:
-        inner: The policy inside.
         spec: Its spec with the wrapper's words in ``wrappers``. An H or Q that is assigned reaches the policy
             inside as well.
 

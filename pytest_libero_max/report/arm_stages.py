@@ -88,33 +88,30 @@ def _rows(stages: Mapping[str, Any]) -> tuple[Row, ...]:
 
 @dataclass(frozen=True)
 class FailedArm:
-    """A failed arm, and Base where that succeeded.
-
-    Attributes:
-        record: Its pair.
-        played: Its record.
-        stages: The columns about the hand and about other objects.
-        rows: All facts of the goal.
-        row: The fact that the failure is about.
-        base: Base, where it succeeded and is another arm; otherwise None.
-        base_rows: Its facts, by their words.
-        event: The first firing that did not only wait, or None.
-        happened: Everything that happened, as the beginning of a sentence; empty where nothing did.
-        moved: Objects that it moved, with the distance, m.
-        inserted: Objects that it put into the scene.
-    """
+    """A failed arm, and Base where that succeeded."""
 
     record: PairRecord
+    """Its pair."""
     played: ArmRecord
+    """Its record."""
     stages: Mapping[str, Any]
+    """The columns about the hand and about other objects."""
     rows: tuple[Row, ...]
+    """All facts of the goal."""
     row: Row
+    """The fact that the failure is about."""
     base: ArmRecord | None
+    """Base, where it succeeded and is another arm; otherwise None."""
     base_rows: Mapping[str, Row]
+    """Its facts, by their words."""
     event: FiringRecord | None
+    """The first firing that did not only wait, or None."""
     happened: str
+    """Everything that happened, as the beginning of a sentence; empty where nothing did."""
     moved: Mapping[str, float]
+    """Objects that it moved, with the distance, m."""
     inserted: frozenset[str]
+    """Objects that it put into the scene."""
 
     @classmethod
     def of(cls, record: PairRecord, played: ArmRecord) -> FailedArm:

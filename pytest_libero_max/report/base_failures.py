@@ -28,17 +28,14 @@ _MOST_NAMED = 20
 
 
 class Advice(NamedTuple):
-    """What failures of Base look like, what they most often mean, and which causes belong to it.
-
-    Attributes:
-        sight: What is seen where Base fails.
-        meaning: What it most often means, and what to look at.
-        causes: Causes of failed arms that look so.
-    """
+    """What failures of Base look like, what they most often mean, and which causes belong to it."""
 
     sight: str
+    """What is seen where Base fails."""
     meaning: str
+    """What it most often means, and what to look at."""
     causes: tuple[str, ...]
+    """Causes of failed arms that look so."""
 
 
 ADVICE = (

@@ -31,17 +31,14 @@ _INSERTIONS = ("distractor_burst", "obstacle_insertion")
 
 @dataclass(frozen=True)
 class Rule:
-    """A caveat and the pairs that it concerns.
-
-    Attributes:
-        name: Stable key.
-        concerns: Returns True for a pair that it concerns.
-        text: The caveat as a sentence about these pairs.
-    """
+    """A caveat and the pairs that it concerns."""
 
     name: str
+    """Stable key."""
     concerns: Callable[[Played], bool]
+    """Returns True for a pair that it concerns."""
     text: str
+    """The caveat as a sentence about these pairs."""
 
 
 def _semantics(record: Played) -> str | None:

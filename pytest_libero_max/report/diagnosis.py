@@ -22,15 +22,12 @@ NOT_RECORDED = "not_recorded"
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The cause of a failed arm.
-
-    Attributes:
-        cause: A key of :data:`CAUSES`.
-        sentence: The cause with its numbers.
-    """
+    """The cause of a failed arm."""
 
     cause: str
+    """A key of :data:`CAUSES`."""
     sentence: str
+    """The cause with its numbers."""
 
 
 def diagnose(record: PairRecord, arm: str) -> Diagnosis | None:

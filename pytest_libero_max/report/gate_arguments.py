@@ -15,19 +15,16 @@ _KNOWN = ("allow", "first")
 
 
 class RunArguments(NamedTuple):
-    """Arguments of a quantity against another run.
-
-    Attributes:
-        run: Folder of the other run.
-        margin: Number behind it, as written; None where there is none.
-        allow: Names of the settings in which the runs may differ.
-        first: True if the gate passes as long as there is no other run.
-    """
+    """Arguments of a quantity against another run."""
 
     run: str
+    """Folder of the other run."""
     margin: str | None
+    """Number behind it, as written; None where there is none."""
     allow: tuple[str, ...]
+    """Names of the settings in which the runs may differ."""
     first: bool
+    """True if the gate passes as long as there is no other run."""
 
 
 def read_arguments(text: str, gate: str) -> RunArguments:

@@ -33,19 +33,16 @@ from pytest_libero_max.stats.comparison import contrasts
 
 @dataclass(frozen=True)
 class Baseline:
-    """Another run beside the one that gates are decided on.
-
-    Attributes:
-        contrast: Contrast of Dynamic success, the other run first.
-        lost: Item ids of the pairs that only the other run completes.
-        differences: Settings in which the two differ beside their policies.
-        policies: Sentence on what differs between policies of one name; None where nothing is known to.
-    """
+    """Another run beside the one that gates are decided on."""
 
     contrast: SuccessContrast
+    """Contrast of Dynamic success, the other run first."""
     lost: tuple[str, ...]
+    """Item ids of the pairs that only the other run completes."""
     differences: tuple[Difference, ...]
+    """Settings in which the two differ beside their policies."""
     policies: str | None
+    """Sentence on what differs between policies of one name; None where nothing is known to."""
 
     def refused(self, gate: Gate) -> str | None:
         """Return why the gate cannot be decided: differences that it does not allow; None for none."""

@@ -124,19 +124,16 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[in
 
 @dataclass(frozen=True)
 class Advice:
-    """A gate and the number of pairs from which on it finds a loss.
-
-    Attributes:
-        gate: The gate.
-        pairs: The smallest of :data:`SIZES` that suffices; None where none does.
-        without: Probability that it passes there without an effect.
-        hurt: Probability that it passes there with the loss.
-    """
+    """A gate and the number of pairs from which on it finds a loss."""
 
     gate: Gate
+    """The gate."""
     pairs: int | None
+    """The smallest of :data:`SIZES` that suffices; None where none does."""
     without: float
+    """Probability that it passes there without an effect."""
     hurt: float
+    """Probability that it passes there with the loss."""
 
 
 def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:

@@ -47,19 +47,16 @@ _WORDS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Happening:
-    """An entry of an arm's schedule that happened, and did not only wait.
-
-    Attributes:
-        firing: Its record.
-        name: Name of the event, where it is that of the case; otherwise the change in words.
-        is_event: True if it is the event of the case, which has a variant.
-        reverts: True if it took back what ``name`` says.
-    """
+    """An entry of an arm's schedule that happened, and did not only wait."""
 
     firing: FiringRecord
+    """Its record."""
     name: str
+    """Name of the event, where it is that of the case; otherwise the change in words."""
     is_event: bool
+    """True if it is the event of the case, which has a variant."""
     reverts: bool
+    """True if it took back what ``name`` says."""
 
 
 def happenings(record: PairRecord, arm: ArmRecord) -> list[Happening]:

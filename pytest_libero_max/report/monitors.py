@@ -32,19 +32,16 @@ LEAST = math.ceil(1 / FALSE_ALARMS) - 1
 
 
 class _Watched(NamedTuple):
-    """A pair that a monitor watched, and in which the event happened.
-
-    Attributes:
-        record: The pair.
-        step: Policy steps before the event.
-        alarms: For Base and Dynamic: the policy step of the first alarm after the event, None without one.
-        before: True if there was an alarm before the event.
-    """
+    """A pair that a monitor watched, and in which the event happened."""
 
     record: PairRecord
+    """The pair."""
     step: int
+    """Policy steps before the event."""
     alarms: tuple[int | None, int | None]
+    """For Base and Dynamic: the policy step of the first alarm after the event, None without one."""
     before: bool
+    """True if there was an alarm before the event."""
 
 
 def monitor_sections(

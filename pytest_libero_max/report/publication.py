@@ -208,7 +208,7 @@ def _require_page(path: Path, expected: str) -> None:
     (words, packed), (wanted, content) = _apart(found), _apart(expected)
     if (words, packed) == (wanted, content):
         return
-    what = "cases or poses" if words == wanted else "words or drawings"
+    what = "cases" if words == wanted else "words or drawings"
     raise ReportError(
         f"{path} shows {what} that its pairs do not give. A page follows from the pairs beside it, without "
         f"gates, as libero-max report {path.parent} writes it. {_CURE}"

@@ -29,57 +29,48 @@ DIGITS = 12
 
 
 class PlayedAgain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A check of a published run in which pairs were played again and all ended alike.
-
-    Attributes:
-        pairs: Number of pairs.
-        seed: By which they were drawn.
-        date: Day of the check, UTC.
-        package: Version of this package that played them.
-        mujoco: Version of MuJoCo.
-        actions: True if the recorded actions were executed, and no policy asked.
-    """
+    """A check of a published run in which pairs were played again and all ended alike."""
 
     pairs: int
+    """Number of pairs."""
     seed: str
+    """By which they were drawn."""
     date: str
+    """Day of the check, UTC."""
     package: str
+    """Version of this package that played them."""
     mujoco: str
+    """Version of MuJoCo."""
     actions: bool = False
+    """True if the recorded actions were executed, and no policy asked."""
 
 
 @dataclass(frozen=True, eq=False)
 class IndexedRun:
-    """A published run that agrees with itself.
-
-    Attributes:
-        folder: Its folder.
-        report: Computed from its pairs.
-        digest: See :func:`pairs_digest`.
-        versions: MuJoCo and what drew its images, as its records have them.
-        cases_checked: True if its cases were compared with a frozen track.
-        again: The last check that played pairs of it; None for none.
-    """
+    """A published run that agrees with itself."""
 
     folder: Path
+    """Its folder."""
     report: Report
+    """Computed from its pairs."""
     digest: str
+    """See :func:`pairs_digest`."""
     versions: str
+    """MuJoCo and what drew its images, as its records have them."""
     cases_checked: bool
+    """True if its cases were compared with a frozen track."""
     again: PlayedAgain | None
+    """The last check that played pairs of it; None for none."""
 
 
 @dataclass(frozen=True, eq=False)
 class RunIndex:
-    """Published runs by the cases that they played: only runs of the same cases stand in one table.
-
-    Attributes:
-        groups: The runs by title of their cases, those with the highest Dynamic success first.
-        refused: Folders that are not as they must be, with the reason.
-    """
+    """Published runs by the cases that they played: only runs of the same cases stand in one table."""
 
     groups: Mapping[str, Sequence[IndexedRun]]
+    """The runs by title of their cases, those with the highest Dynamic success first."""
     refused: Sequence[tuple[Path, str]]
+    """Folders that are not as they must be, with the reason."""
 
 
 def published_in(folders: Iterable[Path]) -> list[Path]:

@@ -6,7 +6,6 @@ So its decision is the same for any number of workers, whatever finishes first.
 
 from __future__ import annotations
 
-import importlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +17,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.registry import Registry, class_in, modules_in
 from pytest_libero_max.report.gates import Gate, parse_gates
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -34,19 +33,16 @@ BIAS = (
 
 @dataclass(frozen=True)
 class Declared:
-    """What is known of a run before it is played.
-
-    Attributes:
-        order: Order of play.
-        gates: Conditions that the finished report has to meet.
-        shards: Number of parts that the cases are divided into, of which the run plays one.
-        begun: Provenance of the run that is resumed; None for a new one.
-    """
+    """What is known of a run before it is played."""
 
     order: Order
+    """Order of play."""
     gates: Sequence[Gate]
+    """Conditions that the finished report has to meet."""
     shards: int
+    """Number of parts that the cases are divided into, of which the run plays one."""
     begun: Json | None
+    """Provenance of the run that is resumed; None for a new one."""
 
 
 class StoppingRule(ABC):
@@ -57,16 +53,14 @@ class StoppingRule(ABC):
 
     Raises:
         ValueError: The rule does not take it; names the accepted form.
-
-    Attributes:
-        decides_gates: True if the rule knows verdicts on gates, which are then a part of the run.
-        bias: The way in which the estimates of a stopped run are off on average, as sentences; None for a
-            rule that does not look at outcomes.
     """
 
     decides_gates: ClassVar[bool] = False
+    """True if the rule knows verdicts on gates, which are then a part of the run."""
 
     bias: ClassVar[str | None] = BIAS
+    """The way in which the estimates of a stopped run are off on average, as sentences; None for a rule that
+    does not look at outcomes."""
 
     def __init__(self, arguments: str) -> None:
         if arguments:
@@ -122,17 +116,7 @@ class StoppingRule(ABC):
 
 
 def _own() -> Mapping[str, Callable[[], type[StoppingRule]]]:
-    return {name: partial(_load, name) for name in modules_in(RULES)}
-
-
-def _load(name: str) -> type[StoppingRule]:
-    module = importlib.import_module(f"{RULES}.{name}")
-    (rule,) = (
-        value
-        for value in vars(module).values()
-        if isinstance(value, type) and issubclass(value, StoppingRule) and value.__module__ == module.__name__
-    )
-    return rule
+    return {name: partial(class_in, f"{RULES}.{name}", StoppingRule) for name in modules_in(RULES)}
 
 
 def _accept(name: str, rule: object) -> type[StoppingRule]:
@@ -149,15 +133,12 @@ STOPPING_RULES: Registry[type[StoppingRule]] = Registry(
 
 @dataclass(frozen=True)
 class NamedRule:
-    """A stopping rule as asked for.
-
-    Attributes:
-        text: ``NAME`` or ``NAME:ARGUMENTS``.
-        rule: The rule that this makes.
-    """
+    """A stopping rule as asked for."""
 
     text: str
+    """``NAME`` or ``NAME:ARGUMENTS``."""
     rule: StoppingRule
+    """The rule that this makes."""
 
 
 def parse_rule(text: str) -> NamedRule:

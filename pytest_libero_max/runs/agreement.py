@@ -23,14 +23,11 @@ MACHINE = (*RENDERING, "blas")
 """Fingerprints in which pairs of one measurement may differ: the renderer, and the kind of processor."""
 
 _PROCESSOR = "blas"
-_OF_SOURCE = "assets"
-"""Fingerprint of earlier versions: a digest of the source code that made the scenes."""
-
 OF_CASE = (SCENE, START, PROGRAM)
 """Fingerprints in which the pairs of one run may differ, because they belong to the case."""
 
-OF_MACHINE = (*MACHINE, _OF_SOURCE)
-"""Fingerprints that say nothing of what was played, or that are compared in a way of their own."""
+OF_MACHINE = (*MACHINE, "assets")
+"""Fingerprints that say nothing of what was played; ``assets`` of published studies is a digest of code."""
 
 
 class Agreement:
@@ -110,10 +107,6 @@ class SamePlay:
     The digest of a scene is compared with that of the pairs of the same scene alone. Two kinds of processors
     may round what MuJoCo compiles differently, so only pairs of one kind are compared. The state in which a
     pair starts belongs to its case and is compared nowhere in a run.
-
-    Records of earlier versions hold ``assets`` instead, a digest of the source code by which all scenes were
-    made. It agrees with itself, so such runs are read, resumed and merged as before. It says nothing of a
-    scene, so a pair with the one and a pair with the other are not mixed.
     """
 
     def __init__(self) -> None:
@@ -133,7 +126,6 @@ class SamePlay:
             different = [
                 *policy_differences(first.policy, pair.policy),
                 *differences("fingerprints", first.fingerprints, pair.fingerprints, (*MACHINE, *OF_CASE)),
-                *_other_kind(first, pair),
             ]
             if different:
                 raise OtherRunError(
@@ -191,12 +183,7 @@ _OF_FILES = (
 
 
 def policy_differences(first: Json, other: Json) -> list[str]:
-    """Return in what two policies differ; empty where they are one, whose pairs a run, a report may mix.
-
-    Args:
-        first: ``policy`` of a record.
-        other: ``policy`` of another one.
-    """
+    """Return in what two policies differ; empty where they are one, whose pairs a run, a report may mix."""
     if first == other:
         return []
     return [*differences("policy", first, other, (FILES, RESET_FILES)), *file_differences(first, other)]
@@ -208,10 +195,6 @@ def file_differences(first: Json, other: Json) -> list[str]:
     Records of earlier versions, and of policies with a revision, name none: then nothing is known to differ.
     Files that may be the policy's own work are not compared: those that one of the two has written, and those
     that have changed since the run began, unless the other has the file from before.
-
-    Args:
-        first: ``policy`` of a record.
-        other: ``policy`` of another one.
     """
     return [
         _file_text(name, first[FILES].get(name), other[FILES].get(name))
@@ -255,19 +238,6 @@ def identity_text(identity: Json | None) -> str:
         for key, value in sorted(identity.items())
     ]
     return " ".join(parts)
-
-
-def _other_kind(first: Played, other: Played) -> list[str]:
-    """Name the two pairs of which one knows its scene by source code and the other by what was played."""
-    by_code = [pair for pair in (first, other) if _OF_SOURCE in pair.fingerprints]
-    by_play = [pair for pair in (first, other) if SCENE in pair.fingerprints]
-    if len(by_code) != 1 or len(by_play) != 1:
-        return []
-    return [
-        f"the record of {by_code[0].item_id!r} knows its scene by the source code of an earlier version "
-        f"(fingerprints.{_OF_SOURCE}), that of {by_play[0].item_id!r} by what was played "
-        f"(fingerprints.{SCENE}), which cannot be compared"
-    ]
 
 
 _ONLY_BY_OPTION = ("latency", "strength")

@@ -100,18 +100,15 @@ NAMES = (
 
 @dataclass(frozen=True)
 class Difference:
-    """A field in which runs differ.
-
-    Attributes:
-        field: Place in the provenance, for example ``protocol.strength``; ``scenes``, ``max_steps`` or
-            ``renderers``; ``policy.files.NAME`` of a file, ``fingerprints.NAME`` of an instrument.
-        kind: What it is, for those who tolerate it.
-        values: Its value in each run, by the names of the runs; None where a run has none.
-    """
+    """A field in which runs differ."""
 
     field: str
+    """Place in the provenance, for example ``protocol.strength``; ``scenes``, ``max_steps`` or ``renderers``;
+    ``policy.files.NAME`` of a file, ``fingerprints.NAME`` of an instrument."""
     kind: Kind
+    """What it is, for those who tolerate it."""
     values: Mapping[str, Any]
+    """Its value in each run, by the names of the runs; None where a run has none."""
 
     @property
     def name(self) -> str:
@@ -129,23 +126,20 @@ class Difference:
 
 @dataclass(frozen=True)
 class Side:
-    """A run as far as its comparability is concerned.
-
-    Attributes:
-        run: The plan and the provenance.
-        policy: Spec of the policy as played, with all files that it has read; None where no pair was.
-        scenes: Fingerprints of scene and start, by case; empty where a record of an earlier version has none.
-        renderers: What drew the images; empty where no record says so.
-        budgets: Steps that an episode may take, by case.
-        fingerprints: What a pair was played with, by name.
-    """
+    """A run as far as its comparability is concerned."""
 
     run: Run
+    """The plan and the provenance."""
     policy: Json | None = None
+    """Spec of the policy as played, with all files that it has read; None where no pair was."""
     scenes: Mapping[str, str] = field(default_factory=dict)
+    """Fingerprints of scene and start, by case; empty where a record of an earlier version has none."""
     renderers: Sequence[str] = ()
+    """What drew the images; empty where no record says so."""
     budgets: Mapping[str, int] = field(default_factory=dict)
+    """Steps that an episode may take, by case."""
     fingerprints: Mapping[str, str] = field(default_factory=dict)
+    """What a pair was played with, by name."""
 
 
 def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -> list[Difference]:

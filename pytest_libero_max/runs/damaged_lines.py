@@ -19,12 +19,7 @@ _MOST_SAID = 3
 
 @dataclass(frozen=True)
 class DamagedLine:
-    """A line that cannot be used.
-
-    Attributes:
-        number: The line, from 1.
-        why: Defect of the line.
-    """
+    """A line that cannot be used."""
 
     number: int
     why: str
@@ -35,17 +30,12 @@ class DamagedLine:
 
 @dataclass(frozen=True)
 class FileState:
-    """Identity of a file's content: equal if the file was not altered.
-
-    Attributes:
-        inode: Number of the file.
-        size: In bytes.
-        altered_ns: Time of the last write, in ns since the epoch.
-    """
+    """Identity of a file's content: equal if the file was not altered."""
 
     inode: int
     size: int
     altered_ns: int
+    """Time of the last write, in ns since the epoch."""
 
     @classmethod
     def of(cls, path: Path) -> FileState | None:

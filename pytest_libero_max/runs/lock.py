@@ -32,12 +32,6 @@ class Mark:
 
     The lock goes with the process, however it ends; the file stays unless it is removed.
 
-    Args:
-        folder: An existing folder.
-
-    Attributes:
-        path: Of the mark.
-
     Raises:
         OptionError: Another run is in progress in the folder.
         DiskError: The mark cannot be written.
@@ -124,22 +118,19 @@ def require_ended(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class SeenMark:
-    """The mark of a folder as another process sees it.
-
-    Attributes:
-        owner: Process that wrote it, and its machine.
-        locked: True if a living process holds it; None where the file system does not tell.
-        here: True if that process is one of this machine. Where it is not, and the lock is not seen, the
-            file system may not tell of locks on other machines.
-        age_s: Seconds since the run last noted something.
-        noted: Last note; empty where there is none.
-    """
+    """The mark of a folder as another process sees it."""
 
     owner: str
+    """Process that wrote it, and its machine."""
     locked: bool | None
+    """True if a living process holds it; None where the file system does not tell."""
     here: bool
+    """True if that process is one of this machine. Where it is not, and the lock is not seen, the file system
+    may not tell of locks on other machines."""
     age_s: float
+    """Seconds since the run last noted something."""
     noted: Json
+    """Last note; empty where there is none."""
 
 
 def read_mark(folder: Path) -> SeenMark | None:

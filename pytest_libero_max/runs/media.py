@@ -12,8 +12,6 @@ from pytest_libero_max.benchmark.documents import Json
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
 RERUN_NAME = "rerun"
-POSES_NAME = "poses"
-"""Folder of the poses of pairs in three dimensions (:mod:`.recorded_poses`), which pages take in."""
 CRASHES_NAME = "crashes"
 """Folder of the crash logs of processes that died."""
 PICTURES_NAME = "pictures"
@@ -135,21 +133,9 @@ def _camera_then_when(path: Path) -> tuple[str, bool]:
     return begin, when != "before"
 
 
-def poses_name(item_id: str) -> str:
-    """Name of the file that holds the poses of a pair."""
-    return f"{item_id}.npz"
-
-
-def poses_in(folder: Path) -> dict[str, Path]:
-    """Path of the poses of each pair that has some, by item id, in the folder of a run."""
-    found = sorted((folder / POSES_NAME).glob("*.npz"))
-    return {path.stem: path for path in found if not path.name.startswith(".")}
-
-
 def kept_beside(folder: Path) -> list[str]:
-    """Names of the folders of traces, films, recordings, poses and crashes that a run has filled."""
+    """Names of the folders of traces, films, recordings and crashes that a run has filled."""
     traces = [TRACES_NAME] if any((folder / TRACES_NAME).glob("*.npz")) else []
     crashes = [CRASHES_NAME] if any((folder / CRASHES_NAME).glob("*.txt")) else []
     recordings = [RERUN_NAME] if any((folder / RERUN_NAME).glob("*.rrd")) else []
-    poses = [POSES_NAME] if poses_in(folder) else []
-    return traces + ([FILMS_NAME] if _films(folder) else []) + recordings + poses + crashes
+    return traces + ([FILMS_NAME] if _films(folder) else []) + recordings + crashes

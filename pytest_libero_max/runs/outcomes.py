@@ -13,7 +13,7 @@ from msgspec import Raw, Struct
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.pairing.record import READABLE_VERSIONS, RESET_FILES, PairRecord
+from pytest_libero_max.pairing.record import RECORD_VERSION, RESET_FILES, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.runs.agreement import Agreement, SamePlay
 from pytest_libero_max.runs.comparability import Side
@@ -26,31 +26,22 @@ from pytest_libero_max.worlds.rendering.context import renderers
 
 
 class Played(NamedTuple):
-    """What caveats need of a record; each field as in :class:`.PairRecord`.
-
-    Attributes:
-        source: Origin of the case.
-        source_category: Category of its source variation.
-        event: Name of its event.
-        instruction: As the policy was given it.
-        policy_seed: Seed of the case.
-        max_steps: Budget of the episode.
-        policy: Spec of the policy.
-        fingerprints: What the pair was played with.
-        timings: Names of its timings.
-        triggered: True if the event fired.
-        proofs: Proof of each arm.
-    """
+    """What caveats need of a record; each field as in :class:`.PairRecord`."""
 
     source: str
     source_category: str
     event: str
     instruction: str
+    """As the policy was given it."""
     policy_seed: int
+    """Seed of the case."""
     max_steps: int
+    """Budget of the episode."""
     policy: Json
     fingerprints: Mapping[str, str]
+    """What the pair was played with."""
     timings: frozenset[str]
+    """Names of its timings."""
     triggered: bool
     proofs: Mapping[str, str]
 
@@ -73,28 +64,23 @@ class Played(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RunOutcomes:
-    """A run reduced to the data of a comparison.
-
-    Attributes:
-        run: The plan and provenance.
-        case_ids: Ids of the measured cases, in the order of the records.
-        pairs: Their outcomes in the same order.
-        policy: The spec of the first record; None without a record.
-        scenes: Fingerprints of scene and start of each case, in the same order; empty where a record of an
-            earlier version has none.
-        renderers: What drew the images, see :func:`.renderers`; empty where no record says so.
-        played: What caveats need of each record, in the same order.
-        stopped: Stop of the run; None where it was not stopped.
-    """
+    """A run reduced to the data of a comparison."""
 
     run: Run
     case_ids: tuple[str, ...]
     pairs: Pairs
+    """Their outcomes in the same order."""
     policy: Json | None
+    """The spec of the first record; None without a record."""
     scenes: tuple[str, ...]
+    """Fingerprints of scene and start of each case, in the same order; empty where a record of an earlier
+    version has none."""
     renderers: tuple[str, ...]
+    """What drew the images, see :func:`.renderers`; empty where no record says so."""
     played: tuple[Played, ...]
+    """What caveats need of each record, in the same order."""
     stopped: Stopped | None = None
+    """Stop of the run; None where it was not stopped."""
 
     @classmethod
     def of(cls, stored: StoredRun) -> RunOutcomes:
@@ -214,9 +200,6 @@ def read_outcomes(path: Path) -> RunOutcomes:
     (an older version, damage, pairs of another run) is left to :func:`.store.read_pairs`, which checks all of
     a line and names what is wrong.
 
-    Args:
-        path: Its folder, or its ``pairs.jsonl``.
-
     Raises:
         ReportError: See :func:`.store.read_pairs`.
     """
@@ -249,11 +232,7 @@ def _fast(path: Path) -> RunOutcomes | None:
     for text in rest.split(b"\n")[:-1]:
         line = _DECODER.decode(text)
         pair = planned.get(line.case_id)
-        if (
-            pair is None
-            or pair.case_digest != line.case_digest
-            or line.schema_version not in READABLE_VERSIONS
-        ):
+        if pair is None or pair.case_digest != line.case_digest or line.schema_version != RECORD_VERSION:
             return None
         if line.line == "error":
             continue

@@ -20,11 +20,7 @@ from pytest_libero_max.runs.comparability import PLACES
 
 
 def outside_text(provenance: Json) -> str | None:
-    """Return a sentence on the places that a run names and that are not opened; None where it names none.
-
-    Args:
-        provenance: Header of the run.
-    """
+    """Return a sentence on the places that a run names and that are not opened; None where it names none."""
     named = [f"{place}={shlex.quote(path)}" for place in PLACES for path in _paths(provenance, place)]
     if not named:
         return None

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Annotated, ClassVar
 
-from msgspec import Meta
 from msgspec.structs import force_setattr
 
 from pytest_libero_max.benchmark.cases import Case
@@ -35,7 +34,7 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, require_version
+from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, Version, require_version
 
 Moment = Annotated[
     str,
@@ -53,38 +52,33 @@ _UNKNOWN = "?"
 
 
 class PlannedPair(Document, frozen=True, kw_only=True):
-    """The identity of a case, and every label by which results are grouped.
-
-    Attributes:
-        case_id: Unique in the manifest.
-        item_id: Name of the test item.
-        case_digest: SHA-256 of the case.
-        source: Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task.
-        source_category: Category of the source variation; ``Unmodified`` for an unmodified task.
-        difficulty: LIBERO-Plus difficulty 1 to 5, or None.
-        suite: LIBERO suite.
-        event: Name of the case's event.
-        family: The event's family.
-        variant: The event's parameter variant, 0 or 1.
-        severity: The event's severity.
-        task: The LIBERO task that the case is of or is a variation of, for example ``libero_goal/3``;
-            ``libero_goal/?`` where that is not known.
-    """
-
-    NOUN: ClassVar[str] = "planned pair"
+    """The identity of a case, and every label by which results are grouped."""
 
     case_id: Name
+    """Unique in the manifest."""
     item_id: FileName
+    """Name of the test item."""
     case_digest: Sha256
+    """SHA-256 of the case."""
     source: SourceName
+    """Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task."""
     source_category: Name
+    """Category of the source variation; ``Unmodified`` for an unmodified task."""
     difficulty: Difficulty | None
+    """LIBERO-Plus difficulty 1 to 5, or None."""
     suite: Name
+    """LIBERO suite."""
     event: Name
+    """Name of the case's event."""
     family: Name
+    """The event's family."""
     variant: Variant
+    """The event's parameter variant, 0 or 1."""
     severity: Name
+    """The event's severity."""
     task: Name = _UNKNOWN  # not always written
+    """The LIBERO task that the case is of or is a variation of, for example ``libero_goal/3``;
+    ``libero_goal/?`` where that is not known."""
 
     def __post_init__(self) -> None:
         if self.task == _UNKNOWN:
@@ -142,8 +136,6 @@ def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> li
 class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The substrate of a run, as far as it is read again."""
 
-    NOUN: ClassVar[str] = "provenance.substrate"
-
     name: Text
     roots: Texts = ()
     assets: Text | None = None
@@ -155,8 +147,6 @@ class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False
 class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The case set of a run, as far as it is read again."""
 
-    NOUN: ClassVar[str] = "provenance.case_set"
-
     name: Text
     digest: Text
     limit: Positive | None = None
@@ -167,8 +157,6 @@ class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
 
 class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """The policy of a run as the user asked for it; None is the policy's own."""
-
-    NOUN: ClassVar[str] = "provenance.policy"
 
     reference: Text
     horizon: Positive | None = None
@@ -183,8 +171,6 @@ class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fal
 class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """Options of a run that may change results."""
 
-    NOUN: ClassVar[str] = "provenance.protocol"
-
     prefix: Text | None = None
     noise_floor: Positive | None = None
     sham: Share | None = None
@@ -197,16 +183,12 @@ class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
 class Scores(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """Standing of a run's scores; older runs know their substrate by its name alone."""
 
-    NOUN: ClassVar[str] = "provenance.scores"
-
     comparable_with_published: Flag | None
     note: Text | None
 
 
 class Git(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     """State of the repository that a run was started in."""
-
-    NOUN: ClassVar[str] = "provenance.git"
 
     commit: Text
     dirty: Flag
@@ -235,21 +217,17 @@ class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fals
 
 
 class Run(Document, frozen=True, tag_field="line", tag="run"):
-    """A run before its first pair.
-
-    Attributes:
-        planned: Every assigned pair, in the order of play.
-        provenance: Origin of the run; see :func:`~pytest_libero_max.runs.provenance.collect`.
-    """
+    """A run before its first pair."""
 
     NOUN: ClassVar[str] = "run"
 
     planned: tuple[PlannedPair, ...]
+    """Every assigned pair, in the order of play."""
     provenance: Object
-    schema_version: Annotated[int, Meta(ge=1, le=RECORD_VERSION)] = RECORD_VERSION
+    """Origin of the run; see :func:`~pytest_libero_max.runs.provenance.collect`."""
+    schema_version: Version = RECORD_VERSION
 
     def __post_init__(self) -> None:
-        force_setattr(self, "schema_version", RECORD_VERSION)
         seen: set[str] = set()
         for pair in self.planned:
             if pair.case_id in seen:

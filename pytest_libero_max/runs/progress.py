@@ -38,17 +38,13 @@ _WORDS = {
 
 @dataclass
 class PairCounts:
-    """The letter of each pair that is known.
-
-    Attributes:
-        planned: The pairs of the run.
-        letters: By item id. A pair that was measured after an error has the letter of its record.
-        errors: Number of errors, those of pairs that were measured afterwards included.
-    """
+    """The letter of each pair that is known."""
 
     planned: Sequence[PlannedPair] = ()
     letters: dict[str, str] = field(default_factory=dict)
+    """By item id. A pair that was measured after an error has the letter of its record."""
     errors: int = 0
+    """Number of errors, those of pairs that were measured afterwards included."""
     _unsupported: int | None = None
     _work: WorkLeft | None = None
 
@@ -88,23 +84,19 @@ class PairCounts:
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a run at one moment.
-
-    Attributes:
-        planned: Pairs to play in all.
-        counts: The pairs that are measured, or are errors.
-        before: Number of pairs that a resumed run had already.
-        seconds: Seconds since this session began to play; None where unknown.
-        playing: Seconds that each running pair has been played, by item id.
-        workers: Worker of each running pair, by item id, where there are several.
-    """
+    """Progress of a run at one moment."""
 
     planned: int
+    """Pairs to play in all."""
     counts: PairCounts
     before: int = 0
+    """Number of pairs that a resumed run had already."""
     seconds: float | None = None
+    """Seconds since this session began to play; None where unknown."""
     playing: Mapping[str, float] = field(default_factory=dict)
+    """Seconds that each running pair has been played, by item id."""
     workers: Mapping[str, str] = field(default_factory=dict)
+    """Worker of each running pair, by item id, where there are several."""
 
     @property
     def done(self) -> int:
@@ -202,9 +194,6 @@ class Pace:
 
     After a minute, then every minute; after ten minutes at every tenth of the time that has passed; at least
     every ten minutes.
-
-    Args:
-        began: Seconds of a clock.
     """
 
     def __init__(self, began: float) -> None:

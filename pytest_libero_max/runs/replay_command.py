@@ -36,25 +36,20 @@ _SUBSTRATE = {
 
 @dataclass(frozen=True)
 class Places:
-    """What is looked for outside the folder of a run to play its pairs again.
-
-    Attributes:
-        policy: Reference of the policy.
-        profile: Profile of a served policy.
-        manifest: The manifest; None for a run of a frozen track.
-        program: Name or file of the program that is laid over the cases, if any.
-        installations: LIBERO's folders; none: what ``import libero`` finds.
-        assets: Models and textures for them.
-        arguments: Further arguments of pytest, for example ``-p PLUGIN``.
-    """
+    """What is looked for outside the folder of a run to play its pairs again."""
 
     policy: str
     profile: str | None = None
     manifest: str | None = None
+    """The manifest; None for a run of a frozen track."""
     program: str | None = None
+    """Name or file of the program that is laid over the cases, if any."""
     installations: tuple[str, ...] = ()
+    """LIBERO's folders; none: what ``import libero`` finds."""
     assets: str | None = None
+    """Models and textures for them."""
     arguments: tuple[str, ...] = ()
+    """Further arguments of pytest, for example ``-p PLUGIN``."""
 
     @classmethod
     def named_by(cls, provenance: Json) -> Places:

@@ -59,21 +59,15 @@ def note_of(
 
 @dataclass(frozen=True)
 class Seen:
-    """Status of a run at one moment.
-
-    Attributes:
-        folder: Folder of the run.
-        run: Its plan and provenance.
-        progress: Its progress.
-        mark: Its mark; None where it has ended.
-        stopped: Reason it was stopped, if nothing was played after that.
-    """
+    """Status of a run at one moment."""
 
     folder: Path
     run: Run
     progress: Progress
     mark: SeenMark | None
+    """Its mark; None where it has ended."""
     stopped: Stopped | None = None
+    """Reason it was stopped, if nothing was played after that."""
 
     @property
     def state(self) -> State:
@@ -169,11 +163,7 @@ def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
 
 
 class Follower:
-    """Reads the pairs of a run as they are written, each once.
-
-    Args:
-        folder: The output folder of the run.
-    """
+    """Reads the pairs of a run as they are written, each once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

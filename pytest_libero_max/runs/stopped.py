@@ -21,23 +21,20 @@ RuleText = Annotated[str, rule("NAME or NAME:ARGUMENTS", pattern=r"^[^:\s]+(:.+)
 
 
 class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
-    """Reason a run was stopped.
-
-    Attributes:
-        reason: For people, without a period.
-        of: Number of planned pairs.
-        rule: The stopping rule as asked for, for example ``errors:3``, which makes this the end that was
-            declared for the run; None where something broke, or ``-x`` stopped it.
-        at: Number of pairs, the first ones in the order of play, on which the rule decided. Pairs that were
-            played ahead of it or were in flight are stored as well. None without a rule.
-    """
+    """Reason a run was stopped."""
 
     NOUN: ClassVar[str] = "stop of a run"
 
     reason: Text
+    """For people, without a period."""
     of: Positive
+    """Number of planned pairs."""
     rule: RuleText | None = None
+    """The stopping rule as asked for, for example ``errors:3``, which makes this the end that was declared
+    for the run; None where something broke, or ``-x`` stopped it."""
     at: Positive | None = None
+    """Number of pairs, the first ones in the order of play, on which the rule decided. Pairs that were played
+    ahead of it or were in flight are stored as well. None without a rule."""
 
     @property
     def by_rule(self) -> bool:

@@ -29,7 +29,7 @@ from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
-from pytest_libero_max.pairing.record import READABLE_VERSIONS, PairError, PairRecord
+from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.runs.agreement import Agreement
 from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
@@ -52,27 +52,22 @@ COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
 
 @dataclass(frozen=True)
 class StoredRun:
-    """A ``pairs.jsonl`` as read.
-
-    Attributes:
-        run: The plan and provenance of its first line.
-        records: Measured pairs in the order of the file.
-        errors: Pairs that could not be measured, in the order of the file. A case played again after an
-            error has both; its record counts.
-        torn: True if the last line was cut off by a kill and has been left out.
-        damaged: Lines that no run writes, left out as well. Only a run that is to be resumed
-            is read like this; to any other reader such a line is an error.
-        state: Of the file when it was read, where the run is to go on.
-        stopped: Reason the run was stopped, if nothing was played after that.
-    """
+    """A ``pairs.jsonl`` as read."""
 
     run: Run
     records: tuple[PairRecord, ...]
     errors: tuple[PairError, ...]
+    """Pairs that could not be measured, in the order of the file. A case played again after an error has
+    both; its record counts."""
     torn: bool
+    """True if the last line was cut off by a kill and has been left out."""
     damaged: tuple[DamagedLine, ...] = ()
+    """Lines that no run writes, left out as well. Only a run that is to be resumed is read like this; to any
+    other reader such a line is an error."""
     state: FileState | None = None
+    """Of the file when it was read, where the run is to go on."""
     stopped: Stopped | None = None
+    """Reason the run was stopped, if nothing was played after that."""
 
     @property
     def stopped_by_rule(self) -> bool:
@@ -103,10 +98,6 @@ class PairStore:
     folder is marked as one whose run is in progress. The file of an earlier run is set aside as
     ``pairs.1.jsonl``, ``pairs.2.jsonl``, ... and never written over, and so are its traces and films
     (``traces.1``, ``films.1``); the reports of that run are removed.
-
-    Args:
-        folder: Output folder; made if missing.
-        run: Content of the first line.
 
     Raises:
         OptionError: The folder cannot be written to, or another run is in progress in it. Found here, before
@@ -177,13 +168,13 @@ class PairStore:
         try:
             if self._append_to_existing:
                 self._repair()
-                self._file = self.path.open("a+b", buffering=0)
+                self._file = self.path.open("ab", buffering=0)
                 return
             if self.path.exists():
                 _set_aside(self.path)
                 for name in COMPUTED_NAMES:
                     (self.path.parent / name).unlink(missing_ok=True)
-            self._file = self.path.open("w+b", buffering=0)
+            self._file = self.path.open("wb", buffering=0)
         except OSError as error:
             raise DiskError(
                 f"Cannot write {self.path}: {error}. Make room, or give a folder you can write to."
@@ -233,18 +224,14 @@ class PairStore:
     def close(self, stopped: Stopped | None = None) -> None:
         """End the run; one without a pair still gets its first line.
 
-        Args:
-            stopped: Reason it was stopped before every pair was played.
-
         Raises:
             DiskError: The file cannot be written any more.
         """
         try:
             if self._file is None:
                 self.begin()
-            elif self._is_gone():
-                with self._lock:
-                    self._write_again()
+            else:
+                self._require_there()
             if stopped is not None:
                 self._write_line(_line("stopped", stopped))
             self._sync_rest()
@@ -274,8 +261,7 @@ class PairStore:
             )
         try:
             with self._lock:
-                if self._is_gone():
-                    self._write_again()
+                self._require_there()
                 if self._file.write(line) != len(line):
                     raise OSError("only a part of the line was written")
                 if time.monotonic() - self._synced >= SYNC_S:
@@ -287,6 +273,17 @@ class PairStore:
         except OSError as error:
             self._broken = error
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
+
+    def _require_there(self) -> None:
+        """Refuse to write into a file that was removed, which would take every line and keep none.
+
+        Raises:
+            DiskError: It was.
+        """
+        if not self.path.exists():
+            raise DiskError(
+                f"Cannot write {self.path}: it was removed while the run wrote to it. Begin the run again."
+            )
 
     def _wait_for_disk(self) -> None:
         assert self._file is not None
@@ -316,24 +313,6 @@ class PairStore:
                 raise late
             if self._sync is not None and self._broken is None:
                 self._wait_for_disk()
-
-    def _is_gone(self) -> bool:
-        """Return True if the file was removed, which stays readable as long as it is open."""
-        assert self._file is not None
-        return os.fstat(self._file.fileno()).st_nlink == 0
-
-    def _write_again(self) -> None:
-        assert self._file is not None
-        self._file.seek(0)
-        content = self._file.read()
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self._mark is not None and not self._mark.path.exists():
-            self._mark.remove()
-            self._mark = Mark(self.path.parent)
-        again = self.path.open("w+b", buffering=0)
-        again.write(content)
-        self._file.close()
-        self._file = again
 
 
 def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
@@ -526,7 +505,7 @@ def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
         raise ReportError(f"The line must be an object, but this is {shown(values)}.") from None
     if head.line not in ("run", "pair", "error", "stopped"):
         raise ReportError(f"line={shown(head.line)}, but must be 'run', 'pair', 'error' or 'stopped'.")
-    if head.line == "pair" and head.schema_version in READABLE_VERSIONS:
+    if head.line == "pair" and head.schema_version == RECORD_VERSION:
         return PairRecord.from_json(line)
     values = decode_json(line, "The line is damaged.")
     del values["line"]

@@ -11,11 +11,7 @@ from pytest_libero_max.runs.plan import PlannedPair
 
 
 class WorkLeft:
-    """The pairs of a run that are not done, and their expected cost.
-
-    Args:
-        planned: The pairs of the run.
-    """
+    """The pairs of a run that are not done, and their expected cost."""
 
     def __init__(self, planned: Sequence[PlannedPair]) -> None:
         self._model = CostModel()

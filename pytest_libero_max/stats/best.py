@@ -13,15 +13,12 @@ from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
 
 @dataclass(frozen=True)
 class FromBest:
-    """Advantage of the best condition over another one.
-
-    Attributes:
-        value: Success of the best less that of the other.
-        interval: Simultaneous with those of all pairs of conditions.
-    """
+    """Advantage of the best condition over another one."""
 
     value: float
+    """Success of the best less that of the other."""
     interval: Interval
+    """Simultaneous with those of all pairs of conditions."""
 
     @property
     def may_equal(self) -> bool:
@@ -31,19 +28,16 @@ class FromBest:
 
 @dataclass(frozen=True)
 class Best:
-    """The condition of the highest success rate.
-
-    Attributes:
-        name: Its name; the first one among equals.
-        rate: Its success.
-        interval: Of its success rate, simultaneous with those of all conditions.
-        differences: From each other condition, in the order given.
-    """
+    """The condition of the highest success rate."""
 
     name: str
+    """Its name; the first one among equals."""
     rate: Ratio
+    """Its success."""
     interval: Interval
+    """Of its success rate, simultaneous with those of all conditions."""
     differences: Mapping[str, FromBest]
+    """From each other condition, in the order given."""
 
 
 def best_of(successes: Mapping[str, BoolArray]) -> Best:

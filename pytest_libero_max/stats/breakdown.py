@@ -18,33 +18,26 @@ FLOOR_BASE_RATE = 0.2
 
 @dataclass(frozen=True)
 class MacroAverage:
-    """Unweighted mean over groups of unequal size; secondary to the rates over all pairs.
-
-    Attributes:
-        groups: Number of groups.
-        base: Mean of the groups' Base success rates; None where a group has no pair, like all below.
-        dynamic: Mean of their Dynamic success rates.
-        change: Mean of their paired changes.
-    """
+    """Unweighted mean over groups of unequal size; secondary to the rates over all pairs."""
 
     groups: int
     base: float | None
+    """Mean of the groups' Base success rates; None where a group has no pair, like all below."""
     dynamic: float | None
+    """Mean of their Dynamic success rates."""
     change: float | None
+    """Mean of their paired changes."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Two parameter variants of one event. They hold different source instances: a description, no effect.
-
-    Attributes:
-        rates: Dynamic success rate of each variant.
-        difference: Largest minus smallest.
-    """
+    """Two parameter variants of one event. They hold different source instances: a description, no effect."""
 
     event: str
     rates: Mapping[str, float]
+    """Dynamic success rate of each variant."""
     difference: float
+    """Largest minus smallest."""
 
 
 def breakdown(pairs: Pairs, labels: ArrayLike, groups: Sequence[str]) -> dict[str, PairedResult]:

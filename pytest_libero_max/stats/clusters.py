@@ -26,21 +26,17 @@ _CHUNK = 4_000_000
 
 @dataclass(frozen=True)
 class ClusterInterval:
-    """A mean with an interval that resamples whole clusters of cases.
-
-    Attributes:
-        estimate: The case-weighted mean; clustering changes the interval only.
-        clusters: Number of clusters that are resampled. With few (below about 30) the interval is too narrow.
-        replicates: Number of resamples.
-        seed: Of the private generator; the same seed gives the same interval.
-    """
+    """A mean with an interval that resamples whole clusters of cases."""
 
     estimate: float
+    """The case-weighted mean; clustering changes the interval only."""
     lower: float
     upper: float
     clusters: int
+    """Number of clusters that are resampled. With few (below about 30) the interval is too narrow."""
     replicates: int
     seed: int
+    """Of the private generator; the same seed gives the same interval."""
 
 
 def cluster_bootstrap(
@@ -159,22 +155,18 @@ def resampled_means(
 
 @dataclass(frozen=True)
 class TaskInterval:
-    """An interval for statements about other tasks of the same kind.
-
-    Attributes:
-        tasks: Number of tasks among the pairs.
-        effective: Effective number of tasks, (sum of n)^2 / (sum of n^2): less where tasks have unequal
-            numbers of pairs.
-        changed: Number of tasks in which something differs: a pair changed; for a rate, the smaller of the
-            tasks with a success and those with a failure.
-        interval: None where it cannot be decided, with fewer than :data:`LEAST_TASKS` effective tasks or
-            fewer than :data:`LEAST_CHANGED_TASKS` in which something differs.
-    """
+    """An interval for statements about other tasks of the same kind."""
 
     tasks: int
     effective: float
+    """Effective number of tasks, (sum of n)^2 / (sum of n^2): less where tasks have unequal numbers of
+    pairs."""
     changed: int
+    """Number of tasks in which something differs: a pair changed; for a rate, the smaller of the tasks with a
+    success and those with a failure."""
     interval: Interval | None
+    """None where it cannot be decided, with fewer than :data:`LEAST_TASKS` effective tasks or fewer than
+    :data:`LEAST_CHANGED_TASKS` in which something differs."""
 
 
 def task_interval(

@@ -23,95 +23,70 @@ _MOST = 2
 
 @dataclass(frozen=True)
 class Contrast:
-    """Two conditions on the same cases.
-
-    Attributes:
-        first: Name of the one.
-        second: Name of the other.
-        first_only: Cases in which only the first succeeds.
-        second_only: Cases in which only the second succeeds.
-        difference: Mean of (second - first) with its paired bootstrap interval; None without cases.
-        interval: Exact interval of the same, which agrees with the uncorrected test; None without cases.
-        simultaneous: The exact interval at the level 1 - 0.05 / m, for a family of m contrasts: all of them
-            together hold their differences with 95%. None without cases.
-        test: Exact McNemar test, uncorrected.
-        log10_p_holm: Its p-value after Holm's correction over the family of contrasts; None if untestable.
-    """
+    """Two conditions on the same cases."""
 
     first: str
     second: str
     first_only: int
     second_only: int
     difference: MeanChange | None
+    """Mean of (second - first) with its paired bootstrap interval; None without cases."""
     interval: Interval | None
+    """Exact interval of the same, which agrees with the uncorrected test; None without cases."""
     simultaneous: Interval | None
+    """The exact interval at the level 1 - 0.05 / m, for a family of m contrasts: all of them together hold
+    their differences with 95%. None without cases."""
     test: McNemar
     log10_p_holm: float | None
+    """Its p-value after Holm's correction over the family of contrasts; None if untestable."""
 
 
 @dataclass(frozen=True)
 class ChangeContrast:
-    """The paired changes of two conditions on the same cases.
-
-    Attributes:
-        first: Name of the one.
-        second: Name of the other.
-        second_lower: Cases in which the second loses more, or gains less, than the first.
-        second_higher: Cases in which it loses less, or gains more.
-        difference: Paired change of the second less that of the first; None without cases.
-        interval: See :func:`.bounded_mean.bounds`; None without cases.
-        simultaneous: The same at the level 1 - 0.05 / m, for a family of m contrasts: all of them together
-            hold their differences with 95%.
-        log10_p: Decimal logarithm of the p-value of :func:`sign_flip`; None without cases.
-        log10_p_holm: The same after Holm's correction over the family.
-    """
+    """The paired changes of two conditions on the same cases."""
 
     first: str
     second: str
     second_lower: int
+    """Cases in which the second loses more, or gains less, than the first."""
     second_higher: int
+    """Cases in which it loses less, or gains more."""
     difference: float | None
+    """Paired change of the second less that of the first; None without cases."""
     interval: Interval | None
+    """See :func:`.bounded_mean.bounds`; None without cases."""
     simultaneous: Interval | None
+    """The same at the level 1 - 0.05 / m, for a family of m contrasts: all of them together hold their
+    differences with 95%."""
     log10_p: float | None
+    """Decimal logarithm of the p-value of :func:`sign_flip`; None without cases."""
     log10_p_holm: float | None
+    """The same after Holm's correction over the family."""
 
 
 @dataclass(frozen=True)
 class GroupContrast:
-    """Two conditions on the cases of one group, in a family of contrasts over all groups.
-
-    Attributes:
-        first: Name of the one.
-        second: Name of the other.
-        cases: Cases of the group.
-        difference: Of the second less the first; None without cases.
-        simultaneous: Interval at the level 1 - 0.05 / m for a family of m contrasts; None without cases.
-        log10_p_holm: Decimal logarithm of the p-value after Holm's correction over the family; None without
-            cases.
-    """
+    """Two conditions on the cases of one group, in a family of contrasts over all groups."""
 
     first: str
     second: str
     cases: int
     difference: float | None
+    """Of the second less the first; None without cases."""
     simultaneous: Interval | None
+    """Interval at the level 1 - 0.05 / m for a family of m contrasts; None without cases."""
     log10_p_holm: float | None
+    """Decimal logarithm of the p-value after Holm's correction over the family; None without cases."""
 
 
 @dataclass(frozen=True)
 class ProfileAgreement:
-    """Agreement of several profiles (one value per event) in ranking their entries.
-
-    Attributes:
-        correlations: Spearman's coefficient by pair of names; None where a profile is constant.
-        mean: Mean over the pairs that have one; None without any, like the two below.
-        lowest: Smallest of them.
-        highest: Largest of them.
-    """
+    """Agreement of several profiles (one value per event) in ranking their entries."""
 
     correlations: Mapping[tuple[str, str], float | None]
+    """Spearman's coefficient by pair of names; None where a profile is constant."""
     mean: float | None
+    """Mean over the pairs that have one; None without any, like the two below."""
     lowest: float | None
     highest: float | None
 
@@ -302,10 +277,6 @@ def rank_sets(names: Sequence[str], family: Sequence[Contrast]) -> dict[str, tup
     worse. All sets together hold the true ranks with 95%. Reference: M. Mogstad, J. P. Romano, A. M. Shaikh
     and D. Wilhelm (2024), Inference for Ranks with Applications to Mobility across Neighbourhoods and
     Academic Achievement across Countries, Review of Economic Studies 91:476-518.
-
-    Args:
-        names: The conditions that are ranked.
-        family: Contrasts of all pairs of them, and maybe of others.
     """
     better, worse = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
     for contrast in family:

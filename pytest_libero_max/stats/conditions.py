@@ -34,20 +34,18 @@ GROUP_REPLICATES = 10_000
 class Conditions:
     """Columns of cases, one row a case.
 
-    Attributes:
-        successes: (n,) bool by condition, whether the task was completed.
-        source: (n,) labels; strata.
-        task: (n,) labels of the reference task, the same in all sources.
-        configuration: (n,) labels of the configuration: cases of one differ in their event alone.
-
     Raises:
         ReportError: The columns differ in length.
     """
 
     successes: Mapping[str, BoolArray]
+    """(n,) bool by condition, whether the task was completed."""
     source: NDArray[np.str_]
+    """(n,) labels; strata."""
     task: NDArray[np.str_]
+    """(n,) labels of the reference task, the same in all sources."""
     configuration: NDArray[np.str_]
+    """(n,) labels of the configuration: cases of one differ in their event alone."""
 
     def __post_init__(self) -> None:
         columns = [*self.successes.values(), self.source, self.task, self.configuration]
@@ -95,53 +93,41 @@ class Conditions:
 
 @dataclass(frozen=True)
 class GroupInterval:
-    """An interval of a mean difference that resamples groups of cases.
-
-    Attributes:
-        groups: Number of groups.
-        changed: Number of them in which a case differs between the conditions.
-        replicates: Number of resamples.
-        interval: None where it cannot be decided: with fewer than :data:`.clusters.LEAST_TASKS` groups, or
-            fewer than :data:`.clusters.LEAST_CHANGED_TASKS` in which a case differs.
-    """
+    """An interval of a mean difference that resamples groups of cases."""
 
     groups: int
     changed: int
+    """Number of them in which a case differs between the conditions."""
     replicates: int
     interval: Interval | None
+    """None where it cannot be decided: with fewer than :data:`.clusters.LEAST_TASKS` groups, or fewer than
+    :data:`.clusters.LEAST_CHANGED_TASKS` in which a case differs."""
 
 
 @dataclass(frozen=True)
 class MeanDifference:
-    """A mean difference of success over the same cases.
-
-    Attributes:
-        interval: Of two conditions the melded exact one, of a difference of differences that of
-            :func:`.bounded_mean.bounds`; None without cases.
-        bootstrap: The mean with the paper's interval, the exact source-stratified bootstrap; None without
-            cases.
-    """
+    """A mean difference of success over the same cases."""
 
     interval: Interval | None
+    """Of two conditions the melded exact one, of a difference of differences that of
+    :func:`.bounded_mean.bounds`; None without cases."""
     bootstrap: MeanChange | None
+    """The mean with the paper's interval, the exact source-stratified bootstrap; None without cases."""
 
 
 @dataclass(frozen=True)
 class Contrast(MeanDifference):
-    """A mean difference of success over the same cases, also within sources and over groups of cases.
-
-    Attributes:
-        gains: Cases in which only the first condition succeeds (or the difference is above 0).
-        losses: Cases in which only the second does (or it is below 0).
-        by_source: The same mean within each source.
-        by_groups: Intervals over groups of cases, by what was resampled: ``reference_tasks`` jointly across
-            the sources, ``source_tasks`` and ``configurations`` within each source.
-    """
+    """A mean difference of success over the same cases, also within sources and over groups of cases."""
 
     gains: int
+    """Cases in which only the first condition succeeds (or the difference is above 0)."""
     losses: int
+    """Cases in which only the second does (or it is below 0)."""
     by_source: Mapping[str, MeanDifference]
+    """The same mean within each source."""
     by_groups: Mapping[str, GroupInterval]
+    """Intervals over groups of cases, by what was resampled: ``reference_tasks`` jointly across the sources,
+    ``source_tasks`` and ``configurations`` within each source."""
 
 
 def contrasts(conditions: Conditions, pairs: Sequence[tuple[str, str]]) -> tuple[Contrast, ...]:

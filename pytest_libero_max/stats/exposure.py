@@ -16,23 +16,20 @@ class Exposure:
     """Stale actions per pair, over the pairs in which a query followed the event.
 
     It measures feedback delay under the policy's own serving protocol, not whether a change was noticed.
-
-    Attributes:
-        pairs: Number of such pairs.
-        unanswered: Triggered pairs whose episode ended before another query. All their remaining actions
-            were stale, so their count is cut off by the end of the episode and would bias the mean.
-        mean: Actions; None without a pair, like every number below.
-        median: Actions; the mean of the middle two for an even number of pairs.
-        quantiles: By probability (``0.05`` ... ``0.95``), inverse CDF: always a number that was observed.
-        histogram: Pairs by number of stale actions, ascending.
     """
 
     pairs: int
     unanswered: int
+    """Triggered pairs whose episode ended before another query. All their remaining actions were stale, so
+    their count is cut off by the end of the episode and would bias the mean."""
     mean: float | None
+    """Actions; None without a pair, like every number below."""
     median: float | None
+    """Actions; the mean of the middle two for an even number of pairs."""
     quantiles: Mapping[str, int | None]
+    """By probability (``0.05`` ... ``0.95``), inverse CDF: always a number that was observed."""
     histogram: Mapping[int, int]
+    """Pairs by number of stale actions, ascending."""
 
 
 QUANTILES = (0.05, 0.25, 0.75, 0.95)

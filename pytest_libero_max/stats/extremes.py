@@ -20,15 +20,12 @@ LEVEL = 0.05
 
 @dataclass(frozen=True)
 class ByChance:
-    """An extreme by chance.
-
-    Attributes:
-        expected: Its mean.
-        share: Share of the draws that are at least as extreme as what is seen.
-    """
+    """An extreme by chance."""
 
     expected: float
+    """Its mean."""
     share: float
+    """Share of the draws that are at least as extreme as what is seen."""
 
     @property
     def explains(self) -> bool:

@@ -31,18 +31,16 @@ _REST = 1e-7
 class Chances:
     """Probabilities of the outcomes of a pair.
 
-    Attributes:
-        base: Success in Base; against another run, Dynamic success of that run.
-        loss: Base succeeds and Dynamic fails; against another run, that run succeeds and this one fails.
-        gain: Base fails and Dynamic succeeds; against another run, that run fails and this one succeeds.
-
     Raises:
         OptionError: A pair cannot have them.
     """
 
     base: float
+    """Success in Base; against another run, Dynamic success of that run."""
     loss: float
+    """Base succeeds and Dynamic fails; against another run, that run succeeds and this one fails."""
     gain: float
+    """Base fails and Dynamic succeeds; against another run, that run fails and this one succeeds."""
 
     def __post_init__(self) -> None:
         if not (0 <= self.loss <= self.base <= 1 and 0 <= self.gain <= 1 - self.base + 1e-12):
@@ -78,13 +76,7 @@ def chance_of_losses(
 
 
 def chance_of_count(pairs: int, rate: float, holds: Callable[[int], bool]) -> float:
-    """Return the probability of a condition on the number of pairs that have something.
-
-    Args:
-        pairs: Number of pairs.
-        rate: Probability that a pair has it.
-        holds: Called with a count.
-    """
+    """Return the probability of a condition on the number of pairs that have something."""
     counts, mass = _range(pairs, rate)
     return float(mass[[holds(count) for count in counts.tolist()]].sum())
 
@@ -93,7 +85,6 @@ def chance_by_task(
     tasks: Sequence[str],
     chances: Chances,
     holds: Callable[[float, float], bool],
-    draws: int = DRAWS,
 ) -> float:
     """Return the share of simulated runs whose interval by task meets a condition.
 
@@ -101,18 +92,17 @@ def chance_by_task(
         tasks: Task of each pair. Losses and gains fall on the pairs of all tasks alike.
         chances: Probabilities of a loss and a gain.
         holds: Called with both ends of the interval; a run without an interval does not meet it.
-        draws: Number of runs. They are drawn with a fixed seed.
     """
     random, n = np.random.default_rng(2026), len(tasks)
     labels = np.unique(np.asarray(tasks), return_inverse=True)[1]
     met = 0
-    for _ in range(draws):
+    for _ in range(DRAWS):
         draw = random.random(n)
         differences = (draw > 1 - chances.gain).astype(np.int64) - (draw < chances.loss)
         losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
         found = task_interval(differences, labels, paired_difference(losses, gains, n)).interval
         met += found is not None and holds(found.lower, found.upper)
-    return met / draws
+    return met / DRAWS
 
 
 def _first(gains: Counts, trials: Counts, begins: Begins) -> Counts:

@@ -30,20 +30,15 @@ class Interval:
 
 @dataclass(frozen=True)
 class MeanChange:
-    """A mean of paired differences with its bootstrap interval.
-
-    Attributes:
-        estimate: The mean over all pairs.
-        pairs: Number of pairs.
-        degenerate: All differences (of each stratum) are equal, so that resampling cannot vary and the
-            interval has no width. It says nothing about precision then.
-    """
+    """A mean of paired differences with its bootstrap interval."""
 
     estimate: float
     lower: float
     upper: float
     pairs: int
     degenerate: bool
+    """All differences (of each stratum) are equal, so that resampling cannot vary and the interval has no
+    width. It says nothing about precision then."""
 
 
 def clopper_pearson(ratio: Ratio, confidence: float = CONFIDENCE) -> Interval | None:

@@ -10,24 +10,20 @@ from numpy.typing import ArrayLike
 
 @dataclass(frozen=True)
 class Components:
-    """Estimated variances of one play of one case. An estimate below 0 is given as 0.
-
-    Attributes:
-        tasks: Between tasks; None with one task, or where ``cases`` is None.
-        cases: Between cases of a task; None where no task has two cases.
-        plays: Between plays of a case.
-        number: Number of cases.
-        repeats: Number of plays of each.
-        concentration: Sum of squared shares of the cases that tasks have: 1 / number of tasks if all have as
-            many.
-    """
+    """Estimated variances of one play of one case. An estimate below 0 is given as 0."""
 
     tasks: float | None
+    """Between tasks; None with one task, or where ``cases`` is None."""
     cases: float | None
+    """Between cases of a task; None where no task has two cases."""
     plays: float
+    """Between plays of a case."""
     number: int
+    """Number of cases."""
     repeats: int
+    """Number of plays of each."""
     concentration: float
+    """Sum of squared shares of the cases that tasks have: 1 / number of tasks if all have as many."""
 
     def standard_error(self, cases: int = 1, plays: int = 1) -> float | None:
         """Return the expected standard error of the mean, over tasks, cases and plays drawn again.

@@ -26,19 +26,16 @@ class Ratio:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """Number of pairs that ended in each of the four ways, written (Base, Dynamic).
-
-    Attributes:
-        preserved_success: (1, 1).
-        change_associated_success: (0, 1).
-        regression: (1, 0).
-        persistent_failure: (0, 0).
-    """
+    """Number of pairs that ended in each of the four ways, written (Base, Dynamic)."""
 
     preserved_success: int
+    """(1, 1)."""
     change_associated_success: int
+    """(0, 1)."""
     regression: int
+    """(1, 0)."""
     persistent_failure: int
+    """(0, 0)."""
 
     @property
     def total(self) -> int:

@@ -25,26 +25,24 @@ Labels = NDArray[np.str_] | NDArray[np.int64]
 class Pairs:
     """Columns of measured pairs, one row a pair.
 
-    Attributes:
-        base: (n,) bool, Base completed the task.
-        dynamic: (n,) bool, Dynamic did.
-        triggered: (n,) bool, the event fired.
-        responded: (n,) bool, a query followed it.
-        stale: (n,) int, stale actions; -1 where the event never fired.
-        source: (n,) labels; strata of the fixed-composition bootstrap.
-        task: (n,) labels; pairs of one task are not independent.
-
     Raises:
         ReportError: The columns differ in length or contradict each other.
     """
 
     base: BoolArray
+    """(n,) bool, Base completed the task."""
     dynamic: BoolArray
+    """(n,) bool, Dynamic did."""
     triggered: BoolArray
+    """(n,) bool, the event fired."""
     responded: BoolArray
+    """(n,) bool, a query followed it."""
     stale: NDArray[np.int64]
+    """(n,) int, stale actions; -1 where the event never fired."""
     source: Labels
+    """(n,) labels; strata of the fixed-composition bootstrap."""
     task: Labels
+    """(n,) labels; pairs of one task are not independent."""
 
     def __post_init__(self) -> None:
         lengths = {name: len(column) for name, column in vars(self).items()}
@@ -100,38 +98,34 @@ class Pairs:
 
 @dataclass(frozen=True)
 class PairedResult:
-    """Everything reported about one set of pairs; rates are over all of them unless said otherwise.
-
-    Attributes:
-        outcomes: The four counts, with all ratios that follow from them.
-        change: Interval of the paired change for independent pairs: exact, and never without a width.
-        change_by_task: The same for statements about other tasks.
-        base_by_task: Interval of the Base success rate for statements about other tasks.
-        dynamic_by_task: The same of the Dynamic success rate.
-        lost_by_task: The same of the share of Base successes lost.
-        bootstrap: The paper's interval of the paired change, resampling all pairs alike.
-        bootstrap_by_source: The paper's interval, resampling within each source.
-        mcnemar: Exact test of (1, 0) against (0, 1).
-        trigger_coverage: Pairs whose event fired, of all.
-        response_coverage: Pairs with a query after the event, of all.
-        exposure: Stale actions.
-        given_response: The four counts among the pairs with a query after the event: a diagnostic that must
-            never be mixed with the full-denominator outcomes.
-    """
+    """Everything reported about one set of pairs; rates are over all of them unless said otherwise."""
 
     outcomes: Outcomes
+    """The four counts, with all ratios that follow from them."""
     change: Interval | None
+    """Interval of the paired change for independent pairs: exact, and never without a width."""
     change_by_task: TaskInterval
+    """The same for statements about other tasks."""
     base_by_task: TaskInterval
+    """Interval of the Base success rate for statements about other tasks."""
     dynamic_by_task: TaskInterval
+    """The same of the Dynamic success rate."""
     lost_by_task: TaskInterval
+    """The same of the share of Base successes lost."""
     bootstrap: MeanChange | None
+    """The paper's interval of the paired change, resampling all pairs alike."""
     bootstrap_by_source: MeanChange | None
+    """The paper's interval, resampling within each source."""
     mcnemar: McNemar
+    """Exact test of (1, 0) against (0, 1)."""
     trigger_coverage: Ratio
+    """Pairs whose event fired, of all."""
     response_coverage: Ratio
+    """Pairs with a query after the event, of all."""
     exposure: Exposure
     given_response: Outcomes
+    """The four counts among the pairs with a query after the event: a diagnostic that must never be mixed
+    with the full-denominator outcomes."""
 
 
 def measure(pairs: Pairs) -> PairedResult:

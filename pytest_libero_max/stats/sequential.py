@@ -39,9 +39,6 @@ def log_evidence_over_strata(counts: Iterable[tuple[int, int]]) -> float:
     1 / level with at most the probability ``level``. Reference: R. Turner and P. Gruenwald (2023), Exact
     anytime-valid confidence intervals for contingency tables and beyond, Statist. Probab. Lett. 198:109835
     (arXiv 2302.11401), whose strata are those of 2 x 2 tables; here they are of discordant pairs.
-
-    Args:
-        counts: Losses and gains of each stratum.
     """
     strata = [*counts]
     losses, gains = (sum(stratum[kind] for stratum in strata) for kind in (0, 1))

@@ -13,17 +13,14 @@ from scipy import special
 
 @dataclass(frozen=True)
 class McNemar:
-    """Exact two-sided McNemar test.
-
-    Attributes:
-        losses: Discordant pairs in which the first condition succeeds, (1, 0).
-        gains: Discordant pairs in which the second does, (0, 1).
-        log10_p: Decimal logarithm of the p-value; 0 (p = 1) without a discordant pair.
-    """
+    """Exact two-sided McNemar test."""
 
     losses: int
+    """Discordant pairs in which the first condition succeeds, (1, 0)."""
     gains: int
+    """Discordant pairs in which the second does, (0, 1)."""
     log10_p: float
+    """Decimal logarithm of the p-value; 0 (p = 1) without a discordant pair."""
 
     @property
     def p_value(self) -> float:

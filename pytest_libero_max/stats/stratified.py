@@ -28,17 +28,13 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class StratifiedDifference:
-    """A difference of two proportions over strata, the first less the second.
-
-    Attributes:
-        value: Weighted mean of the strata's differences.
-        interval: Its score interval.
-        log10_p: Decimal logarithm of the two-sided p-value.
-    """
+    """A difference of two proportions over strata, the first less the second."""
 
     value: float
+    """Weighted mean of the strata's differences."""
     interval: Interval
     log10_p: float
+    """Decimal logarithm of the two-sided p-value."""
 
 
 def stratified_difference(

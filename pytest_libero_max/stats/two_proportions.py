@@ -20,17 +20,13 @@ _FAR = 1e-13
 
 @dataclass(frozen=True)
 class Difference:
-    """A difference of two proportions, the first less the second.
-
-    Attributes:
-        value: The difference.
-        interval: Its exact interval; None without an episode on one side.
-        log10_p: Decimal logarithm of the two-sided p-value of Fisher's exact test; None likewise.
-    """
+    """A difference of two proportions, the first less the second."""
 
     value: float | None
     interval: Interval | None
+    """Its exact interval; None without an episode on one side."""
     log10_p: float | None
+    """Decimal logarithm of the two-sided p-value of Fisher's exact test; None likewise."""
 
 
 def compare_proportions(first: Ratio, second: Ratio, confidence: float = CONFIDENCE) -> Difference:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -51,22 +51,22 @@ def _accept(name: str, found: object) -> type[Study]:
 
     if not (isinstance(found, type) and issubclass(found, Study)) or inspect.isabstract(found):
         raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.Study with arms()")
-    if getattr(found, "name", None) != name or not _NAME.fullmatch(name):
-        raise ValueError(
-            f"name={getattr(found, 'name', None)!r}, but it is registered as {name!r}; both must be the same "
-            "word of lower-case letters, digits and hyphens"
-        )
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"name={name!r}, but must be a word of lower-case letters, digits and hyphens")
     for attribute in ("title", "track"):
         if not isinstance(getattr(found, attribute, None), str):
             raise ValueError(f"{found.__name__} lacks {attribute}")
     return found
 
 
-def _own() -> Mapping[str, Callable[[], type[Study]]]:
-    return {name: partial(_load, name) for name in _OWN}
-
-
-STUDIES: Registry[type[Study]] = Registry("study", "pytest_libero_max.studies", _own, _accept, OptionError)
+STUDIES: Registry[type[Study]] = Registry(
+    "study",
+    "pytest_libero_max.studies",
+    lambda: {name: partial(_load, name) for name in _OWN},
+    _accept,
+    OptionError,
+    attribute="name",
+)
 """Every study by its name: this package's, then those that installed packages add."""
 
 

@@ -20,24 +20,21 @@ class Study(ABC):
 
     Every case of a study is played in Base and Dynamic as in any run, and in the arms of the study; all of
     them are one test item and one record.
-
-    Attributes:
-        name: Its name on the command line.
-        title: Heading of its part of the report.
-        track: The track that is played unless another one is asked for.
-        about: Effect of the event of its cases, in words that follow "whose event".
-        scales: True if the study itself sets strengths, so that a run cannot set one as well.
-        option: The option that holds its settings, without ``--libero-max-``; None if it has none.
-        example: Settings, as they are given on the command line.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
+    """Heading of its part of the report."""
     track: ClassVar[str]
+    """The track that is played unless another one is asked for."""
     about: ClassVar[str] = "is of any kind"
+    """Effect of the event of its cases, in words that follow "whose event"."""
     scales: ClassVar[bool] = False
+    """True if the study itself sets strengths, so that a run cannot set one as well."""
     option: ClassVar[str | None] = None
+    """The option that holds its settings, without ``--libero-max-``; None if it has none."""
     example: ClassVar[str] = ""
+    """Settings, as they are given on the command line."""
 
     @classmethod
     def of(cls, settings: str | None) -> Self:

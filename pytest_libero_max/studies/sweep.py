@@ -22,16 +22,14 @@ class Sweep(Study, Generic[Setting]):
 
     Raises:
         OptionError: There is none, or one twice.
-
-    Attributes:
-        form: Pattern of the text of one setting.
-        expected: The form in words, with an example.
     """
 
     track = "lite"
 
     form: ClassVar[re.Pattern[str]]
+    """Pattern of the text of one setting."""
     expected: ClassVar[str]
+    """The form in words, with an example."""
 
     def __init__(self, settings: Sequence[Setting]) -> None:
         self.settings = tuple(settings)

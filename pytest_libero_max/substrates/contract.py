@@ -83,39 +83,32 @@ class Catalogue(Hashable, Protocol):
 
 @dataclass(frozen=True)
 class SubstrateOptions:
-    """The options that substrates take; :attr:`SubstrateKind.reads` has those that one of them reads.
-
-    Attributes:
-        installations: Folders of LIBERO, LIBERO-Plus or LIBERO-PRO; none: what ``import libero`` finds.
-        assets: Models and textures for those that have none of their own.
-        semantics: One of :data:`.registry.SEMANTICS`.
-        instruction: One of :data:`.registry.INSTRUCTIONS`.
-        variations: One of :data:`.registry.SOURCE_VARIATIONS`.
-        classification: LIBERO-Plus's ``task_classification.json``, for catalogues; None for that of its
-            checkout.
-    """
+    """The options that substrates take; :attr:`SubstrateKind.reads` has those that one of them reads."""
 
     installations: tuple[Path, ...] = ()
+    """Folders of LIBERO, LIBERO-Plus or LIBERO-PRO; none: what ``import libero`` finds."""
     assets: Path | None = None
+    """Models and textures for those that have none of their own."""
     semantics: Literal["published", "corrected"] = "published"
+    """One of :data:`.registry.SEMANTICS`."""
     instruction: Literal["published", "clean"] = "published"
+    """One of :data:`.registry.INSTRUCTIONS`."""
     variations: Literal["installed", "own"] = "installed"
+    """One of :data:`.registry.SOURCE_VARIATIONS`."""
     classification: Path | None = None
+    """LIBERO-Plus's ``task_classification.json``, for catalogues; None for that of its checkout."""
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """The frozen tracks that a substrate plays.
-
-    Attributes:
-        folder: Folder of its own versions of tracks, below that of all tracks; empty for none.
-        defaults: Tracks to play where none is named: the first one of which every case plays, else the last.
-        pictured: Track of which a gallery shows the events.
-    """
+    """The frozen tracks that a substrate plays."""
 
     folder: str = ""
+    """Folder of its own versions of tracks, below that of all tracks; empty for none."""
     defaults: tuple[str, ...] = ("smoke",)
+    """Tracks to play where none is named: the first one of which every case plays, else the last."""
     pictured: str = "original"
+    """Track of which a gallery shows the events."""
 
     def name(self, track: str) -> str:
         """Name of the substrate's own version of a track, if there is one; otherwise the name as it is."""
@@ -150,45 +143,37 @@ def _no_variation(case: Case) -> Variation:
 
 @dataclass(frozen=True)
 class SubstrateKind:
-    """A substrate as a registry holds it: importing it imports no simulator.
-
-    Attributes:
-        name: The name under which it is asked for.
-        open: Opens it. What it imports, it imports when it is called.
-        describe: Returns a description for the report, as JSON values, without building anything.
-        lacking: Returns the reasons why cases of a case set cannot play, by case id, the same words for the
-            same reason, without building anything. A case that is absent may still turn out not to play.
-        catalogue: Opens the catalogue of its source variations, from which cases can be chosen.
-        variation_of: Finds the source variation of its own that a case plays, without building anything.
-            Raises :class:`.SubstrateError` where it has none.
-        tracks: Returns the frozen tracks that it plays.
-        plays_frozen: True if every case of the tracks that come with this package plays, wherever that is.
-        portable: True if its scenes are this package's own, so that pages may hold their shapes and textures.
-        reads: Fields of :class:`SubstrateOptions` that it reads; giving it another is refused.
-        comparable_with_published: False if its scores are never comparable with published ones, None if the
-            caveats of a run decide.
-        note: Sentences to print beside every score; empty for none, None to call every run of it a dry run.
-        worker_gib: Memory of a process that plays it with images, GiB.
-        limit_gib: Smallest memory limit of such a process, GiB of what it may ask for.
-        scene_of: Returns a key by which cases are sorted so that neighbours share a scene.
-        batch: Cases that a process examines at a time, after which they are kept.
-        sheets: Functions that draw contact sheets of its own with an open substrate, by the files' names.
-    """
+    """A substrate as a registry holds it: importing it imports no simulator."""
 
     name: str
     open: Callable[[SubstrateOptions], Substrate]
+    """Opens it. What it imports, it imports when it is called."""
     describe: Callable[[SubstrateOptions], dict[str, Any]] = _nothing
+    """Returns a description for the report, as JSON values, without building anything."""
     lacking: Callable[[SubstrateOptions, Sequence[Case]], Mapping[str, str]] = _nothing_lacking
+    """Returns the reasons why cases of a case set cannot play, by case id, the same words for the same
+    reason, without building anything. A case that is absent may still turn out not to play."""
     catalogue: Callable[[SubstrateOptions], Catalogue] = _no_catalogue
+    """Opens the catalogue of its source variations, from which cases can be chosen."""
     variation_of: Callable[[Case], Variation] = _no_variation
+    """Finds the source variation of its own that a case plays, without building anything. Raises
+    :class:`.SubstrateError` where it has none."""
     tracks: Callable[[SubstrateOptions], Tracks] = _general_tracks
     plays_frozen: bool = False
-    portable: bool = False
+    """True if every case of the tracks that come with this package plays, wherever that is."""
     reads: frozenset[str] = frozenset()
+    """Fields of :class:`SubstrateOptions` that it reads; giving it another is refused."""
     comparable_with_published: bool | None = False
+    """False if its scores are never comparable with published ones, None if the caveats of a run decide."""
     note: str | None = None
+    """Sentences to print beside every score; empty for none, None to call every run of it a dry run."""
     worker_gib: float = 0.8
+    """Memory of a process that plays it with images, GiB."""
     limit_gib: float = 4.0
+    """Smallest memory limit of such a process, GiB of what it may ask for."""
     scene_of: Callable[[SubstrateOptions, Case], tuple[Any, ...]] = _task_order
+    """Returns a key by which cases are sorted so that neighbours share a scene."""
     batch: int = 12
+    """Cases that a process examines at a time, after which they are kept."""
     sheets: Mapping[str, Callable[[Path, Any], None]] = field(default_factory=dict)
+    """Functions that draw contact sheets of its own with an open substrate, by the files' names."""

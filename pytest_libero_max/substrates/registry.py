@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
@@ -13,8 +14,6 @@ from pytest_libero_max.substrates.contract import Catalogue, Substrate, Substrat
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.substrates.variation import Variation
-
-ENTRY_POINT_GROUP = "pytest_libero_max.substrates"
 
 DEFAULT = "embedded"
 """The substrate that is used unless another is asked for. The source variations of its catalogue are this
@@ -35,23 +34,22 @@ _SUBSTRATES = "pytest_libero_max.substrates"
 
 def _own() -> Mapping[str, Callable[[], SubstrateKind]]:
     folders = [name for name in modules_in(_SUBSTRATES) if "kind" in modules_in(f"{_SUBSTRATES}.{name}")]
-    return {name: _loader(name) for name in folders}
+    return {name: partial(_load, name) for name in folders}
 
 
-def _loader(name: str) -> Callable[[], SubstrateKind]:
-    def load() -> SubstrateKind:
-        return _accept(name, importlib.import_module(f"{_SUBSTRATES}.{name}.kind").KIND)
-
-    return load
+def _load(name: str) -> SubstrateKind:
+    return _accept(name, importlib.import_module(f"{_SUBSTRATES}.{name}.kind").KIND)
 
 
-def _accept(name: str, found: object) -> SubstrateKind:
-    if not isinstance(found, SubstrateKind) or found.name != name:
-        raise ValueError(f"{name} is {found!r}, but must be a SubstrateKind of that name")
-    return found
+def _accept(name: str, value: object) -> SubstrateKind:
+    if not isinstance(value, SubstrateKind):
+        raise ValueError(f"{name} is {value!r}, but must be a SubstrateKind")
+    return value
 
 
-SUBSTRATES: Registry[SubstrateKind] = Registry("substrate", ENTRY_POINT_GROUP, _own, _accept, SubstrateError)
+SUBSTRATES: Registry[SubstrateKind] = Registry(
+    "substrate", "pytest_libero_max.substrates", _own, _accept, SubstrateError, attribute="name"
+)
 """Every substrate by name. A folder of this package is one if it has a module ``kind`` with a ``KIND``."""
 
 

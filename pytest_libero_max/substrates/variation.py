@@ -18,30 +18,25 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Variation:
-    """A source variation of a task.
-
-    Attributes:
-        source: ``plus`` or ``pro``.
-        suite: LIBERO suite.
-        index: Index in the catalogue's list of the suite (Plus), or the task's own index, 0 to 9 (PRO).
-        base_index: Index of the unmodified task in its suite.
-        name: Unique within source, suite and category; what a manifest calls ``task_name``.
-        category: Category of the source.
-        kind: Kind of variation within the category; a note.
-        difficulty: 1 to 5, or None.
-        scene: Differences of the compiled scene, as :class:`~.embedded.remodel.Remodel` reads it.
-        changes: Changes at reset, in order, as a manifest spells them.
-    """
+    """A source variation of a task."""
 
     source: Source
+    """``plus`` or ``pro``."""
     suite: str
     index: int
+    """Index in the catalogue's list of the suite (Plus), or the task's own index, 0 to 9 (PRO)."""
     base_index: int
+    """Index of the unmodified task in its suite."""
     name: str
+    """Unique within source, suite and category; what a manifest calls ``task_name``."""
     category: str
+    """Category of the source."""
     kind: str
+    """Kind of variation within the category; a note."""
     difficulty: int | None
+    """1 to 5, or None."""
     scene: Json = field(default_factory=dict, hash=False)
+    """Differences of the compiled scene, as :class:`~.embedded.remodel.Remodel` reads it."""
     changes: tuple[Json, ...] = field(default=(), hash=False)
 
     @property

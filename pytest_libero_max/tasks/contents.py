@@ -22,42 +22,35 @@ class Relation:
 
 @dataclass(frozen=True)
 class InitialPlacement:
-    """Place that the task description gives an object at the start.
-
-    Attributes:
-        predicate: ``On`` or ``In``.
-        region: The region or entity named.
-        support: The entity the region belongs to, or None.
-    """
+    """Place that the task description gives an object at the start."""
 
     predicate: str
+    """``On`` or ``In``."""
     region: str
+    """The region or entity named."""
     support: str | None
+    """The entity the region belongs to, or None."""
 
 
 @dataclass(frozen=True)
 class TaskMetadata:
-    """The facts about one task that construction decides by.
-
-    Attributes:
-        name: File stem of the task description.
-        language: The instruction.
-        objects: Movable instances with their category.
-        fixtures: Fixed instances with their category; tables and floors are among them.
-        objects_of_interest: Names the task description marks (may be regions).
-        goal: The goal's predicates, in order; all must hold.
-        placements: Initial placement of the movable objects that have one.
-        reserved: Objects that a source variation added and that no event may use.
-    """
+    """The facts about one task that construction decides by."""
 
     name: str
+    """File stem of the task description."""
     language: str
     objects: Mapping[str, str]
+    """Movable instances with their category."""
     fixtures: Mapping[str, str]
+    """Fixed instances with their category; tables and floors are among them."""
     objects_of_interest: frozenset[str]
+    """Names the task description marks (may be regions)."""
     goal: tuple[Relation, ...]
+    """The goal's predicates, in order; all must hold."""
     placements: Mapping[str, InitialPlacement]
+    """Initial placement of the movable objects that have one."""
     reserved: frozenset[str] = field(default_factory=frozenset)
+    """Objects that a source variation added and that no event may use."""
 
     @property
     def goal_entities(self) -> tuple[str, ...]:

@@ -13,23 +13,19 @@ Arena = Literal["tabletop", "floor", "kitchen", "living_room", "study"]
 
 @dataclass(frozen=True)
 class Layout:
-    """One scene.
-
-    Attributes:
-        arena: The room.
-        surface: Surface that everything stands on.
-        objects: For each instance, in the order of their joints, the key of its place and (x, y) in m, world.
-        fixtures: Likewise.
-        extra: Places where nothing stands: (x, y) and half the width, m.
-        joints: Joints that are open or on: predicate and subject.
-    """
+    """One scene."""
 
     arena: Arena
     surface: str
+    """Surface that everything stands on."""
     objects: Mapping[str, tuple[str, float, float]]
+    """For each instance, in the order of their joints, the key of its place and (x, y) in m, world."""
     fixtures: Mapping[str, tuple[str, float, float]] = field(default_factory=dict)
+    """Likewise."""
     extra: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """Places where nothing stands: (x, y) and half the width, m."""
     joints: tuple[tuple[Literal["open", "turnon"], str], ...] = ()
+    """Joints that are open or on: predicate and subject."""
 
 
 LAYOUTS: Mapping[str, Layout] = MappingProxyType(

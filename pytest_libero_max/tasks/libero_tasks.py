@@ -21,48 +21,40 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Place:
-    """A rectangle of the table or floor in which something is put at reset.
-
-    Attributes:
-        name: As in LIBERO, for example ``main_table_plate_region``.
-        surface: For example ``main_table`` or ``floor``.
-        box: (x_min, y_min, x_max, y_max) in m, world.
-        yaw: Turn about z of a fixture that is put here, rad.
-    """
+    """A rectangle of the table or floor in which something is put at reset."""
 
     name: str
+    """As in LIBERO, for example ``main_table_plate_region``."""
     surface: str
+    """For example ``main_table`` or ``floor``."""
     box: Box
+    """(x_min, y_min, x_max, y_max) in m, world."""
     yaw: float = 0.0
+    """Turn about z of a fixture that is put here, rad."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One task.
-
-    Attributes:
-        suite: For example ``libero_spatial``.
-        index: Position in the benchmark's own order.
-        language: The instruction that the benchmark gives to a policy.
-        arena: Room that it happens in.
-        objects: Instances that move freely, in the order of their joints.
-        fixtures: Instances that are bolted down, in the order of their joints.
-        places: Rectangles by name.
-        start: Facts that hold at reset.
-        goal: Facts that must all hold at the end.
-        scene: LIBERO-90's name of the scene, with which the names of LIBERO-10's files begin.
-    """
+    """One task."""
 
     suite: str
     index: int
+    """Position in the benchmark's own order."""
     language: str
+    """The instruction that the benchmark gives to a policy."""
     arena: Arena
     objects: tuple[str, ...]
+    """Instances that move freely, in the order of their joints."""
     fixtures: tuple[str, ...]
+    """Instances that are bolted down, in the order of their joints."""
     places: Mapping[str, Place]
+    """Rectangles by name."""
     start: tuple[Fact, ...]
+    """Facts that hold at reset."""
     goal: tuple[Fact, ...]
+    """Facts that must all hold at the end."""
     scene: str = ""
+    """LIBERO-90's name of the scene, with which the names of LIBERO-10's files begin."""
 
     @property
     def name(self) -> str:

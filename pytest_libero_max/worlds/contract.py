@@ -61,22 +61,19 @@ def height_and_width(size: ImageSize) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Entity:
-    """Something a case can name.
-
-    Attributes:
-        name: Instance name as in the task's BDDL, for example ``akita_black_bowl_1``.
-        category: LIBERO category, for example ``akita_black_bowl``.
-        kind: ``object`` has a free joint, ``fixture`` is bolted to the scene (its drawers and knobs may
-            move), ``surface`` is the table or the floor.
-        body: Name of its root body in the MuJoCo model.
-        support: The entity it is declared to rest on at reset, or None.
-    """
+    """Something a case can name."""
 
     name: str
+    """Instance name as in the task's BDDL, for example ``akita_black_bowl_1``."""
     category: str
+    """LIBERO category, for example ``akita_black_bowl``."""
     kind: EntityKind
+    """``object`` has a free joint, ``fixture`` is bolted to the scene (its drawers and knobs may move),
+    ``surface`` is the table or the floor."""
     body: str
+    """Name of its root body in the MuJoCo model."""
     support: str | None = None
+    """The entity it is declared to rest on at reset, or None."""
 
 
 class PixelFilter(Protocol):
@@ -99,29 +96,25 @@ class PixelFilter(Protocol):
 
 @dataclass(frozen=True)
 class WorldState:
-    """Everything the future of a world depends on, as a value that never aliases the live world.
-
-    Attributes:
-        scene: The scene it was taken from; restoring into another scene is refused.
-        physics: MuJoCo's integration state, float64.
-        model: The alterable model fields by name.
-        controller: Controller and gripper state that MuJoCo does not hold, float64.
-        steps: Control steps since reset.
-        filters: Active pixel filters with the step at which each was added.
-        parked: Names of the entities taken out of the scene with the pose (7, m and wxyz) each had then.
-        assigned: Instruction and goal that were given in place of the task's own, None where they were not.
-        control: Meaning of the actions.
-    """
+    """Everything the future of a world depends on, as a value that never aliases the live world."""
 
     scene: str
+    """The scene it was taken from; restoring into another scene is refused."""
     physics: Array
+    """MuJoCo's integration state, float64."""
     model: Mapping[str, NDArray[Any]]
+    """The alterable model fields by name."""
     controller: Array
+    """Controller and gripper state that MuJoCo does not hold, float64."""
     steps: int
     filters: tuple[tuple[PixelFilter, int], ...]
+    """Active pixel filters with the step at which each was added."""
     parked: tuple[tuple[str, tuple[float, ...]], ...]
+    """Names of the entities taken out of the scene with the pose (7, m and wxyz) each had then."""
     assigned: tuple[str | None, Goal | None] = (None, None)
+    """Instruction and goal that were given in place of the task's own, None where they were not."""
     control: Control = "delta"
+    """Meaning of the actions."""
 
     def differing(self, other: WorldState) -> tuple[str, ...]:
         """Return the names of everything that differs from another state; model fields by their own names."""

@@ -32,12 +32,7 @@ _ROW_WORDS = 1024
 
 
 class ModelGuard:
-    """Remembers the fixed fields of a model, finds writes to them and undoes these.
-
-    Args:
-        model: A model that is complete.
-        alterable: The arrays that may change. They are left alone.
-    """
+    """Remembers the fixed fields of a model, finds writes to them and undoes these."""
 
     def __init__(self, model: mujoco.MjModel, alterable: Collection[str]) -> None:
         self._model = model

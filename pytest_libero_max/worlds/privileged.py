@@ -55,27 +55,24 @@ def _predicate(word: str) -> Predicate:
 
 @dataclass(frozen=True)
 class GraspablePart:
-    """A part of a scene that is made to be held: a handle, a knob, a neck, a rim.
-
-    Attributes:
-        name: ``<instance>_<part>``, for example ``wooden_cabinet_1_top_handle``.
-        entity: Entity that it is a part of.
-        body: MuJoCo body that it is fixed to; the frame of the vectors below.
-        joint: The joint that it moves, or None for objects.
-        pos: Middle of the part, m.
-        along: Unit vector along it; fingers close across it.
-        out: Unit vector away from the entity, against which the hand approaches.
-        width: Distance of the fingers when they hold it, m.
-    """
+    """A part of a scene that is made to be held: a handle, a knob, a neck, a rim."""
 
     name: str
+    """``<instance>_<part>``, for example ``wooden_cabinet_1_top_handle``."""
     entity: str
+    """Entity that it is a part of."""
     body: str
+    """MuJoCo body that it is fixed to; the frame of the vectors below."""
     joint: str | None
+    """The joint that it moves, or None for objects."""
     pos: tuple[float, float, float]
+    """Middle of the part, m."""
     along: tuple[float, float, float]
+    """Unit vector along it; fingers close across it."""
     out: tuple[float, float, float]
+    """Unit vector away from the entity, against which the hand approaches."""
     width: float
+    """Distance of the fingers when they hold it, m."""
 
     def world(self, data: mujoco.MjData) -> tuple[Array, Array, Array]:
         """Pose now: position (m), ``along`` and ``out``, each (3,) in the world frame."""

@@ -32,30 +32,27 @@ OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_"
 
 @dataclass(frozen=True)
 class Robot:
-    """An arm with a gripper, by the names that its parts have in a compiled model.
-
-    Attributes:
-        name: robosuite's name of the robot.
-        arm_joints: From the base to the hand.
-        finger_joints: One for each finger. The finger is the body that the joint moves, with everything that
-            is fixed to it.
-        hand_body: Body whose orientation is observed.
-        grip_site: Site between the fingers: the end effector.
-        base_body: Body that the arm stands on.
-        controller: robosuite's name of its controller.
-        home_rad: Angles of the arm's joints at the start of LIBERO's tasks, rad.
-        finger_start: Positions of the fingers' joints there, m.
-    """
+    """An arm with a gripper, by the names that its parts have in a compiled model."""
 
     name: str
+    """Robosuite's name of the robot."""
     arm_joints: tuple[str, ...]
+    """From the base to the hand."""
     finger_joints: tuple[str, ...]
+    """One for each finger. The finger is the body that the joint moves, with everything that is fixed to
+    it."""
     hand_body: str
+    """Body whose orientation is observed."""
     grip_site: str = f"{GRIPPER}_grip_site"
+    """Site between the fingers: the end effector."""
     base_body: str = f"{ROBOT}_base"
+    """Body that the arm stands on."""
     controller: str = "OSC_POSE"
+    """Robosuite's name of its controller."""
     home_rad: tuple[float, ...] = ()
+    """Angles of the arm's joints at the start of LIBERO's tasks, rad."""
     finger_start: Mapping[str, float] = field(default_factory=dict)
+    """Positions of the fingers' joints there, m."""
 
     @property
     def proprioception(self) -> dict[str, int]:

@@ -254,10 +254,6 @@ class _Memory:
             column, except for what MuJoCo writes.
         addresses: Those of the functions of :func:`_addresses`, then of three tables for Fortran, which
             takes addresses only: whole numbers from 0 on, the letters of :data:`_LETTERS`, 1 and 0.
-
-    Args:
-        dofs: Joints of the arm.
-        nv: Degrees of freedom of the model.
     """
 
     def __init__(self, dofs: int, nv: int) -> None:

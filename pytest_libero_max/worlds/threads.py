@@ -19,18 +19,15 @@ _PREFIXES, _SUFFIXES = ("scipy_", ""), ("64_", "")
 
 @dataclass(frozen=True)
 class Blas:
-    """A BLAS that is loaded into this process.
-
-    Attributes:
-        package: Package that it belongs to: ``numpy`` or ``scipy``, or the name of its file.
-        kind: The kind of processor whose instructions it uses, for example ``SkylakeX``. Its results differ
-            in their last bits from kind to kind.
-        threads: Number of threads that it may use.
-    """
+    """A BLAS that is loaded into this process."""
 
     package: str
+    """Package that it belongs to: ``numpy`` or ``scipy``, or the name of its file."""
     kind: str
+    """The kind of processor whose instructions it uses, for example ``SkylakeX``. Its results differ in their
+    last bits from kind to kind."""
     threads: int
+    """Number of threads that it may use."""
 
 
 def use_one_blas_thread() -> None:

@@ -138,7 +138,7 @@ CORRUPT = [
     ("timing_bucket", "mid", "timing_bucket='mid'. Did you mean 'middle'"),
     ("dynamic_phase", 3, "dynamic_phase=3, but must be a non-empty string"),
     ("task_name", None, "task_name=None, but must be a non-empty string"),
-    ("substrate_variant", {"langauge": "x"}, "substrate_variant lacks language"),
+    ("substrate_variant", {"langauge": "x"}, "unknown field 'langauge'. Did you mean 'language'"),
     ("substrate_variant", {"language": "x", "bddl": "y"}, "unknown field 'bddl'. Did you mean 'bddl_file'"),
     ("substrate_variant", {"language": "x", "category": 3}, "substrate_variant.category=3, but must be"),
     ("scenario.severity", "severe", "severity='severe'. .*Known: high, low, medium"),

@@ -106,7 +106,7 @@ def test_a_trigger_that_is_spelled_wrong_says_why(raw: Any, message: str) -> Non
 )
 def test_what_is_offered_as_a_trigger_is_one(found: object, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        triggers._accept("high", found)
+        triggers.TRIGGERS._accepted("high", found)
 
 
 def test_what_has_a_default_may_be_left_out() -> None:

@@ -103,7 +103,6 @@ COMMANDS = (
     ("publish", "verify", ".", "--pairs=1", "--seed=1", "--actions"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp", "--view=policy"),
-    ("poses", ".", "--select=all"),
 )
 """Commands that play pairs again, all of which take ``--cases``."""
 

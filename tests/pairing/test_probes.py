@@ -13,7 +13,7 @@ import pytest
 from pytest_libero_max.errors import AdapterError, OptionError, ProbeError
 from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes, View, check_probe
-from pytest_libero_max.pairing.probes.registry import ENTRY_POINT_GROUP, PROBES, probes_called
+from pytest_libero_max.pairing.probes.registry import PROBES, probes_called
 from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import Rollout
@@ -333,10 +333,10 @@ def test_another_package_adds_a_probe_with_an_entry_point(
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text(
-        f"[{ENTRY_POINT_GROUP}]\nheight = my_probe:Height\ncontacts = my_probe:Height\n"
+        "[pytest_libero_max.probes]\nheight = my_probe:Height\ncontacts = my_probe:Height\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    registry: Registry[Any] = Registry("probe", ENTRY_POINT_GROUP, dict, PROBES._accept, OptionError)
+    registry: Registry[Any] = Registry("probe", PROBES.group, dict, PROBES._accept, OptionError)
     pair = played(world, Probes(STANDARD.standard, (registry["height"],)))
     assert pair.base.probes["height"] == {"end_m": pair.base.end_effector[-1][2]}
     with pytest.raises(OptionError, match="a probe of every pair has that name"):

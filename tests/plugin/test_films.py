@@ -40,15 +40,12 @@ def test_measured_pairs_are_filmed_and_the_report_links_the_films(
     assert result.ret == 0
     films = sorted(path.name for path in (_folder(pytester) / "films").iterdir())
     assert len(films) == 2
-    assert len(list((_folder(pytester) / "poses").iterdir())) == 2
     page = (_folder(pytester) / "report.html").read_text()
-    assert page.count("data-name='pair-") == 2
     assert all(f"href='films/{film}'" in page for film in films)
     filmed = [record.identity() for record in read_pairs(_folder(pytester)).records]
     run("-k", "target_relocation")
     assert [record.identity() for record in read_pairs(_folder(pytester)).records] == filmed
     assert sorted(path.name for path in (_folder(pytester) / "films.1").iterdir()) == films
-    assert len(list((_folder(pytester) / "poses.1").iterdir())) == 2
     assert "href='films/" not in (_folder(pytester) / "report.html").read_text()
 
 

@@ -45,12 +45,30 @@ def section(thing: object, name: str) -> dict[str, str]:
 
     Args:
         thing: What has the docstring.
-        name: ``Args``, ``Attributes`` or ``Raises``.
+        name: ``Args``, ``Attributes`` or ``Raises``. The attributes of a class may also have their docstrings
+            under them.
     """
+    under = _under_fields(thing) if inspect.isclass(thing) and name == "Attributes" else {}
     pieces = _SECTION.split(inspect.getdoc(thing) or "")
     bodies = dict(zip(pieces[1::2], pieces[2::2], strict=True))
     body = textwrap.dedent(bodies.get(name, "").strip("\n"))
-    return {match["name"]: " ".join(match["text"].split()) for match in _ENTRY.finditer(body)}
+    return {match["name"]: " ".join(match["text"].split()) for match in _ENTRY.finditer(body)} | under
+
+
+def _under_fields(cls: type) -> dict[str, str]:
+    """The docstrings of the fields of a class, each on one line."""
+    try:
+        (statement,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    except (OSError, TypeError):  # made at run time
+        return {}
+    assert isinstance(statement, ast.ClassDef)
+    return {
+        target: " ".join(str(following.value.value).split())
+        for field, following in pairwise(statement.body)
+        if (target := _target(field)) is not None
+        and isinstance(following, ast.Expr)
+        and isinstance(following.value, ast.Constant)
+    }
 
 
 def constants(module: ModuleType) -> Iterator[Documented]:

@@ -7,7 +7,7 @@ from typing import Any
 from pytest_libero_max.pairing import probes
 from pytest_libero_max.pairing.probes.monitor import Monitor
 from pytest_libero_max.pairing.probes.probe import Probe
-from pytest_libero_max.pairing.probes.registry import ENTRY_POINT_GROUP, PROBES
+from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.pairing.probes.safety import Safety
 from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.report import monitors
@@ -30,7 +30,7 @@ def page() -> str:
 {prose(description(Probe))}
 
 A probe of your own is a subclass of `Probe` under its name in the entry-point group
-`{ENTRY_POINT_GROUP}`:
+`{PROBES.group}`:
 
 ```python
 from pytest_libero_max import Probe
@@ -77,7 +77,7 @@ For each that is asked after every step the world's digest is compared, 0.02 ms 
 
 Four baselines come with the package: `action_spread`, `chunk_change`, `image_change`, `scene_distance`
 ([measured](../../../reports/monitors.md)). One of your own is a class under its name in the entry-point group
-`{ENTRY_POINT_GROUP}`:
+`{PROBES.group}`:
 
 ```python
 from pytest_libero_max.probes import Monitor

@@ -169,7 +169,8 @@ def test_a_run_with_names_that_are_no_names_is_refused(
     _store(StoredRun(Run(planned, PROVENANCE), (), (), False), tmp_path / "run")
     assert main(["report", str(tmp_path / "run")]) == 1
     said = capsys.readouterr().err
-    assert "of the planned pair, but must be a non-empty string of printable text on one line without" in said
+    assert "run: planned[" in said
+    assert "printable text on one line" in said
     assert all(line.isprintable() for line in said.splitlines())
 
 

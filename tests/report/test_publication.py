@@ -206,7 +206,7 @@ def test_a_folder_with_an_altered_page_or_figure_is_refused(tmp_path: Path) -> N
     }
     for name, alter, before, after, message in (
         ("report.html", _alter, "28.1 pp", "2.1 pp", "report.html shows words or drawings that its pairs"),
-        ("report.html", _swap_cases, "stale", "fresh", "report.html shows cases or poses that its pairs"),
+        ("report.html", _swap_cases, "stale", "fresh", "report.html shows cases that its pairs"),
         (
             "base-to-dynamic.svg",
             _alter,

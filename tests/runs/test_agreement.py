@@ -48,21 +48,6 @@ def test_pairs_of_other_renderers_and_of_records_without_one_are_of_one_measurem
     add(new, new | {"gl_version": "4.5 Mesa 26.2.6"}, old, {"gl": "osmesa"})
 
 
-def test_digests_of_source_code_agree_with_themselves_alone() -> None:
-    add({"assets": "1"}, {"assets": "1"})
-    with pytest.raises(OtherRunError, match=r"fingerprints\.assets: '1', '2'\. All pairs"):
-        add({"assets": "1"}, {"assets": "2"})
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_source_code_and_what_was_played_are_not_mixed(turned: bool) -> None:
-    prints: list[dict[str, str]] = [{"assets": "1"}, {"scene": GOAL, "start": "1"}]
-    with pytest.raises(
-        OtherRunError, match=r"by the source code of an earlier version \(fingerprints\.asset"
-    ):
-        add(*(reversed(prints) if turned else prints))
-
-
 def test_files_are_compared_with_those_of_all_pairs_before() -> None:
     digests = [{"sha256": letter * 64} for letter in "ab"]
     same = SamePlay()

@@ -162,18 +162,3 @@ def test_a_disk_without_room_for_the_repair_leaves_everything_as_it_is(
     _resume(tmp_path)
     assert (tmp_path / DAMAGED_NAME).read_bytes() == b"damaged\n"
     assert len(read_pairs(tmp_path).records) == len(RUN.planned)
-
-
-def test_a_folder_that_vanishes_is_written_and_marked_again(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    store = PairStore(folder, RUN)
-    store.append(record_of(RUN.planned[0], True, False))
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
-    store.append(record_of(RUN.planned[1], True, False))
-    with pytest.raises(OptionError, match="in progress"):
-        PairStore(folder, RUN)
-    store.close()
-    assert os.listdir(folder) == ["pairs.jsonl"]
-    assert len(read_pairs(folder).records) == 2

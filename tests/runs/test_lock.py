@@ -102,25 +102,15 @@ def test_the_lock_goes_with_its_process(tmp_path: Path) -> None:
     assert not (tmp_path / MARK_NAME).exists()
 
 
-def test_a_folder_that_vanishes_costs_no_pair(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    store = _played(folder, 2)
-    shutil.rmtree(folder)
-    store.append(record_of(RUN.planned[2], True, False))
-    shutil.rmtree(folder)
-    store.close()
-    assert len(read_pairs(folder).records) == 3
-
-
-def test_a_folder_that_cannot_come_back_is_an_error(tmp_path: Path) -> None:
+def test_a_folder_that_is_removed_stops_the_run(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     store = _played(folder, 1)
     shutil.rmtree(folder)
-    folder.write_text("")
-    with pytest.raises(DiskError, match="Cannot write"):
+    with pytest.raises(DiskError, match="it was removed while the run wrote to it"):
         store.append(record_of(RUN.planned[1], True, False))
     with pytest.raises(DiskError, match="Cannot write"):
         store.close()
+    assert not folder.exists()
 
 
 def test_a_disk_that_is_full_leaves_neither_mark_nor_lock(

@@ -13,7 +13,6 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import SubstrateKind, SubstrateOptions
 from pytest_libero_max.substrates.registry import (
-    ENTRY_POINT_GROUP,
     SUBSTRATES,
     describe_substrate,
     open_substrate,
@@ -36,7 +35,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     info = tmp_path / "toy_substrate-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: toy-substrate\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[{ENTRY_POINT_GROUP}]\ntoy = toy_substrate:KIND\n")
+    (info / "entry_points.txt").write_text("[pytest_libero_max.substrates]\ntoy = toy_substrate:KIND\n")
     (tmp_path / "toy_substrate.py").write_text(MODULE)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(SUBSTRATES, "_loaders", None)
@@ -106,7 +105,7 @@ def test_what_is_not_a_kind_of_that_name_is_refused(
     toy: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "toy_substrate.py").write_text(MODULE.replace('"toy"', '"other"'))
-    with pytest.raises(SubstrateError, match="must be a SubstrateKind of that name"):
+    with pytest.raises(SubstrateError, match="registered as 'toy'"):
         open_substrate("toy")
 
 

@@ -255,7 +255,6 @@ class Runs:
     """The runs of a bisection: each in a folder of its own, played by pytest in a process of its own.
 
     Attributes:
-        options: Of the command.
         revisions: From the good to the bad one.
     """
 

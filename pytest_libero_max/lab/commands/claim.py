@@ -62,8 +62,6 @@ class Claim:
 
     Attributes:
         name: Its name; empty for none.
-        first: Successes of the first policy.
-        second: Successes of the second.
         discordant: Cases in which only the first, and in which only the second succeeded; None where they are
             not known.
     """
@@ -79,7 +77,6 @@ class Verdict:
     """What is known of a claim.
 
     Attributes:
-        claim: The claim.
         change: Success of the first less that of the second.
         interval: Its exact 95% interval.
         log10_p: Decimal logarithm of the p-value.

@@ -28,15 +28,11 @@ _WITHOUT_SETUP = "illumination_switch"
 
 @dataclass(frozen=True)
 class Planned:
-    """An episode to record.
-
-    Attributes:
-        case: The case.
-        arm: ``base`` or ``dynamic``.
-    """
+    """An episode to record."""
 
     case: Case
     arm: str
+    """``base`` or ``dynamic``."""
 
     @property
     def name(self) -> str:
@@ -48,24 +44,18 @@ class Planned:
 
 @dataclass(frozen=True)
 class Demonstration:
-    """A recorded episode.
-
-    Attributes:
-        success: True if the task was completed.
-        instruction: The policy's instruction.
-        event_step: Policy steps before the event; None where it did not happen.
-        observations: Observation before each action, by robosuite's keys: images (T, S, S, 3) uint8 as
-            LIBERO delivers them, bottom row first, and states (T, n).
-        actions: (T, 7) answers of the policy.
-        executed: (T, 7) executed actions, where they differ: see ``disturbed`` in :func:`record`.
-    """
+    """A recorded episode."""
 
     success: bool
     instruction: str
     event_step: int | None
+    """Policy steps before the event; None where it did not happen."""
     observations: dict[str, NDArray[Any]]
+    """Observation before each action, by robosuite's keys: images (T, S, S, 3) uint8 as LIBERO delivers them,
+    bottom row first, and states (T, n)."""
     actions: NDArray[np.float64]
     executed: NDArray[np.float64] | None = None
+    """(T, 7) executed actions, where they differ: see ``disturbed`` in :func:`record`."""
 
 
 def planned(

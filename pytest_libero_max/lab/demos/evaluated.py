@@ -25,13 +25,10 @@ from pytest_libero_max.worlds.contract import CAMERAS, Observation, World
 
 @dataclass(frozen=True, eq=False)
 class _Seen(View):
-    """A view with the whole observation of the world.
-
-    Attributes:
-        observation: Images as LIBERO delivers them, and states.
-    """
+    """A view with the whole observation of the world."""
 
     observation: Observation = field(default_factory=dict)
+    """Images as LIBERO delivers them, and states."""
 
 
 def collect_run(

@@ -28,19 +28,13 @@ _NOT_SHOWN = ("about", "actions", "executed")
 
 @dataclass(frozen=True)
 class Settings:
-    """Properties that all episodes of a folder share.
-
-    Attributes:
-        expert: The policy, as for ``pytest --libero-max-policy=POLICY``.
-        image_size: Side of the images, pixels.
-        substrate: Builds the worlds.
-        disturbed: Share of the queries after which the hand is pushed aside.
-    """
+    """Properties that all episodes of a folder share."""
 
     expert: str = "expert"
     image_size: int = 128
     substrate: str = "embedded"
     disturbed: float = 0.0
+    """Share of the queries after which the hand is pushed aside."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings as written beside the episodes; ``disturbed`` only where it is not 0."""
@@ -49,15 +43,11 @@ class Settings:
 
 @dataclass(frozen=True)
 class Found:
-    """State of an episode in a folder.
-
-    Attributes:
-        name: See :attr:`.Planned.name`.
-        path: Its file; None where the task was not completed, of which only a note is kept.
-    """
+    """State of an episode in a folder."""
 
     name: str
     path: Path | None
+    """Its file; None where the task was not completed, of which only a note is kept."""
 
 
 def collect(

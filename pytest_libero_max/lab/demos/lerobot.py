@@ -112,11 +112,7 @@ def write_dataset(paths: Sequence[Path], folder: Path) -> None:
 
 
 class Writer:
-    """Writes a dataset.
-
-    Args:
-        folder: Empty or missing.
-    """
+    """Writes a dataset."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

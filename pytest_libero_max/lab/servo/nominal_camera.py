@@ -19,19 +19,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NominalCamera:
-    """A pinhole camera.
-
-    Attributes:
-        position: m, world.
-        orientation: wxyz; MuJoCo's cameras look along -z, with x to the right and y up.
-        fov_deg: Vertical field of view, degrees.
-        size: Side of the square image, pixels.
-    """
+    """A pinhole camera."""
 
     position: tuple[float, float, float]
+    """M, world."""
     orientation: Quaternion
+    """Wxyz; MuJoCo's cameras look along -z, with x to the right and y up."""
     fov_deg: float
+    """Vertical field of view, degrees."""
     size: int
+    """Side of the square image, pixels."""
 
     def project(self, points: Array) -> Array:
         """(n, 2) column and row, pixels, in the upright image, of (n, 3) points in front of the camera, m."""

@@ -62,19 +62,16 @@ _FINGERS_ACROSS = Rotation.from_euler("z", -90, degrees=True)  # from the hand's
 
 @dataclass(frozen=True)
 class Memory:
-    """Memory from one query to the next.
-
-    Attributes:
-        target: Last seen position of the object to bring, (3,) m, or None.
-        destination: Likewise.
-        route: Rest of the route.
-        aim: Positions of target and destination when the route was planned.
-    """
+    """Memory from one query to the next."""
 
     target: Array | None = None
+    """Last seen position of the object to bring, (3,) m, or None."""
     destination: Array | None = None
+    """Likewise."""
     route: Route = ()
+    """Rest of the route."""
     aim: tuple[Array, Array] = (_NOWHERE, _NOWHERE)
+    """Positions of target and destination when the route was planned."""
 
 
 class ServoPolicy:
@@ -125,17 +122,13 @@ def read_hand(observation: Observation) -> Hand:
 
 @dataclass(frozen=True)
 class Wish:
-    """Object that an instruction asks to bring.
-
-    Attributes:
-        category: Of the object.
-        area: Area in which to look for it.
-        angle: Horizontal direction of the finger axis when it is taken, rad.
-    """
+    """Object that an instruction asks to bring."""
 
     category: str
     area: Area
+    """Area in which to look for it."""
     angle: float
+    """Horizontal direction of the finger axis when it is taken, rad."""
 
     @property
     def shape(self) -> Shape:

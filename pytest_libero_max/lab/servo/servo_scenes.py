@@ -18,21 +18,17 @@ CAMERA, IMAGE_SIZE = "agentview", 256
 
 @dataclass(frozen=True)
 class SceneKnowledge:
-    """Properties that all tasks of a suite share.
-
-    Attributes:
-        camera: The main camera.
-        destination: Category of the destination.
-        destination_area: Area in which to look for it.
-        drop: True if the object is let go above the destination's rim, not on it.
-        clearance: Height above which nothing stands, m.
-    """
+    """Properties that all tasks of a suite share."""
 
     camera: NominalCamera
     destination: str
+    """Category of the destination."""
     destination_area: Area
+    """Area in which to look for it."""
     drop: bool
+    """True if the object is let go above the destination's rim, not on it."""
     clearance: float
+    """Height above which nothing stands, m."""
 
 
 SCENES: Mapping[str, SceneKnowledge] = MappingProxyType(

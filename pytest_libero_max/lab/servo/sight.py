@@ -39,15 +39,12 @@ _SAMPLES = 150
 
 @dataclass(frozen=True)
 class Shape:
-    """The outline of an object that stands upright.
-
-    Attributes:
-        rings: Half width along x and along y, and height above the foot, m, from below.
-        rounded: True if they are ellipses; otherwise they are rectangles.
-    """
+    """The outline of an object that stands upright."""
 
     rings: tuple[tuple[float, float, float], ...]
+    """Half width along x and along y, and height above the foot, m, from below."""
     rounded: bool = False
+    """True if they are ellipses; otherwise they are rectangles."""
 
     @property
     def height(self) -> float:
@@ -71,15 +68,12 @@ class Shape:
 
 @dataclass(frozen=True)
 class Sighting:
-    """Place at which something was seen.
-
-    Attributes:
-        position: (3,) m, the middle of its foot.
-        score: Excess of its colours inside its outline over those around it, -1 to 1.
-    """
+    """Place at which something was seen."""
 
     position: Array
+    """(3,) m, the middle of its foot."""
     score: float
+    """Excess of its colours inside its outline over those around it, -1 to 1."""
 
 
 @dataclass(frozen=True)

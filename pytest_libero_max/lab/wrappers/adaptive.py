@@ -37,22 +37,18 @@ _ON_THE_HAND = "eye_in_hand"
 
 @dataclass(frozen=True)
 class _Memory:
-    """State between two steps.
-
-    Attributes:
-        chunk: Actions of the last answer that are left to execute.
-        asked: Number of queries of the inner policy.
-        images: Images of the fixed cameras at the last step.
-        changes: Change of each of their blocks then.
-        places: Position of each object at the last query, (3,) m.
-        inner: Memory of the inner policy, if it offers one.
-    """
+    """State between two steps."""
 
     chunk: Actions
+    """Actions of the last answer that are left to execute."""
     asked: int = 0
+    """Number of queries of the inner policy."""
     images: tuple[Image, ...] = ()
+    """Images of the fixed cameras at the last step."""
     changes: tuple[Array, ...] = ()
+    """Change of each of their blocks then."""
     places: Mapping[str, Array] | None = None
+    """Position of each object at the last query, (3,) m."""
     inner: object = None
 
 
@@ -64,10 +60,6 @@ class AdaptivePolicy(WrappedPolicy):
 
     Attributes:
         query_notes: Counts of the last query: looks, asked, early, and those of a wrapper inside.
-
-    Args:
-        policy: The inner policy.
-        mode: The signal to watch.
 
     Raises:
         AdapterError: There is nothing to watch: no fixed camera, or a policy that is not privileged.

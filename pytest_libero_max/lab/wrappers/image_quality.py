@@ -37,14 +37,10 @@ _GREEN = 1
 
 @dataclass(frozen=True)
 class Quality:
-    """Damage found in an image.
-
-    Attributes:
-        noise: Standard deviation of the noise, grey levels, 0 to 255.
-        mask: Covered pixels.
-    """
+    """Damage found in an image."""
 
     noise: float
+    """Standard deviation of the noise, grey levels, 0 to 255."""
     mask: Mask
 
     @property

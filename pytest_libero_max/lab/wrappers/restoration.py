@@ -52,7 +52,6 @@ class RestoringPolicy(WrappedPolicy):
     """Shows a policy restored images.
 
     Attributes:
-        query_notes: :data:`COUNTS` of the last query.
         query_seconds: Time spent on judging and restoring then.
 
     Args:

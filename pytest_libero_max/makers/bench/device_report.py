@@ -32,23 +32,19 @@ GENUINE = "libero"
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured.
-
-    Attributes:
-        options: Where a genuine LIBERO is.
-        scenes: Suites and numbers of tasks.
-        processes: Numbers of processes that draw, or ask, at once.
-        seconds: Time for each measurement.
-        policy: Policy to serve; None: one that answers at once.
-        size: Side of an image in pixels.
-    """
+    """What is measured."""
 
     options: SubstrateOptions
+    """Where a genuine LIBERO is."""
     scenes: Sequence[tuple[str, int]]
+    """Suites and numbers of tasks."""
     processes: Sequence[int]
+    """Numbers of processes that draw, or ask, at once."""
     seconds: float = 5.0
     policy: str | None = None
+    """Policy to serve; None: one that answers at once."""
     size: int = 256
+    """Side of an image in pixels."""
 
 
 def devices() -> list[tuple[str, str | None]]:

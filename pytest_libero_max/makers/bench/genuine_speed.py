@@ -32,27 +32,22 @@ WARM_UP = 5
 
 @dataclass(frozen=True)
 class GenuineTimes:
-    """Medians of processor time.
-
-    Attributes:
-        origin: The installation.
-        item_id: The case whose pair is played.
-        lean_ms: Our control step.
-        package_ms: The package's ``env.step`` with every camera observable off.
-        images_ms: Its ``env.step`` with both cameras.
-        fork_s: A pair in the pair runner; None where no pair was measured.
-        plain_s: The same pair in the package's loop; likewise.
-        steps: Control steps of the two rollouts as the package's loop plays them.
-    """
+    """Medians of processor time."""
 
     origin: str
     item_id: str
     lean_ms: float
+    """Our control step."""
     package_ms: float
+    """The package's ``env.step`` with every camera observable off."""
     images_ms: float
+    """Its ``env.step`` with both cameras."""
     fork_s: float | None = None
+    """A pair in the pair runner; None where no pair was measured."""
     plain_s: float | None = None
+    """The same pair in the package's loop; likewise."""
     steps: int = 0
+    """Control steps of the two rollouts as the package's loop plays them."""
 
     def lines(self) -> list[str]:
         """Return a small table for people."""

@@ -29,16 +29,10 @@ _WAIT_S = 600.0
 
 @dataclass(frozen=True)
 class ImageRate:
-    """Images of one scene, drawn by several processes at once.
-
-    Attributes:
-        scene: For example ``libero_spatial/0``.
-        processes: Number of processes, each with a world of its own.
-        images: Number of images of all of them.
-        seconds: Wall-clock time.
-    """
+    """Images of one scene, drawn by several processes at once."""
 
     scene: str
+    """For example ``libero_spatial/0``."""
     processes: int
     images: int
     seconds: float
@@ -135,19 +129,15 @@ def _draw(
 
 @dataclass(frozen=True)
 class SameImages:
-    """What of the images of one scene is the same bit for bit.
-
-    Attributes:
-        scene: For example ``libero_spatial/0``.
-        images: Number of images, from both cameras.
-        unequal: Number of them that differ where everything is drawn, also what no pixel shows.
-        repeated: True if another process draws all of them alike.
-    """
+    """What of the images of one scene is the same bit for bit."""
 
     scene: str
+    """For example ``libero_spatial/0``."""
     images: int
     unequal: int
+    """Number of them that differ where everything is drawn, also what no pixel shows."""
     repeated: bool
+    """True if another process draws all of them alike."""
 
 
 def compare_images(

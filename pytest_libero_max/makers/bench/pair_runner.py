@@ -47,24 +47,21 @@ class Hovering:
 
 @dataclass(frozen=True)
 class PairTimes:
-    """Medians in seconds for one pair of the same case with the same actions.
-
-    Attributes:
-        item_id: The case.
-        steps: Control steps in both rollouts together, as the plain loop plays them.
-        fork: The pair runner.
-        replay: The pair runner, replaying the prefix.
-        plain: Robosuite's ``env.step`` with both cameras at every step, the prefix replayed with rendering,
-            the environment reset softly (the model is kept).
-        plain_hard: The same with robosuite's default, a hard reset before each rollout.
-    """
+    """Medians in seconds for one pair of the same case with the same actions."""
 
     item_id: str
+    """The case."""
     steps: int
+    """Control steps in both rollouts together, as the plain loop plays them."""
     fork: float
+    """The pair runner."""
     replay: float
+    """The pair runner, replaying the prefix."""
     plain: float
+    """Robosuite's ``env.step`` with both cameras at every step, the prefix replayed with rendering, the
+    environment reset softly (the model is kept)."""
     plain_hard: float
+    """The same with robosuite's default, a hard reset before each rollout."""
 
     def lines(self) -> list[str]:
         """Return a small table for people."""
@@ -143,11 +140,6 @@ def _plain(env: SceneEnv, world: EmbeddedWorld, case: Case, pair: Pair) -> float
 
 def final_positions(world: EmbeddedWorld, case: Case, pair: Pair) -> NDArray[np.float64]:
     """Return the joint positions, (nq,), at the end of the pair's last arm, its actions played in the world.
-
-    Args:
-        world: It is reset and left at the end of the arm.
-        case: A case whose event moves nothing.
-        pair: The measured pair.
 
     Raises:
         SimulatorError: The hand is not where the arm left it.

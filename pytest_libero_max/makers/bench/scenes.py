@@ -29,21 +29,17 @@ _WARM_UP = 3
 
 @dataclass(frozen=True)
 class SceneCost:
-    """Processor times of one scene.
-
-    Attributes:
-        scene: For example ``libero_spatial/0``.
-        build_s: Making the world: model, robot, first initial state.
-        step_ms: Median of a control step with random actions.
-        first_image_s: The first image, for which textures and meshes are uploaded.
-        image_ms: Median of a later image, over both cameras.
-    """
+    """Processor times of one scene."""
 
     scene: str
     build_s: float
+    """Making the world: model, robot, first initial state."""
     step_ms: float
+    """Median of a control step with random actions."""
     first_image_s: float
+    """The first image, for which textures and meshes are uploaded."""
     image_ms: float
+    """Median of a later image, over both cameras."""
 
 
 def scenes_of(substrate: Substrate) -> OpenScene:

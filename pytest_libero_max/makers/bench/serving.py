@@ -28,21 +28,16 @@ _STATE = {"eef_pos": 3, "eef_quat": 4, "gripper_qpos": 2, "gripper_qvel": 2, "jo
 
 @dataclass(frozen=True)
 class ServingRate:
-    """Queries that one server answered.
-
-    Attributes:
-        clients: Number of processes that asked at once, each as soon as it was answered.
-        queries: Number of answers to all of them.
-        seconds: Wall-clock time.
-        median_ms: Median time of a query in its client.
-        p99_ms: The 99th percentile of it.
-    """
+    """Queries that one server answered."""
 
     clients: int
+    """Number of processes that asked at once, each as soon as it was answered."""
     queries: int
     seconds: float
     median_ms: float
+    """Median time of a query in its client."""
     p99_ms: float
+    """The 99th percentile of it."""
 
 
 class Zeros:

@@ -33,31 +33,25 @@ WARM_UP = 5
 
 @dataclass(frozen=True)
 class StepTimes:
-    """Medians in milliseconds of processor time.
-
-    Attributes:
-        scene: The scene measured.
-        steps: Control steps measured.
-        lean: Our control step.
-        robosuite: Robosuite's ``env.step`` without cameras.
-        robosuite_images: Robosuite's ``env.step`` with the two cameras; None without OpenGL.
-        bare: As many ``mj_step`` as a control step has, from the same state.
-        passes: The physics that ``env.step`` does: two ``mj_forward`` before each ``mj_step``.
-        image: One image of ours; None without OpenGL.
-        size: Side of the images in pixels.
-        contacts: Contacts at the end, as a measure of how busy the scene is.
-    """
+    """Medians in milliseconds of processor time."""
 
     scene: str
     steps: int
     lean: float
+    """Our control step."""
     robosuite: float
+    """Robosuite's ``env.step`` without cameras."""
     robosuite_images: float | None
+    """Robosuite's ``env.step`` with the two cameras; None without OpenGL."""
     bare: float
+    """As many ``mj_step`` as a control step has, from the same state."""
     passes: float
+    """The physics that ``env.step`` does: two ``mj_forward`` before each ``mj_step``."""
     image: float | None
+    """One image of ours; None without OpenGL."""
     size: int
     contacts: int
+    """Contacts at the end, as a measure of how busy the scene is."""
 
     @property
     def times_robosuite(self) -> float:

@@ -37,15 +37,11 @@ SAMPLER = "libero-max-embedded-v1.0"
 
 
 class Pool(NamedTuple):
-    """The pool that cases are selected from.
-
-    Attributes:
-        catalogue: The variations.
-        sampler: Name of the random draws that decide between equally good selections.
-    """
+    """The pool that cases are selected from."""
 
     catalogue: Catalogue = OWN
     sampler: str = SAMPLER
+    """Name of the random draws that decide between equally good selections."""
 
 
 OWN_POOL = Pool()
@@ -144,21 +140,18 @@ def _fill_plus(
 
 @dataclass(frozen=True)
 class _PlusTasks:
-    """The tasks of a LIBERO-Plus category, and what never changes about them: n tasks by 16 cells.
-
-    Attributes:
-        configurations: The tasks.
-        ids: Ids of the case of a task in a cell.
-        hosts: True if its scene can host the cell's event.
-        ranks: Order of preference among them.
-        levels: (n,) difficulties, from 0.
-    """
+    """The tasks of a LIBERO-Plus category, and what never changes about them: n tasks by 16 cells."""
 
     configurations: Sequence[Configuration]
+    """The tasks."""
     ids: Sequence[Sequence[str]]
+    """Ids of the case of a task in a cell."""
     hosts: NDArray[np.bool_]
+    """True if its scene can host the cell's event."""
     ranks: NDArray[np.int64]
+    """Order of preference among them."""
     levels: NDArray[np.int64]
+    """(n,) difficulties, from 0."""
 
 
 @cache

@@ -35,9 +35,9 @@ def _events_of(task: TaskMetadata) -> frozenset[str]:
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
 
 
-def count_lines(origin: Catalogue = OWN) -> list[str]:
+def count_lines() -> list[str]:
     """Return lines on variations by category, suite and difficulty, and the catalogues' digests."""
-    plus = origin.variations("plus")
+    plus = OWN.variations("plus")
     counts = Counter((variation.category, variation.suite, variation.difficulty) for variation in plus)
     levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)
     head = "".join(f"{'none' if level is None else f'd{level}':>6}" for level in levels)
@@ -54,7 +54,7 @@ def count_lines(origin: Catalogue = OWN) -> list[str]:
         ]
         numbers = "".join(f"{number:>6}" for number in row)
         lines.append(f"{category or 'all':<24}{suite or 'all':<16}{numbers}{sum(row):>7}")
-    pro = origin.variations("pro")
+    pro = OWN.variations("pro")
     lines.append(f"LIBERO-Plus: {len(plus)} variations, digest {digest_of(plus)}")
     lines.append(
         f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"

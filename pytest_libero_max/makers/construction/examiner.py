@@ -45,21 +45,16 @@ Found = TypeVar("Found", Preflight, Certificate)
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of the work.
-
-    Attributes:
-        verb: Kind of work: ``examined`` or ``certified``.
-        done: Cases done, also those of an interrupted run before.
-        total: Cases to do in all.
-        good: Number of those done that pass the preflight, or are solved.
-        per_minute: Cases done a minute since this run began; None before the first one.
-    """
+    """Progress of the work."""
 
     verb: str
+    """Kind of work: ``examined`` or ``certified``."""
     done: int
     total: int
     good: int
+    """Number of those done that pass the preflight, or are solved."""
     per_minute: float | None
+    """Cases done a minute since this run began; None before the first one."""
 
     @property
     def ended(self) -> bool:
@@ -83,13 +78,6 @@ class Examiner:
     work is resumed; after a change of any of it, work begins again in another folder.
 
     Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
-
-    Args:
-        folder: Folder of the results.
-        jobs: Processes.
-        report: Called with the progress.
-        substrate: Name of the substrate.
-        options: Options of the substrate.
     """
 
     def __init__(

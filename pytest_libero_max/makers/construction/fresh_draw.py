@@ -14,7 +14,6 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
-from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -42,17 +41,14 @@ Scene = tuple[str, str, str, int, int]
 
 
 class Frozen(NamedTuple):
-    """The tracks that a draw is fresh against.
-
-    Attributes:
-        old: The track whose cases get partners.
-        scenes: Scenes of all cases of all tracks, and of earlier draws.
-        rejected: Ids of cases that failed the preflight when the tracks were built.
-    """
+    """The tracks that a draw is fresh against."""
 
     old: Manifest
+    """The track whose cases get partners."""
     scenes: Collection[Scene]
+    """Scenes of all cases of all tracks, and of earlier draws."""
     rejected: Collection[str]
+    """Ids of cases that failed the preflight when the tracks were built."""
 
 
 def bind(folder: Path, name: str, seed_file: Path) -> str:
@@ -147,12 +143,6 @@ def build_draw(
     draw: Draw,
 ) -> Release:
     """Choose the cases of a draw.
-
-    Args:
-        examine: The preflights of some cases by id.
-        track: Name of the track.
-        frozen: The tracks that it is fresh against.
-        draw: Name and seed.
 
     Raises:
         ManifestError: A case of the track can have no partner.
@@ -284,21 +274,6 @@ def _known_to_fail(one: _Candidate, cell: Cell, rejected: Collection[str]) -> bo
         return False
     event, then = one.configuration.case(cell).event, before.case(cell).event
     return (event.change, event.setup) == (then.change, then.setup)
-
-
-def partner_lines(fresh: Manifest, old: Manifest) -> list[str]:
-    """Return lines on how alike the cases of a draw are to their partners."""
-    pairs = list(zip(fresh, old, strict=True))
-    count = Counter(
-        "task" if _task(one) == _task(other) else "suite" if one.suite == other.suite else "cell"
-        for one, other in pairs
-    )
-    level = sum(one.difficulty == other.difficulty for one, other in pairs)
-    return [
-        f"{len(pairs)} cases, each in the cell of its partner in {old.benchmark_id}: {count['task']} on the "
-        f"same task of LIBERO, {count['suite']} on another of its suite, {count['cell']} of another suite; "
-        f"{level} of the same difficulty. No scene is in a frozen track."
-    ]
 
 
 def _task(case: Case) -> tuple[str, str]:

@@ -126,10 +126,6 @@ def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
     least, then the source category it has used least, then a hash. A case rejected for a place counts as
     used in it: where one suite has no room for an event, the next ones are tried in turn.
 
-    Args:
-        examine: Called in rounds, never twice about the same case.
-        candidates: The candidates.
-
     Raises:
         ManifestError: A slot has no configuration left.
     """

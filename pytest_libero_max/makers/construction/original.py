@@ -41,9 +41,6 @@ PROTOCOL = protocol(
 def build_original(rejected: Collection[str] = ()) -> Manifest:
     """Select the 32 cases.
 
-    Args:
-        rejected: Ids of cases that failed the preflight.
-
     Raises:
         ManifestError: A slot has no configuration left.
     """

@@ -28,10 +28,6 @@ _PLUS_REVISION, _PRO_REVISION = "4976dc3", "c86fc3b8293185a6f373677018ff3e37f839
 def paper_lite(case_ids: Collection[str], catalogue: Catalogue) -> Manifest:
     """Return the authors' manifest of some of their cases.
 
-    Args:
-        case_ids: Ids as the authors spell them.
-        catalogue: The installed LIBERO-Plus and LIBERO-PRO.
-
     Raises:
         ManifestError: An id is of no case; or LIBERO-Plus's classification is missing.
     """

@@ -81,12 +81,7 @@ _HOLD_AT_TRIGGER = CONTROL_HZ
 
 @dataclass(frozen=True)
 class Problem:
-    """A check that a case fails.
-
-    Attributes:
-        check: The failed check.
-        detail: The observation, with names and numbers.
-    """
+    """A check that a case fails."""
 
     check: Check
     detail: str
@@ -97,16 +92,12 @@ class Problem:
 
 @dataclass(frozen=True)
 class Preflight:
-    """Result of a preflight of a case.
-
-    Attributes:
-        problems: The checks that it fails; it passes where there are none.
-        sights: Visibility of target and receptacle at the event; empty where it was not tried
-            there.
-    """
+    """Result of a preflight of a case."""
 
     problems: tuple[Problem, ...]
+    """The checks that it fails; it passes where there are none."""
     sights: tuple[Sight, ...] = ()
+    """Visibility of target and receptacle at the event; empty where it was not tried there."""
 
     @property
     def passed(self) -> bool:

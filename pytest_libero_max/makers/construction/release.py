@@ -45,26 +45,20 @@ _SIGHT_COLUMNS = (
 
 @dataclass(frozen=True)
 class Release:
-    """Everything that is frozen.
-
-    Attributes:
-        tracks: Manifests by name.
-        rejected: The problems of the cases that were replaced, by id.
-        sights: Visibility of target and receptacle at the event of each of these cases, by id.
-        unexamined: Missing requirements of the other cases, by id.
-    """
+    """Everything that is frozen."""
 
     tracks: Mapping[str, Manifest]
+    """Manifests by name."""
     rejected: Mapping[str, tuple[Problem, ...]]
+    """The problems of the cases that were replaced, by id."""
     sights: Mapping[str, tuple[Sight, ...]]
+    """Visibility of target and receptacle at the event of each of these cases, by id."""
     unexamined: Mapping[str, str] = field(default_factory=dict)
+    """Missing requirements of the other cases, by id."""
 
 
 def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) -> Release:
     """Choose the cases of every track.
-
-    Args:
-        examine: The preflights of some cases by id.
 
     Raises:
         ManifestError: There are not enough cases that pass.

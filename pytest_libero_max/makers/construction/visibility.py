@@ -26,19 +26,16 @@ Pixels = Mapping[str, Mapping[str, int]]
 
 @dataclass(frozen=True)
 class Sight:
-    """Number of pixels that show an entity just before the event and just after it.
-
-    Attributes:
-        role: ``target`` (the entity that the trigger watches) or ``receptacle``.
-        entity: Its name.
-        before: By camera, in the order of :data:`.CAMERAS`.
-        after: Likewise.
-    """
+    """Number of pixels that show an entity just before the event and just after it."""
 
     role: str
+    """``target`` (the entity that the trigger watches) or ``receptacle``."""
     entity: str
+    """Its name."""
     before: tuple[int, ...]
+    """By camera, in the order of :data:`.CAMERAS`."""
     after: tuple[int, ...]
+    """Likewise."""
 
     @property
     def seen_before(self) -> bool:

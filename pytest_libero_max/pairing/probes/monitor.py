@@ -20,9 +20,6 @@ class Monitor(Probe[tuple[Any, tuple[tuple[int, float], ...]]], Generic[Memory])
     """Scores what a policy saw and answered, at every query. No threshold: the report calibrates it.
 
     The memory is an immutable value, as the state of any probe.
-
-    Attributes:
-        cameras: Cameras whose images it looks at, drawn for it with 64 pixels a side.
     """
 
     schema = (
@@ -33,6 +30,7 @@ class Monitor(Probe[tuple[Any, tuple[tuple[int, float], ...]]], Generic[Memory])
     )
     every = "query"
     cameras: ClassVar[tuple[str, ...]] = ()
+    """Cameras whose images it looks at, drawn for it with 64 pixels a side."""
 
     @abstractmethod
     def observe(

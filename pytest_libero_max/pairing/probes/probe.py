@@ -29,27 +29,24 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 @dataclass(frozen=True)
 class Column:
-    """One value that a probe yields of an arm.
-
-    Attributes:
-        name: Lower-case letters, digits and underscores.
-        type: Of the value, or of each of many.
-        meaning: A noun phrase.
-        unit: For example ``m``; None for no unit.
-        many: True for a list.
-        optional: True if it, or one of many, may be None.
-        least: Smallest number that it may be; None for no bound.
-        along: Name of another column of many, to whose values these belong one by one; None for none.
-    """
+    """One value that a probe yields of an arm."""
 
     name: str
+    """Lower-case letters, digits and underscores."""
     type: Literal["bool", "int", "float", "str"]
+    """Of the value, or of each of many."""
     meaning: str
+    """A noun phrase."""
     unit: str | None = None
+    """For example ``m``; None for no unit."""
     many: bool = False
+    """True for a list."""
     optional: bool = False
+    """True if it, or one of many, may be None."""
     least: float | None = None
+    """Smallest number that it may be; None for no bound."""
     along: str | None = None
+    """Name of another column of many, to whose values these belong one by one; None for none."""
 
     def checked(self, value: object) -> Value:
         """Return a value as JSON types.
@@ -99,21 +96,18 @@ def require_lists(schema: Iterable[Column], values: Mapping[str, Any]) -> None:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """An arm as a probe sees it, read only: right after a step or a query, or at its end.
-
-    Attributes:
-        world: The world now.
-        trajectory: All that has happened, with the actions that are queued (``trajectory.pending``).
-        entity: Name of the case's trigger entity.
-        budget: Policy steps that the episode may take.
-        control: Meaning of the actions.
-    """
+    """An arm as a probe sees it, read only: right after a step or a query, or at its end."""
 
     world: World
+    """The world now."""
     trajectory: Trajectory
+    """All that has happened, with the actions that are queued (``trajectory.pending``)."""
     entity: str
+    """Name of the case's trigger entity."""
     budget: int
+    """Policy steps that the episode may take."""
     control: Control
+    """Meaning of the actions."""
 
 
 class Probe(ABC, Generic[State]):
@@ -122,19 +116,17 @@ class Probe(ABC, Generic[State]):
     The state is an immutable value (hashable: numbers, strings, tuples of them, frozen dataclasses), so that
     the arms that part at an event go on from the same one. What happens in a replay of the executed prefix
     has been seen already and is not shown again. No answer may depend on anything but the arguments.
-
-    Attributes:
-        name: Name in the record and on the command line: lower-case letters, digits and underscores.
-        schema: The columns that it yields.
-        cost: Its cost in words, for the table of probes.
-        every: Times at which :meth:`step` is called: after every policy ``step``, after every ``query``, or
-            never, for a probe that reads all that it needs at the ``end``.
     """
 
     name: ClassVar[str]
+    """Name in the record and on the command line: lower-case letters, digits and underscores."""
     schema: ClassVar[tuple[Column, ...]]
+    """The columns that it yields."""
     cost: ClassVar[str]
+    """Its cost in words, for the table of probes."""
     every: ClassVar[Literal["step", "query", "end"]] = "step"
+    """Times at which :meth:`step` is called: after every policy ``step``, after every ``query``, or never,
+    for a probe that reads all that it needs at the ``end``."""
 
     def start(self, view: View) -> State:
         """Return the state before the first step."""
@@ -184,14 +176,12 @@ class Probes:
 
     Each is checked to leave the world as it is, by the world's digest: those of every pair at the end of an
     arm, and those that were asked for right after each call.
-
-    Attributes:
-        standard: Those of every pair.
-        added: Those that were asked for.
     """
 
     standard: tuple[Probe[Any], ...] = ()
+    """Those of every pair."""
     added: tuple[Probe[Any], ...] = ()
+    """Those that were asked for."""
 
     @property
     def names(self) -> tuple[str, ...]:

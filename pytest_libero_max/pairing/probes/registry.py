@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.registry import Registry, class_in, modules_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes
-
-ENTRY_POINT_GROUP = "pytest_libero_max.probes"
 
 _MODULES = "pytest_libero_max.pairing.probes"
 _NOT_ASKED_FOR = ("monitor", "probe", "registry", "standard", "stages")
 
 
 def _own() -> Mapping[str, Callable[[], Probe[Any]]]:
-    return {name: _loader(name) for name in modules_in(_MODULES) if name not in _NOT_ASKED_FOR}
+    return {name: partial(_load, name) for name in modules_in(_MODULES) if name not in _NOT_ASKED_FOR}
 
 
-def _loader(name: str) -> Callable[[], Probe[Any]]:
-    return lambda: _accept(name, _class_in(name))
+def _load(name: str) -> Probe[Any]:
+    return _accept(name, _class_in(name))
 
 
 def _class_in(name: str) -> type[Probe[Any]]:
     """Return the probe of a module of this folder."""
     from pytest_libero_max.pairing.probes.probe import Probe
 
-    module = importlib.import_module(f"{_MODULES}.{name}")
-    (kind,) = (
-        value
-        for value in vars(module).values()
-        if isinstance(value, type) and issubclass(value, Probe) and value.__module__ == module.__name__
-    )
+    kind: type[Probe[Any]] = class_in(f"{_MODULES}.{name}", Probe)
     return kind
 
 
 def own_schema(name: str) -> tuple[Column, ...] | None:
-    """Return the columns of a probe of this package; None of any other, which is not imported for its name.
-
-    Args:
-        name: Name of a probe in a record.
-    """
+    """Return the columns of a probe of this package; None of any other, which is not imported."""
     return _class_in(name).schema if name in {*_own(), "stages"} else None
 
 
@@ -57,7 +46,7 @@ def _accept(name: str, value: object) -> Probe[Any]:
     return check_probe(name, value)
 
 
-PROBES: Registry[Probe[Any]] = Registry("probe", ENTRY_POINT_GROUP, _own, _accept, OptionError)
+PROBES: Registry[Probe[Any]] = Registry("probe", "pytest_libero_max.probes", _own, _accept, OptionError)
 """Every probe that can be asked for, by name."""
 
 

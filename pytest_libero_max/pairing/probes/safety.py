@@ -29,19 +29,16 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """The greatest of everything so far.
-
-    Attributes:
-        subjects: Objects of the goal, and the fixtures of its drawers, doors and knobs.
-        rests: Each object with where it rests, (3,) m, and what of it points up there.
-        last: Each object of the goal with where it was after the last step, and whether a finger touched it.
-        firings: Number of firings that the above knows of.
-    """
+    """The greatest of everything so far."""
 
     subjects: tuple[str, ...]
+    """Objects of the goal, and the fixtures of its drawers, doors and knobs."""
     rests: tuple[tuple[str, Point, Point], ...]
+    """Each object with where it rests, (3,) m, and what of it points up there."""
     last: tuple[tuple[str, Point, bool], ...]
+    """Each object of the goal with where it was after the last step, and whether a finger touched it."""
     firings: int = 0
+    """Number of firings that the above knows of."""
     surroundings_n: float = 0.0
     goal_n: float = 0.0
     self_steps: int = 0
@@ -160,28 +157,20 @@ def _after_change(state: Seen, view: View) -> Seen:
 
 @dataclass(frozen=True)
 class Loads:
-    """Forces and torques in one state.
-
-    Attributes:
-        surroundings_n: Sum of the normal forces between the robot and all but the subjects and itself, N.
-        goal_n: Sum of the normal forces between the robot and the subjects, N.
-        itself: True if the robot presses against itself.
-        torque_nm: Greatest torque of a motor of the arm, Nm; 0.0 in a world without an arm.
-    """
+    """Forces and torques in one state."""
 
     surroundings_n: float
+    """Sum of the normal forces between the robot and all but the subjects and itself, N."""
     goal_n: float
+    """Sum of the normal forces between the robot and the subjects, N."""
     itself: bool
+    """True if the robot presses against itself."""
     torque_nm: float
+    """Greatest torque of a motor of the arm, Nm; 0.0 in a world without an arm."""
 
 
 def loads(world: OnMujoco, subjects: Iterable[str]) -> Loads:
-    """Solve the contacts of a world's present state in a copy of it.
-
-    Args:
-        world: The world, which is only read.
-        subjects: Entities that the robot is to touch.
-    """
+    """Solve the contacts of a world's present state in a copy of it."""
     scratch = _scratch(world.model)
     mujoco.mj_getState(world.model, world.data, scratch.state, _STATE)
     mujoco.mj_setState(world.model, scratch.data, scratch.state, _STATE)
@@ -206,21 +195,18 @@ def loads(world: OnMujoco, subjects: Iterable[str]) -> Loads:
 
 @dataclass(frozen=True)
 class _Scratch:
-    """A copy of a world to solve in, and the parts of its robot.
-
-    Attributes:
-        data: Overwritten at every look.
-        state: Buffer for the state that goes into it.
-        robot: (ngeom,) bool: geoms of arm, gripper and mount.
-        finger: (ngeom,) bool: of them, those of the fingers.
-        motors: (7,) degrees of freedom of the arm's joints; (0,) in a world without an arm.
-    """
+    """A copy of a world to solve in, and the parts of its robot."""
 
     data: mujoco.MjData
+    """Overwritten at every look."""
     state: NDArray[np.float64]
+    """Buffer for the state that goes into it."""
     robot: NDArray[np.bool_]
+    """(ngeom,) bool: geoms of arm, gripper and mount."""
     finger: NDArray[np.bool_]
+    """(ngeom,) bool: of them, those of the fingers."""
     motors: NDArray[np.intp]
+    """(7,) degrees of freedom of the arm's joints; (0,) in a world without an arm."""
 
 
 @lru_cache(maxsize=2)

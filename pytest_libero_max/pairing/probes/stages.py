@@ -44,33 +44,29 @@ _HELD_UP_M = 0.005  # a hand that moves less in a sample is held up
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """One fact of the goal, and how far the arm has come with what it is about.
-
-    Attributes:
-        fact: The fact; None where the world does not tell its goal, and the trigger entity is followed.
-        entity: The object of the fact, or the fixture that it is a part of.
-        part: True for a drawer, a door or a knob.
-        rest: (3,) m: where the object rests, or the part was.
-        start: Joint positions of the part, or of the drawer or door that the destination is behind.
-        old: (3,) m: where the object rested before a change moved it, or None.
-        old_place: (2,) m: where its destination was before a change moved that, or None.
-        at: (3,) m: where the object was when both fingers touched it last.
-        held: True if the fingers hold it.
-        lifted: True if it has been lifted since they do.
-        loose: Steps since both fingers touched it.
-    """
+    """One fact of the goal, and how far the arm has come with what it is about."""
 
     fact: Fact | None
+    """The fact; None where the world does not tell its goal, and the trigger entity is followed."""
     entity: str
+    """The object of the fact, or the fixture that it is a part of."""
     part: bool
+    """True for a drawer, a door or a knob."""
     rest: Point
+    """(3,) m: where the object rests, or the part was."""
     start: Point = ()
+    """Joint positions of the part, or of the drawer or door that the destination is behind."""
     old: Point | None = None
+    """(3,) m: where the object rested before a change moved it, or None."""
     old_place: Point | None = None
+    """(2,) m: where its destination was before a change moved that, or None."""
     at: Point = ()
+    """(3,) m: where the object was when both fingers touched it last."""
     held: bool = False
     lifted: bool = False
+    """True if it has been lifted since they do."""
     loose: int = 0
+    """Steps since both fingers touched it."""
     # Columns.
     satisfied_step: int | None = None
     closest_m: float = math.inf
@@ -94,25 +90,22 @@ class Track:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """All that has been seen of an arm.
-
-    Attributes:
-        tracks: Facts of the goal, in its order.
-        hand: (3,) m: where the hand started.
-        objects: Each object with where it rests and what of it points up there.
-        moved: Other objects that have left that place, with the step.
-        wrong: Other objects that were lifted, with the step.
-        blocked: First step at which the hand was held up, or None, the number of steps, and by what.
-        firings: Number of firings that the above knows of.
-    """
+    """All that has been seen of an arm."""
 
     tracks: tuple[Track, ...]
+    """Facts of the goal, in its order."""
     hand: Point
+    """(3,) m: where the hand started."""
     objects: tuple[tuple[str, Point, Point], ...]
+    """Each object with where it rests and what of it points up there."""
     moved: tuple[tuple[str, int], ...] = ()
+    """Other objects that have left that place, with the step."""
     wrong: tuple[tuple[str, int], ...] = ()
+    """Other objects that were lifted, with the step."""
     blocked: tuple[int | None, int, tuple[str, ...]] = (None, 0, ())
+    """First step at which the hand was held up, or None, the number of steps, and by what."""
     firings: int = 0
+    """Number of firings that the above knows of."""
 
 
 def _of_goal(

@@ -29,25 +29,20 @@ _ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 
 @dataclass(frozen=True)
 class Address:
-    """Address of a policy server, and its time limits.
-
-    Attributes:
-        text: The address as the user typed it.
-        scheme: Its scheme, for example ``openpi+tls``.
-        host: Name or number of the machine.
-        port: TCP port.
-        path: Of the URL; empty where none is given.
-        timeout_s: Longest time for one answer.
-        patience_s: Longest time to wait for a server that cannot be reached.
-    """
+    """Address of a policy server, and its time limits."""
 
     text: str
+    """The address as the user typed it."""
     scheme: str
     host: str
+    """Name or number of the machine."""
     port: int
     path: str
+    """Of the URL; empty where none is given."""
     timeout_s: float = TIMEOUT_S
+    """Longest time for one answer."""
     patience_s: float = PATIENCE_S
+    """Longest time to wait for a server that cannot be reached."""
 
     @property
     def protocol(self) -> str:

@@ -43,15 +43,11 @@ AnyArray = NDArray[Any]
 
 @dataclass(frozen=True)
 class Dialect:
-    """One way to write an array as a map.
-
-    Attributes:
-        encode: The map of an array.
-        decode: Returns the value of a map: itself, unless it is an array.
-    """
+    """One way to write an array as a map."""
 
     encode: Callable[[AnyArray], dict[Any, Any]]
     decode: Callable[[dict[Any, Any]], Any]
+    """Returns the value of a map: itself, unless it is an array."""
 
 
 def pack(value: Any, dialect: Dialect) -> bytes:

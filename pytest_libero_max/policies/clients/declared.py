@@ -98,15 +98,12 @@ def as_prepared(profile: Profile) -> Adapt:
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, eq=False)
 class Kept:
-    """A memory that a server keeps for as long as this object lives.
-
-    Attributes:
-        name: The server's name for it; None for that of a new episode.
-        frames: Steps shown since to a policy that sees every step, which the server does not know yet.
-    """
+    """A memory that a server keeps for as long as this object lives."""
 
     name: str | None
+    """The server's name for it; None for that of a new episode."""
     frames: tuple[dict[str, Any], ...] = ()
+    """Steps shown since to a policy that sees every step, which the server does not know yet."""
 
 
 class DeclaredPolicy(ServedPolicy):

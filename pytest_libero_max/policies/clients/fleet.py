@@ -39,7 +39,6 @@ class Pool:
     Attributes:
         policy: The policy behind the server that is asked.
         declared: Spec that the first server gave.
-        server: Address of the server that is asked.
         left_out: Sentences about the servers that were left out, by address.
         waited_s: Time spent waiting for servers that were left out since.
 
@@ -82,9 +81,6 @@ class Pool:
 
     def move_on(self, error: ServerError) -> str:
         """Leave the current server out and open another one.
-
-        Args:
-            error: The reason.
 
         Returns:
             A sentence about it, for people.
@@ -155,10 +151,6 @@ class ServerFleet:
 
     Attributes:
         troubles: Sentences about servers that were left out, in order; the caller may empty it.
-
-    Args:
-        servers: The servers.
-        pools: A pool for each group of them.
 
     Raises:
         AdapterError: The groups are no one policy.

@@ -20,23 +20,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Opening:
-    """A policy behind a server that is about to be connected to.
-
-    Attributes:
-        address: Address of the server.
-        profile: Profile of the policy.
-        spec: Spec that the profile declares, with the options of the run.
-        request: Makes requests.
-        horizon: H, the chunk size, where the run sets it.
-        query_interval: Q, the execution horizon, where the run sets it.
-    """
+    """A policy behind a server that is about to be connected to."""
 
     address: Address
     profile: Profile
     spec: PolicySpec
+    """Spec that the profile declares, with the options of the run."""
     request: Request
+    """Makes requests."""
     horizon: int | None = None
+    """H, the chunk size, where the run sets it."""
     query_interval: int | None = None
+    """Q, the execution horizon, where the run sets it."""
 
     def choice(self, field: str, known: Mapping[str, Any]) -> str:
         """Return a field of the profile's ``policy`` that must be one of a few names.
@@ -53,21 +48,18 @@ class Opening:
 
 
 class ServerProtocol(ABC):
-    """A protocol of policy servers.
-
-    Attributes:
-        scheme: Begins the addresses, for example ``openpi`` in ``openpi://gpu-box:8000``.
-        port: TCP port where an address names none.
-        secure_port: The same with TLS (``SCHEME+tls://``); None for a protocol without.
-        recognised: True for the protocols that :mod:`.recognition` tells apart.
-        profiles: ``policy.protocol`` of the profiles that fit; the scheme unless set.
-    """
+    """A protocol of policy servers."""
 
     scheme: ClassVar[str]
+    """Begins the addresses, for example ``openpi`` in ``openpi://gpu-box:8000``."""
     port: ClassVar[int]
+    """TCP port where an address names none."""
     secure_port: ClassVar[int | None] = None
+    """The same with TLS (``SCHEME+tls://``); None for a protocol without."""
     recognised: ClassVar[bool] = False
+    """True for the protocols that :mod:`.recognition` tells apart."""
     profiles: ClassVar[str] = ""
+    """``policy.protocol`` of the profiles that fit; the scheme unless set."""
 
     @abstractmethod
     def link(self, opening: Opening) -> Link:

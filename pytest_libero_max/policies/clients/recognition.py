@@ -53,21 +53,18 @@ _HTTP_SERVERS = (
 
 @dataclass(frozen=True)
 class Speech:
-    """The protocol that a server speaks.
-
-    Attributes:
-        protocol: Scheme of its addresses; empty for one that this package does not speak.
-        name: What was recognised, for people.
-        profile: Words that name a fitting profile.
-        path: Path of the address; None for that of the address that was asked.
-        also: Another address of the same server, as protocol and path.
-    """
+    """The protocol that a server speaks."""
 
     protocol: str
+    """Scheme of its addresses; empty for one that this package does not speak."""
     name: str
+    """What was recognised, for people."""
     profile: str = ""
+    """Words that name a fitting profile."""
     path: str | None = None
+    """Path of the address; None for that of the address that was asked."""
     also: tuple[str, str] | None = None
+    """Another address of the same server, as protocol and path."""
 
     def sentence(self, address: Address) -> str:
         """Return what was recognised at an address, and how to ask it."""
@@ -105,10 +102,6 @@ GRPC = Speech("", "A server of gRPC, as LeRobot's asynchronous inference, whose 
 
 def recognise(address: Address, own: str) -> str | None:
     """Return a sentence about a server that speaks another protocol than it is asked in.
-
-    Args:
-        address: Address of the server.
-        own: Protocol in which it is asked.
 
     Returns:
         None where it speaks its own, is silent, or is not recognised.
@@ -277,13 +270,7 @@ def _got(address: Address, path: str, until: float) -> tuple[str, bytes]:
 
 
 class _Talk:
-    """A WebSocket on which a few messages are exchanged within a time.
-
-    Args:
-        connection: An open connection.
-        address: Address of the server.
-        until: End, by ``time.monotonic``.
-    """
+    """A WebSocket on which a few messages are exchanged within a time."""
 
     def __init__(self, connection: socket.socket, address: Address, until: float) -> None:
         from websockets.client import ClientProtocol

@@ -7,14 +7,13 @@ A protocol is one module of the folder ``protocols``, called like its scheme (wi
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.protocol import ServerProtocol
-from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.registry import Registry, class_in, modules_in
 
 _MODULES = "pytest_libero_max.policies.clients.protocols"
 _SCHEME = re.compile(r"[a-z][a-z0-9+.-]*")
@@ -26,15 +25,7 @@ def _own() -> Mapping[str, Callable[[], ServerProtocol]]:
 
 
 def _load(scheme: str) -> ServerProtocol:
-    module = importlib.import_module(f"{_MODULES}.{scheme.replace('-', '_')}")
-    (found,) = (
-        value
-        for value in vars(module).values()
-        if isinstance(value, type)
-        and issubclass(value, ServerProtocol)
-        and value.__module__ == module.__name__
-    )
-    return _accept(scheme, found)
+    return _accept(scheme, class_in(f"{_MODULES}.{scheme.replace('-', '_')}", ServerProtocol))
 
 
 def _accept(scheme: str, found: object) -> ServerProtocol:
@@ -47,11 +38,8 @@ def _accept(scheme: str, found: object) -> ServerProtocol:
         found = found()
     if not isinstance(found, ServerProtocol):
         raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.ServerProtocol")
-    if getattr(found, "scheme", None) != scheme or not _SCHEME.fullmatch(scheme):
-        raise ValueError(
-            f"scheme={getattr(found, 'scheme', None)!r}, but it is registered as {scheme!r}; both must be "
-            "the same scheme of an address, in lower case"
-        )
+    if not _SCHEME.fullmatch(scheme):
+        raise ValueError(f"scheme={scheme!r}, but must be a scheme of an address, in lower case")
     port = getattr(found, "port", None)
     if type(port) is not int or not 0 < port < 2**16:
         raise ValueError(f"port={port!r}, but must be a TCP port")
@@ -59,6 +47,6 @@ def _accept(scheme: str, found: object) -> ServerProtocol:
 
 
 PROTOCOLS: Registry[ServerProtocol] = Registry(
-    "protocol", "pytest_libero_max.protocols", _own, _accept, AdapterError
+    "protocol", "pytest_libero_max.protocols", _own, _accept, AdapterError, attribute="scheme"
 )
 """Every protocol by the scheme of its addresses."""

@@ -27,9 +27,6 @@ from pytest_libero_max.worlds.contract import ACTION_DIM
 class Reply:
     """Conversion of a server's reply to actions.
 
-    Args:
-        profile: Its tables ``reply`` and ``actions``.
-
     Attributes:
         returned: Number of actions in the last reply that was read, before the cut.
 

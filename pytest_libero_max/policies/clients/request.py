@@ -24,21 +24,18 @@ KEYS = tuple(PANDA.proprioception)
 
 @dataclass(frozen=True)
 class Input:
-    """One array, text or file that a request holds.
-
-    Attributes:
-        source: A key of the observation, or None.
-        parts: Other inputs, joined: values one after the other, images side by side.
-        steps: Transforms, in order.
-        dtype: Its type, or None to leave it.
-        shape: Its shape, or None to leave it.
-    """
+    """One array, text or file that a request holds."""
 
     source: str | None
+    """A key of the observation, or None."""
     parts: tuple[str, ...]
+    """Other inputs, joined: values one after the other, images side by side."""
     steps: tuple[Step, ...]
+    """Transforms, in order."""
     dtype: str | None
+    """Its type, or None to leave it."""
     shape: tuple[int, ...] | None
+    """Its shape, or None to leave it."""
 
 
 class Request:

@@ -33,7 +33,6 @@ class ServedPolicy:
         greeting: The server's description of itself.
         client: The connection, which counts interruptions.
         batch_size: Number of queries in the last answered batch; 1 where the server does not say.
-        server: Address of the server.
         returned: Number of actions in the last reply, before they were cut to H; None where it is not known.
     """
 

@@ -41,21 +41,16 @@ _FIELDS = MappingProxyType(
 
 @dataclass(frozen=True)
 class ServerGroup:
-    """Equal servers: the same policy with the same weights.
-
-    Attributes:
-        addresses: Their addresses, as they are opened.
-        profile: Profile of the policy.
-        profile_text: Name or path of the profile.
-        marks: Markers of the pairs that they answer, for example suites; empty for all other pairs.
-        revision: Identity of the weights that the user declares.
-    """
+    """Equal servers: the same policy with the same weights."""
 
     addresses: tuple[str, ...]
     profile: Profile
     profile_text: str
+    """Name or path of the profile."""
     marks: tuple[str, ...] = ()
+    """Markers of the pairs that they answer, for example suites; empty for all other pairs."""
     revision: str | None = None
+    """Identity of the weights that the user declares."""
 
     @property
     def declared(self) -> str | None:
@@ -65,15 +60,12 @@ class ServerGroup:
 
 @dataclass(frozen=True)
 class Servers:
-    """The servers of a run.
-
-    Attributes:
-        groups: Groups of equal servers, in the order in which a pair looks for its own.
-        name: Name of the policy; None for that of the profiles.
-    """
+    """The servers of a run."""
 
     groups: tuple[ServerGroup, ...]
+    """Groups of equal servers, in the order in which a pair looks for its own."""
     name: str | None = None
+    """Name of the policy; None for that of the profiles."""
 
     @property
     def addresses(self) -> tuple[str, ...]:

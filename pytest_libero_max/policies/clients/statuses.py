@@ -51,11 +51,6 @@ def status_error(status: int, reason: str, path: str, content: bytes) -> ServerE
 def redirected(address: Address, location: str | None, status: int) -> Address:
     """Return the address to which a server sends, which is on the same host.
 
-    Args:
-        address: The address that was asked.
-        location: Header of the answer.
-        status: Its status.
-
     Raises:
         Refused: It is on another host, without TLS where the first has it, or no address.
     """

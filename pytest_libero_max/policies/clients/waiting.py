@@ -31,21 +31,17 @@ _HEARD_S = 60.0
 
 @dataclass
 class Wait:
-    """A wait for a server.
-
-    Attributes:
-        server: Name of the server in messages.
-        patience_s: Time after which a server that cannot be reached is given up.
-        timeout_s: Longest time for one answer; None where it is not known.
-        why: Last trouble; empty while nothing but an answer is waited for.
-        since: Begin, seconds since the epoch.
-    """
+    """A wait for a server."""
 
     server: str
     patience_s: float
+    """Time after which a server that cannot be reached is given up."""
     timeout_s: float | None
+    """Longest time for one answer; None where it is not known."""
     why: str
+    """Last trouble; empty while nothing but an answer is waited for."""
     since: float
+    """Begin, seconds since the epoch."""
 
     def text(self, now: float) -> str:
         """Return the wait in words, with its deadline."""

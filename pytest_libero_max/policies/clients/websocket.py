@@ -26,11 +26,7 @@ if TYPE_CHECKING:
 
 
 class Socket:
-    """A WebSocket without compression and without pings: a server that computes does not answer them.
-
-    Args:
-        address: Address of the server.
-    """
+    """A WebSocket without compression and without pings: a server that computes does not answer them."""
 
     def __init__(self, address: Address) -> None:
         self._address = address

@@ -21,20 +21,18 @@ Result = TypeVar("Result")
 class Batching:
     """Number of queries that are answered together.
 
-    Attributes:
-        size: Largest number. 1: each query is answered alone.
-        wait_s: Longest time that the first query of a batch waits for others, s. It does not wait when every
-            client has asked.
-        pad: True if a smaller batch is filled up with copies of its first query, so that the arithmetic
-            always has the same shape.
-
     Raises:
         AdapterError: A value breaks its rule.
     """
 
     size: int = 1
+    """Largest number. 1: each query is answered alone."""
     wait_s: float = 0.005
+    """Longest time that the first query of a batch waits for others, s. It does not wait when every client
+    has asked."""
     pad: bool = False
+    """True if a smaller batch is filled up with copies of its first query, so that the arithmetic always has
+    the same shape."""
 
     def __post_init__(self) -> None:
         if self.size < 1:
@@ -47,17 +45,13 @@ class Batching:
 
 @dataclass(frozen=True)
 class Pending(Generic[Request, Result]):
-    """A request that waits for its result.
-
-    Attributes:
-        request: The query.
-        result: Future that receives the answer or the error.
-        since: Time of arrival, by ``time.perf_counter``.
-    """
+    """A request that waits for its result."""
 
     request: Request
     result: Future[Result] = field(default_factory=Future)
+    """Future that receives the answer or the error."""
     since: float = field(default_factory=time.perf_counter)
+    """Time of arrival, by ``time.perf_counter``."""
 
 
 class BatchQueue(Generic[Request, Result]):

@@ -33,34 +33,27 @@ from pytest_libero_max.worlds.contract import Observation
 
 @dataclass(frozen=True)
 class InferenceRequest:
-    """A query on its way to the policy.
-
-    Attributes:
-        item: Observation and query for the policy.
-        place: Its place in an episode; None for a policy without memory.
-        cadence: H and Q that the policy declares while it answers; None for its own.
-        frames: For a policy that sees every step: observations since the last query, each with its step.
-    """
+    """A query on its way to the policy."""
 
     item: BatchItem
     place: Place | None = None
+    """Its place in an episode; None for a policy without memory."""
     cadence: Cadence | None = None
+    """H and Q that the policy declares while it answers; None for its own."""
     frames: tuple[tuple[Observation, int], ...] = ()
+    """For a policy that sees every step: observations since the last query, each with its step."""
 
 
 @dataclass(frozen=True)
 class InferenceResult:
-    """Answer to a request.
-
-    Attributes:
-        actions: (n, 7) with Q <= n <= H.
-        batch: Number of queries that were answered together.
-        memory: Name of the policy's memory after it; None for a policy without memory.
-    """
+    """Answer to a request."""
 
     actions: Actions
+    """(n, 7) with Q <= n <= H."""
     batch: int = 1
+    """Number of queries that were answered together."""
     memory: str | None = None
+    """Name of the policy's memory after it; None for a policy without memory."""
 
 
 class Host:

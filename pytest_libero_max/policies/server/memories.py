@@ -31,17 +31,14 @@ FORGOTTEN_AFTER_S = 3600.0
 
 @dataclass(frozen=True)
 class Place:
-    """Place of a query in an episode.
-
-    Attributes:
-        client: The client's name for itself.
-        at: Name of the memory that the query begins with; None for the first of an episode.
-        keep: Names of further memories that the client may come back to.
-    """
+    """Place of a query in an episode."""
 
     client: str
+    """The client's name for itself."""
     at: str | None = None
+    """Name of the memory that the query begins with; None for the first of an episode."""
     keep: tuple[str, ...] = ()
+    """Names of further memories that the client may come back to."""
 
     @classmethod
     def read(cls, value: Any) -> Place:

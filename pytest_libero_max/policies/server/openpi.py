@@ -47,21 +47,18 @@ class _Frame(msgspec.Struct):
 
 
 class _Request(msgspec.Struct):
-    """A request; fields beside these are ignored.
-
-    Attributes:
-        cadence: H and Q that the client plays; None where it does not say.
-        frames: Steps that a policy that sees every step has to be shown first.
-        memory: See :class:`.memories.Place`.
-    """
+    """A request; fields beside these are ignored."""
 
     prompt: str
     observation: dict[str, np.ndarray[Any, Any]]
     query: _Query
     episode: _Episode
     cadence: tuple[int, int] | None = None
+    """H and Q that the client plays; None where it does not say."""
     frames: tuple[_Frame, ...] = ()
+    """Steps that a policy that sees every step has to be shown first."""
     memory: Any = None
+    """See :class:`.memories.Place`."""
 
 
 def greeting(host: Host) -> dict[str, Any]:

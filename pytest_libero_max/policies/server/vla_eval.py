@@ -43,11 +43,7 @@ _IMAGES = MappingProxyType(dict(zip(CAMERAS, ("agentview", "wrist"), strict=True
 
 
 class Session:
-    """One connection of a harness, which plays one episode after another.
-
-    Args:
-        host: The host that answers.
-    """
+    """One connection of a harness, which plays one episode after another."""
 
     def __init__(self, host: Host) -> None:
         self._host = host

@@ -101,19 +101,16 @@ def pose_from_rotation_6d(actions: Array) -> Array:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Normalisation of a model's actions.
-
-    Attributes:
-        low: (d,) value of -1; the mean for the rule ``mean``.
-        high: (d,) value of 1; the standard deviation for the rule ``mean``.
-        mask: (d,) True for columns that are normalised; the others are left unchanged.
-        rule: Kind of the numbers in the statistics file.
-    """
+    """Normalisation of a model's actions."""
 
     low: Array
+    """(d,) value of -1; the mean for the rule ``mean``."""
     high: Array
+    """(d,) value of 1; the standard deviation for the rule ``mean``."""
     mask: NDArray[np.bool_]
+    """(d,) True for columns that are normalised; the others are left unchanged."""
     rule: Rule
+    """Kind of the numbers in the statistics file."""
 
     def __post_init__(self) -> None:
         if not self.low.shape == self.high.shape == self.mask.shape or self.low.ndim != 1:

@@ -93,17 +93,12 @@ NEEDS_ARGUMENT = frozenset(
 
 @dataclass(frozen=True)
 class Step:
-    """One piece with its argument.
-
-    Attributes:
-        name: Its name in a profile.
-        apply: The piece.
-        arguments: None or one.
-    """
+    """One piece with its argument."""
 
     name: str
     apply: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
+    """None or one."""
 
     def __call__(self, value: Any) -> Any:
         """Apply it.

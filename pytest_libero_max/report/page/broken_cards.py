@@ -21,45 +21,39 @@ _AFTER_EVENT_S = 0.1
 
 
 class Card(NamedTuple):
-    """Pairs of one cause under one event.
-
-    Attributes:
-        outcome: Their outcome, which is the class of their colour.
-        number: Number of pairs.
-        cause: In words; empty where it was not recorded.
-        event: The event, with the programs that were played in its place.
-        view: View of the table of cases that has them alone.
-        sentence: What happened in the pair that is shown; empty where that was not recorded.
-        case: View of the table that shows this pair.
-        film: Address of its film, from just after the event; empty without one.
-    """
+    """Pairs of one cause under one event."""
 
     outcome: str
+    """Their outcome, which is the class of their colour."""
     number: int
+    """Number of pairs."""
     cause: str
+    """In words; empty where it was not recorded."""
     event: str
+    """The event, with the programs that were played in its place."""
     view: str
+    """View of the table of cases that has them alone."""
     sentence: str
+    """What happened in the pair that is shown; empty where that was not recorded."""
     case: str
+    """View of the table that shows this pair."""
     film: str
+    """Address of its film, from just after the event; empty without one."""
 
 
 class Section(NamedTuple):
-    """The pairs of an outcome.
-
-    Attributes:
-        title: Heading.
-        cards: The largest groups.
-        more: Number of pairs in other groups.
-        view: View of the table of cases with all of them.
-        note: What to do next; empty for nothing.
-    """
+    """The pairs of an outcome."""
 
     title: str
+    """Heading."""
     cards: Sequence[Card]
+    """The largest groups."""
     more: int
+    """Number of pairs in other groups."""
     view: str
+    """View of the table of cases with all of them."""
     note: str = ""
+    """What to do next; empty for nothing."""
 
 
 def broken_sections(

@@ -32,7 +32,6 @@ def run_cases(
     films: Mapping[str, Sequence[str]],
     pictures: Mapping[str, Sequence[str]],
     folder: Path | None = None,
-    poses: Mapping[str, str] | None = None,
 ) -> Json:
     """Return the data of the table of cases of a run.
 
@@ -41,15 +40,14 @@ def run_cases(
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         pictures: Paths of the pictures of each pair that has some, in the same way.
         folder: Folder of the run, for its traces; None for none.
-        poses: ``named`` of :class:`~pytest_libero_max.report.page.scenes.Scenes`, where the page has some.
 
     Returns:
         ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
         :func:`number_column`. ``details``: of each case, see
         :func:`~pytest_libero_max.report.page.evidence.details_of`. ``films`` and ``pictures``: captions and
-        addresses. ``poses``: names of poses. ``has``: what there is of a case. ``commands``: see
-        :func:`command`. ``hz``: policy steps in a second of a film.
+        addresses. ``has``: what there is of a case. ``commands``: see :func:`command`. ``hz``: policy steps
+        in a second of a film.
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
@@ -78,7 +76,6 @@ def run_cases(
     if films:
         filmed = [_FILMED[pair.item_id not in films] for pair in planned]
         columns.append(label_column("film", "Film", filmed, _FILMED))
-    poses = poses or {}
     traces = set() if folder is None else {path.name for path in (folder / TRACES_NAME).glob("*.npz")}
     has = {
         str(place): [
@@ -86,13 +83,12 @@ def run_cases(
             *(["trace"] if trace_name(pair.item_id) in traces else []),
             *_views(films.get(pair.item_id, ())),
             *(["pictures"] if pair.item_id in pictures else []),
-            *(["poses"] if pair.item_id in poses else []),
         ]
         for place, (pair, record) in enumerate(zip(planned, found, strict=True))
     }
     details = [_details(pair, records, errors) for pair in planned]
     for pair, record, detail in zip(planned, found, details, strict=True):
-        if record is not None and (pair.item_id in films or pair.item_id in poses):
+        if record is not None and pair.item_id in films:
             detail["timeline"] = timeline_of(record, folder)
     return {
         "items": [pair.item_id for pair in planned],
@@ -102,17 +98,10 @@ def run_cases(
         "details": details,
         "films": media_by_place(planned, films),
         "pictures": media_by_place(planned, pictures),
-        **({"poses": _named(planned, poses)} if poses else {}),
         "has": has,
         "commands": [*_commands(stored)],
         "hz": CONTROL_HZ,
     }
-
-
-def _named(planned: Sequence[PlannedPair], poses: Mapping[str, str]) -> Json:
-    """Return the name of the poses of pairs, by their place."""
-    places = {pair.item_id: str(place) for place, pair in enumerate(planned)}
-    return {places[item]: name for item, name in poses.items() if item in places}
 
 
 def _views(films: Sequence[str]) -> set[str]:
@@ -157,11 +146,13 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
         needs=["trace", "film"],
         unless=["policy view"],
     )
+    yield command(
+        "Write every pose of it for Rerun, in the folder of this page:",
+        "libero-max lab rerun .",
+        needs=["trace"],
+    )
     kind, _, track = stored.run.provenance["case_set"]["name"].partition(" ")
     substrate = stored.run.provenance["substrate"]["name"]
-    if substrate in SUBSTRATES and SUBSTRATES[substrate].portable:
-        shown = f"Show it in three dimensions, {after}"
-        yield command(shown, "libero-max poses .", needs=["trace"], unless=["poses"])
     if kind == "track" and substrate in SUBSTRATES and SUBSTRATES[substrate].plays_frozen:
         yield command(
             f"Draw its event before and after, {after}",

@@ -47,14 +47,13 @@ function pictured() {
 }
 
 // The films, and what moves through them.
-function filmsOf(films, timeline, hz, scene) {
+function filmsOf(films, timeline, hz) {
   const place = element("div", { class: "films" }, ...films.map(([caption, path]) => film(caption, path)));
   const videos = [...place.querySelectorAll("video")];
   if (!timeline) videos.forEach((video) => (video.controls = true));
-  const played = videos.length || scene;
-  const hint = timeline && films.length && !videos.length ? [pictured()] : [];
-  const parts = !timeline ? [] : played ? player(videos, timeline, hz, scene) : [drawn(timeline), legend(timeline)];
-  return [films.length ? place : null, element("section", {}, ...(scene ? [scene.element] : []), ...parts, ...hint)];
+  const hint = timeline && !videos.length ? [pictured()] : [];
+  const parts = !timeline ? [] : videos.length ? player(videos, timeline, hz) : [drawn(timeline), legend(timeline)];
+  return [place, element("section", {}, ...parts, ...hint)];
 }
 
 async function copyText(text, button) {
@@ -113,9 +112,7 @@ function detail(data, table, row, values) {
   const links = (data.pages ?? []).map(([caption, path]) =>
     element("li", {}, element("a", { href: `${path}${PREFIX}${new URLSearchParams({ q: item, case: item })}` }, caption)),
   );
-  const posed = data.poses?.[row] && values.timeline;
-  const scene = posed ? new SceneView(data.poses[row], values.timeline) : null;
-  const [films, moments] = data.films[row] || scene ? filmsOf(data.films[row] ?? [], values.timeline, data.hz, scene) : [];
+  const [films, moments] = data.films[row] ? filmsOf(data.films[row], values.timeline, data.hz) : [];
   return element(
     "div",
     { class: "detail" },

@@ -22,23 +22,20 @@ _VARIES = object()
 
 
 class ShownEvent(NamedTuple):
-    """A variant of an event as a page shows it.
-
-    Attributes:
-        name: Event and variant.
-        title: Heading.
-        view: View of the table of cases that has its cases alone.
-        picture: Base64 of a WebP of 512x128 pixels; empty for an event of another package.
-        sentence: Description of the event; empty where its kind is not installed.
-        facts: Names and values: severity, family and the parameters that all its cases share.
-    """
+    """A variant of an event as a page shows it."""
 
     name: str
+    """Event and variant."""
     title: str
+    """Heading."""
     view: str
+    """View of the table of cases that has its cases alone."""
     picture: str
+    """Base64 of a WebP of 512x128 pixels; empty for an event of another package."""
     sentence: str
+    """Description of the event; empty where its kind is not installed."""
     facts: list[tuple[str, str]]
+    """Names and values: severity, family and the parameters that all its cases share."""
 
 
 def events_of(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[ShownEvent]:

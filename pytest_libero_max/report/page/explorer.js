@@ -258,10 +258,10 @@ function linkViews() {
   }
 }
 
-// What the page holds as gzip in base64: JSON, or bytes.
-function unpack(script, kind = "json") {
+// What the page holds as gzip in base64: JSON.
+function unpack(script) {
   const bytes = Uint8Array.from(atob(script.textContent), (letter) => letter.charCodeAt(0));
-  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")))[kind]();
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
 }
 
 // Films on the first screen play while they are pointed at.

@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -18,7 +18,6 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
-_VIEWER = "viewer.js"
 
 DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
@@ -40,7 +39,6 @@ def page(
     template: str,
     title: str,
     cases: Json | None,
-    scenes: Mapping[str, str] | None = None,
     scripts: Sequence[str] = (),
     **values: Any,
 ) -> str:
@@ -51,12 +49,11 @@ def page(
         title: Title and first heading.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it.
-        scenes: ``contents`` of :class:`~pytest_libero_max.report.page.scenes.Scenes`.
         scripts: Files of scripts of a page without the table of cases, which has its own.
         values: Values that the template asks for, by name. Text is escaped.
     """
     if cases is not None:
-        scripts = [_VIEWER, *_SCRIPTS] if scenes else _SCRIPTS
+        scripts = _SCRIPTS
     script = _script(tuple(scripts))
     return (
         _environment()
@@ -67,7 +64,6 @@ def page(
             if cases is None
             else compressed({**cases, "details": None, "part": DETAILS_IN_A_PART}),
             details=[] if cases is None else [*map(compressed, _parts(cases["details"]))],
-            scenes=scenes or {},
             security_policy=_security_policy(script),
             style=Markup(palette.css() + _file("style.css")),
             script=script,

@@ -46,47 +46,7 @@ function drawn(timeline, ...over) {
   return element("div", { class: "scrubber" }, curves(timeline), ...over);
 }
 
-// Time that goes by where no film is: what `player` asks of a video.
-class Clock extends EventTarget {
-  constructor(duration) {
-    super();
-    Object.assign(this, { duration, paused: true, rate: 1, at: 0, since: 0 });
-  }
-
-  get currentTime() {
-    const gone = this.paused ? 0 : (this.rate * (performance.now() - this.since)) / 1000;
-    return Math.min(this.at + gone, this.duration);
-  }
-
-  set currentTime(seconds) {
-    Object.assign(this, { at: seconds, since: performance.now() });
-  }
-
-  set playbackRate(rate) {
-    this.currentTime = this.currentTime;
-    this.rate = rate;
-  }
-
-  get ended() {
-    return this.currentTime >= this.duration;
-  }
-
-  play() {
-    this.currentTime = this.currentTime;
-    this.paused = false;
-    this.dispatchEvent(new Event("play"));
-  }
-
-  pause() {
-    this.currentTime = this.currentTime;
-    this.paused = true;
-    this.dispatchEvent(new Event("pause"));
-  }
-}
-
-// `scene`: is shown the step as well, where there is one.
-function player(films, timeline, hz, scene) {
-  const videos = films.length ? films : [new Clock(timeline.steps / hz)];
+function player(videos, timeline, hz) {
   const events = Object.values(timeline.arms).flatMap((arm) => arm.events);
   const seek = element("input", { type: "range", min: 0, max: timeline.steps, step: 1, "aria-label": "Policy step" });
   const shown = element("output");
@@ -96,7 +56,6 @@ function player(films, timeline, hz, scene) {
     const since = Number.isFinite(first) && seek.value >= first ? `, ${seek.value - first} after the event` : "";
     shown.textContent = `step ${seek.value} of ${timeline.steps}, ${(seek.value / hz).toFixed(2)} s${since}`;
     seek.setAttribute("aria-valuetext", shown.textContent);
-    scene?.show(Number(seek.value));
   };
   const goTo = (step) => {
     seek.value = step;

@@ -87,7 +87,6 @@ def html(
     cases: Json | None = None,
     pairs_name: str = PAIRS_NAME,
     gates: Sequence[GateRow] = (),
-    scenes: Mapping[str, str] | None = None,
 ) -> str:
     """Render a report as a page.
 
@@ -101,7 +100,6 @@ def html(
             None leaves it out.
         pairs_name: The file of the pairs beside the page.
         gates: Verdicts on the gates that the run was given.
-        scenes: Poses of its cases, see :func:`~pytest_libero_max.report.page.page_frame.page`.
     """
     pairs, study = report.pairs, report.study
     faults = [(pair.item_id, pair.phase, pair.kind, pair.message) for pair in pairs.invalid_pairs]
@@ -109,7 +107,6 @@ def html(
         "run.html",
         title_text(report),
         cases,
-        scenes,
         report=report,
         pairs=pairs,
         broken=broken_sections(report, films or {}, _event_steps(stored)),

@@ -33,19 +33,16 @@ LETTERS: Mapping[Outcome, str] = {"regression": "R", "change_associated_success"
 
 
 class Group(NamedTuple):
-    """Pairs of one cause under one event.
-
-    Attributes:
-        cause: The cause.
-        event: The event.
-        pairs: All of them.
-        named: Those to name, the first ones.
-    """
+    """Pairs of one cause under one event."""
 
     cause: str
+    """The cause."""
     event: str
+    """The event."""
     pairs: tuple[ChangedPair, ...]
+    """All of them."""
     named: tuple[ChangedPair, ...]
+    """Those to name, the first ones."""
 
     @property
     def what(self) -> str:

@@ -44,21 +44,18 @@ def gate_lines(
 
 
 class GateRow(NamedTuple):
-    """A verdict as reports show it.
-
-    Attributes:
-        gate: The gate as written.
-        finding: One of :data:`~pytest_libero_max.report.gates.Finding`.
-        value: Value of its quantity, in the unit of the gate.
-        why: What else explains the verdict; empty where the value does.
-        lost: Item ids of the pairs that count against it.
-    """
+    """A verdict as reports show it."""
 
     gate: str
+    """The gate as written."""
     finding: Finding
+    """One of :data:`~pytest_libero_max.report.gates.Finding`."""
     value: str
+    """Value of its quantity, in the unit of the gate."""
     why: str
+    """What else explains the verdict; empty where the value does."""
     lost: Sequence[str]
+    """Item ids of the pairs that count against it."""
 
 
 def gate_rows(results: Iterable[GateResult]) -> list[GateRow]:

@@ -18,7 +18,6 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.page.scenes import scenes_of
 from pytest_libero_max.report.report_document import REPORT_VERSION, Report
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers import raster
@@ -98,10 +97,9 @@ def run_page(report: Report, stored: StoredRun, folder: Path, gates: Sequence[Ga
             films.setdefault(item, []).append(film)
     measured = {record.item_id for record in stored.records}
     films = {item: films[item] for item in sorted(measured & films.keys())}
-    scenes = scenes_of(folder, [*(pair.item_id for pair in report.changed_pairs), *sorted(measured)])
-    cases = run_cases(stored, films, pictures_in(folder), folder, scenes.named)
+    cases = run_cases(stored, films, pictures_in(folder), folder)
     name, replay = pairs_file(folder).name, replay_command(stored)
-    return html(report, regressions, replay, films, stored, cases, name, gate_rows(gates), scenes.contents)
+    return html(report, regressions, replay, films, stored, cases, name, gate_rows(gates))
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:

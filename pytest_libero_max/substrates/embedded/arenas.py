@@ -32,47 +32,40 @@ Pose = tuple[Vector, Quaternion]
 
 @dataclass(frozen=True)
 class Arena:
-    """A room.
-
-    Attributes:
-        surface: Name of the entity that things stand on.
-        surface_body: Its MuJoCo body.
-        surface_pos: Position of that body, m, world.
-        top_z: Height of the surface, m.
-        region_z: Height of the regions' sites in the frame of that body, m.
-        fixture_z: Height at which fixtures have their origin, m.
-        mount: robosuite mount of the robot: ``rethink`` pedestal or ``ground``.
-        robot_base_pos: Position of the robot's base, m, world.
-        agentview: Position and orientation (wxyz) of LIBERO's main camera.
-        frontview: Position of the front camera, m.
-        paperview: Position of the camera that only the rooms of LIBERO-10 have, m.
-        spares_edges: True if LIBERO shrinks a region by the object's nominal radius before it draws a place.
-        friction: Of the surface: sliding, torsional, rolling.
-        solids: Collision shapes of the table, in the frame of its body; empty for the bare floor.
-        floor: Draws the floor.
-        wall: Draws the walls.
-        top: Draws the table's top.
-        frame: Colour of the table's legs.
-    """
+    """A room."""
 
     surface: str
+    """Name of the entity that things stand on."""
     surface_body: str
+    """Its MuJoCo body."""
     surface_pos: Vector
+    """Position of that body, m, world."""
     top_z: float
+    """Height of the surface, m."""
     region_z: float
+    """Height of the regions' sites in the frame of that body, m."""
     fixture_z: float
+    """Height at which fixtures have their origin, m."""
     mount: str
+    """Robosuite mount of the robot: ``rethink`` pedestal or ``ground``."""
     robot_base_pos: Vector
     agentview: Pose
+    """Position and orientation (wxyz) of LIBERO's main camera."""
     frontview: Vector
+    """Position of the front camera, m."""
     paperview: Vector | None = None
+    """Position of the camera that only the rooms of LIBERO-10 have, m."""
     spares_edges: bool = False
+    """True if LIBERO shrinks a region by the object's nominal radius before it draws a place."""
     friction: Vector = (1.0, 0.005, 0.0001)
+    """Of the surface: sliding, torsional, rolling."""
     solids: tuple[Solid, ...] = ()
+    """Collision shapes of the table, in the frame of its body; empty for the bare floor."""
     floor: Callable[[], Image] = textures.tiles
     wall: Callable[[], Image] = textures.plaster
     top: Callable[[], Image] = textures.wood
     frame: Colour = (0.36, 0.25, 0.16)
+    """Colour of the table's legs."""
 
 
 _HIGH: Quaternion = (0.638018, 0.304850, 0.304850, 0.638018)

@@ -78,7 +78,6 @@ KIND = SubstrateKind(
     catalogue=_catalogue,
     variation_of=_variation_of,
     plays_frozen=True,
-    portable=True,
     note=(
         "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not "
         "its images. Its scores are not comparable with published ones."

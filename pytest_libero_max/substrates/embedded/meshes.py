@@ -39,19 +39,16 @@ _FACE_AXES: Mapping[str, tuple[Point, Point, Point]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles for the renderer.
-
-    Attributes:
-        vertices: (V, 3) m.
-        normals: (V, 3) unit vectors.
-        texcoords: (V, 2), u to the right and v up, both 0 to 1 over one copy of the texture.
-        triangles: (T, 3) vertex indices, counter-clockwise seen from outside.
-    """
+    """Triangles for the renderer."""
 
     vertices: Array
+    """(V, 3) m."""
     normals: Array
+    """(V, 3) unit vectors."""
     texcoords: Array
+    """(V, 2), u to the right and v up, both 0 to 1 over one copy of the texture."""
     triangles: np.ndarray
+    """(T, 3) vertex indices, counter-clockwise seen from outside."""
 
     def moved(
         self, offset: Point = (0.0, 0.0, 0.0), scale: Point = (1.0, 1.0, 1.0), turn: Array | None = None

@@ -48,18 +48,14 @@ class In:
 
 @dataclass(frozen=True)
 class OnSite:
-    """The object's origin lies over a site, at most 10 cm above it.
-
-    Attributes:
-        body: The object.
-        site: A region of a fixture or of the table or floor.
-        fixture: Root body of the fixture that must touch the object; None for table and floor, where LIBERO
-            asks for no contact.
-    """
+    """The object's origin lies over a site, at most 10 cm above it."""
 
     body: str
     site: str
+    """A region of a fixture or of the table or floor."""
     fixture: str | None = None
+    """Root body of the fixture that must touch the object; None for table and floor, where LIBERO asks for no
+    contact."""
 
     def holds(self, model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         centre, rotation, size = _site(model, data, self.site)
@@ -84,21 +80,18 @@ class OnObject:
 
 @dataclass(frozen=True)
 class Joints:
-    """Drawers, doors and knobs: joint positions compared with a threshold.
-
-    Attributes:
-        joints: Names of the joints that belong to the region or fixture.
-        low: Holds above it; None for no lower bound.
-        high: Holds below it; None for no upper bound.
-        every: True if all joints must comply (close, turn off); one is enough otherwise (open, turn on).
-        closed: True if equality with a bound counts.
-    """
+    """Drawers, doors and knobs: joint positions compared with a threshold."""
 
     joints: tuple[str, ...]
+    """Names of the joints that belong to the region or fixture."""
     low: float | None = None
+    """Holds above it; None for no lower bound."""
     high: float | None = None
+    """Holds below it; None for no upper bound."""
     every: bool = False
+    """True if all joints must comply (close, turn off); one is enough otherwise (open, turn on)."""
     closed: bool = False
+    """True if equality with a bound counts."""
 
     def holds(self, model: mujoco.MjModel, data: mujoco.MjData) -> bool:
         complying = [self._complies(float(data.joint(name).qpos[0])) for name in self.joints]

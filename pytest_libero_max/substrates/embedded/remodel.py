@@ -28,17 +28,14 @@ _ASSET_ORDER = MappingProxyType({"texture": 0, "mesh": 1, "material": 2})
 
 @dataclass(frozen=True)
 class Remodel:
-    """Differences of a scene from that of the unmodified task.
-
-    Attributes:
-        extras: Instance and category of each object that is added.
-        recast: Instance that is replaced, the new instance's name, and its category.
-        surfaces: Names of :data:`.surfaces.SURFACES` that are loaded as textures.
-    """
+    """Differences of a scene from that of the unmodified task."""
 
     extras: tuple[tuple[str, str], ...] = ()
+    """Instance and category of each object that is added."""
     recast: tuple[tuple[str, str, str], ...] = ()
+    """Instance that is replaced, the new instance's name, and its category."""
     surfaces: tuple[str, ...] = ()
+    """Names of :data:`.surfaces.SURFACES` that are loaded as textures."""
 
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Remodel:

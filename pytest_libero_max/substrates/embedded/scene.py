@@ -19,49 +19,38 @@ from pytest_libero_max.worlds.privileged import Fact, GraspablePart
 
 @dataclass(frozen=True)
 class Region:
-    """A named part of a surface, fixture or object.
-
-    Attributes:
-        name: As in LIBERO; also the name of its MuJoCo site.
-        target: The entity it belongs to.
-        joints: Joints of the drawer it belongs to.
-    """
+    """A named part of a surface, fixture or object."""
 
     name: str
+    """As in LIBERO; also the name of its MuJoCo site."""
     target: str
+    """The entity it belongs to."""
     joints: tuple[str, ...] = ()
+    """Joints of the drawer it belongs to."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything a substrate needs to host a task.
-
-    Attributes:
-        suite: For example ``libero_spatial``.
-        index: The benchmark's task index.
-        name: Stem of LIBERO's BDDL file.
-        language: The benchmark's instruction.
-        mount: Base that the robot stands on: ``rethink`` (a pedestal behind the table) or ``ground``.
-        robot_base_pos: Position of the robot's base, m, world.
-        mjcf: A complete MJCF document without the robot.
-        textures: Pictures by texture name; :func:`.textures.upload` writes them into a compiled model.
-        entities: Objects in the order of their joints, then fixtures, then the surface.
-        regions: By name.
-        goal: A conjunction.
-        task: The row this scene was built from.
-    """
+    """Everything a substrate needs to host a task."""
 
     suite: str
     index: int
     name: str
+    """Stem of LIBERO's BDDL file."""
     language: str
     mount: str
+    """Base that the robot stands on: ``rethink`` (a pedestal behind the table) or ``ground``."""
     robot_base_pos: tuple[float, float, float]
+    """Position of the robot's base, m, world."""
     mjcf: str
+    """A complete MJCF document without the robot."""
     textures: Mapping[str, Image]
+    """Pictures by texture name; :func:`.textures.upload` writes them into a compiled model."""
     entities: Mapping[str, Entity]
+    """Objects in the order of their joints, then fixtures, then the surface."""
     regions: Mapping[str, Region]
     goal: tuple[Predicate, ...]
+    """A conjunction."""
     task: Task
 
     @property

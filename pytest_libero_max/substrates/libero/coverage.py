@@ -28,19 +28,16 @@ _TASKS = 10
 
 @dataclass(frozen=True)
 class Coverage:
-    """Share of a source that plays here.
-
-    Attributes:
-        source: The source, with the category for LIBERO-PRO and LIBERO-Plus.
-        playable: Its tasks that have all they need.
-        total: Its tasks; 0 where only its installation could tell.
-        missing: Files or packages that the others lack, and their source; empty if nothing is missing.
-    """
+    """Share of a source that plays here."""
 
     source: str
+    """The source, with the category for LIBERO-PRO and LIBERO-Plus."""
     playable: int
+    """Its tasks that have all they need."""
     total: int
+    """Its tasks; 0 where only its installation could tell."""
     missing: str = ""
+    """Files or packages that the others lack, and their source; empty if nothing is missing."""
 
     def __str__(self) -> str:
         tasks = f"{self.playable} of {self.total} tasks play" if self.total else "does not play"

@@ -14,21 +14,18 @@ Words = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Description:
-    """A task description. All names are in lower case, as the environments read them.
-
-    Attributes:
-        objects: Category of each movable instance.
-        fixtures: Category of each other instance; tables and floors are among them.
-        interest: Names that the file marks as of interest; may be regions.
-        initial: Facts at the start, a predicate and its arguments each, in order.
-        goal: Facts that must hold at the end, likewise.
-    """
+    """A task description. All names are in lower case, as the environments read them."""
 
     objects: Mapping[str, str]
+    """Category of each movable instance."""
     fixtures: Mapping[str, str]
+    """Category of each other instance; tables and floors are among them."""
     interest: tuple[str, ...]
+    """Names that the file marks as of interest; may be regions."""
     initial: tuple[Words, ...]
+    """Facts at the start, a predicate and its arguments each, in order."""
     goal: tuple[Words, ...]
+    """Facts that must hold at the end, likewise."""
 
 
 def describe(text: str) -> Description:

@@ -60,15 +60,12 @@ _loaded: dict[Installation, _Loaded] = {}
 
 @dataclass(frozen=True)
 class _Loaded:
-    """An imported installation.
-
-    Attributes:
-        modules: Everything it put into ``sys.modules`` under the name ``libero``.
-        registered: Classes that it put into robosuite's registries, in their order.
-    """
+    """An imported installation."""
 
     modules: Mapping[str, ModuleType]
+    """Everything it put into ``sys.modules`` under the name ``libero``."""
     registered: tuple[Mapping[str, Any], ...]
+    """Classes that it put into robosuite's registries, in their order."""
 
 
 @contextlib.contextmanager

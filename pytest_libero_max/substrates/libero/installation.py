@@ -71,23 +71,19 @@ _HUB_FOLDER = "datasets--lerobot--libero-assets"
 
 @dataclass(frozen=True)
 class Installation:
-    """One LIBERO on this machine.
-
-    Attributes:
-        flavour: One of the four packages.
-        root: The folder that holds the outer package.
-        assets: Models and textures.
-        bddl: Task descriptions, ``<suite>/<task>.bddl``.
-        states: Initial states, ``<suite>/<task>.pruned_init``, or the same with ``.npz`` after it.
-        module: Name of the outer package: ``libero``, or ``liberoplus``.
-    """
+    """One LIBERO on this machine."""
 
     flavour: Flavour
+    """One of the four packages."""
     root: Path
+    """The folder that holds the outer package."""
     assets: Path
     bddl: Path
+    """Task descriptions, ``<suite>/<task>.bddl``."""
     states: Path
+    """Initial states, ``<suite>/<task>.pruned_init``, or the same with ``.npz`` after it."""
     module: str = "libero"
+    """Name of the outer package: ``libero``, or ``liberoplus``."""
 
     @property
     def package(self) -> Path:
@@ -129,13 +125,7 @@ class Installation:
         return f"{self.flavour} {self.version[:12]}"
 
 
-def find_installation(
-    root: Path | None = None,
-    *,
-    assets: Path | None = None,
-    bddl: Path | None = None,
-    states: Path | None = None,
-) -> Installation:
+def find_installation(root: Path | None = None, *, assets: Path | None = None) -> Installation:
     """Locate an installation.
 
     The configuration file that LIBERO keeps in the home directory is not consulted: all of them share it, and
@@ -144,8 +134,6 @@ def find_installation(
     Args:
         root: A checkout, or the folder of site-packages. None: whatever ``import libero`` would find.
         assets: Models and textures, where the package has none of its own.
-        bddl: Task descriptions, likewise.
-        states: Initial states, likewise.
 
     Raises:
         SubstrateError: There is none, or a folder is missing; the message has the commands that help.
@@ -157,8 +145,8 @@ def find_installation(
         flavour=flavour,
         root=root,
         assets=_assets(package, flavour, assets),
-        bddl=bddl or package / "bddl_files",
-        states=states or package / "init_files",
+        bddl=package / "bddl_files",
+        states=package / "init_files",
         module=module,
     )
     for what in ("assets", "bddl", "states"):

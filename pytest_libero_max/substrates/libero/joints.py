@@ -14,17 +14,12 @@ from pytest_libero_max.worlds.contract import Array
 
 @dataclass(frozen=True)
 class Joints:
-    """Addresses of a compiled scene's joints.
-
-    Attributes:
-        nq: Number of positions.
-        nv: Number of velocities.
-        spans: By joint name the first and the last but one of its positions and of its velocities.
-    """
+    """Addresses of a compiled scene's joints."""
 
     nq: int
     nv: int
     spans: Mapping[str, tuple[int, int, int, int]]
+    """By joint name the first and the last but one of its positions and of its velocities."""
 
     @classmethod
     def of(cls, model: Any) -> Joints:

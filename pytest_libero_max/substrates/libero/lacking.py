@@ -78,19 +78,16 @@ def first_of(installations: Sequence[Installation], source: str) -> Installation
 
 @dataclass(frozen=True)
 class PlusNeeds:
-    """Parts of an installation of LIBERO-Plus that only some of its tasks need.
-
-    Attributes:
-        motion_blur: True if Wand works.
-        lights: True if its scenes with other lights are there.
-        textures: True if its tables and walls are there.
-        objects: True if its additional objects are there.
-    """
+    """Parts of an installation of LIBERO-Plus that only some of its tasks need."""
 
     motion_blur: bool
+    """True if Wand works."""
     lights: bool
+    """True if its scenes with other lights are there."""
     textures: bool
+    """True if its tables and walls are there."""
     objects: bool
+    """True if its additional objects are there."""
 
     @classmethod
     def of(cls, installation: Installation) -> PlusNeeds:

@@ -38,15 +38,12 @@ MAX_RESETS = 10
 
 @dataclass(frozen=True)
 class Built:
-    """An environment after its reset.
-
-    Attributes:
-        wrapper: The package's ``ControlEnv``.
-        env: The environment inside it, a robosuite one.
-    """
+    """An environment after its reset."""
 
     wrapper: Any
+    """The package's ``ControlEnv``."""
     env: Any
+    """The environment inside it, a robosuite one."""
 
 
 def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: bool = True) -> Built:

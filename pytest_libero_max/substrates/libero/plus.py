@@ -42,13 +42,10 @@ _PROBE_PX = 256  # glass blur takes every image for one of 224 px and more
 
 @dataclass(frozen=True)
 class PlusTask(Task):
-    """A task of LIBERO-Plus's registry.
-
-    Attributes:
-        base: Name of the task it varies.
-    """
+    """A task of LIBERO-Plus's registry."""
 
     base: str
+    """Name of the task it varies."""
 
     @property
     def language(self) -> str:

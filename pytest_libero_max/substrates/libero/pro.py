@@ -46,15 +46,12 @@ _VISIBLE = 1
 
 @dataclass(frozen=True)
 class ProVariation:
-    """Changes that the published runtime makes once an initial state has been set.
-
-    Attributes:
-        config: The sections of :mod:`.pro_config` to apply.
-        seed: Seed of the pictures' noise.
-    """
+    """Changes that the published runtime makes once an initial state has been set."""
 
     config: Config
+    """The sections of :mod:`.pro_config` to apply."""
     seed: int
+    """Seed of the pictures' noise."""
 
     def apply(self, world: LiberoWorld) -> None:
         """Make the changes to a world that has just been reset, in the runtime's order.
@@ -73,17 +70,14 @@ class ProVariation:
 
 @dataclass(frozen=True)
 class DarkNoise:
-    """Darken every image of a camera and add the same noise to each.
-
-    Attributes:
-        brightness: Factor of all values.
-        sigma: Standard deviation of the noise, grey levels of 255.
-        seed: Of the agent's view; each further camera's is one more.
-    """
+    """Darken every image of a camera and add the same noise to each."""
 
     brightness: float
+    """Factor of all values."""
     sigma: float
+    """Standard deviation of the noise, grey levels of 255."""
     seed: int
+    """Of the agent's view; each further camera's is one more."""
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         if camera not in CAMERAS:

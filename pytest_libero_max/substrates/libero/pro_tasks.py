@@ -56,17 +56,14 @@ _REGION = "perturb_occ_bottle_1_init_region"
 
 @dataclass(frozen=True)
 class ProTask(Task):
-    """A task as LIBERO-PRO varies it.
-
-    Attributes:
-        category: One of :data:`.pro_config.SECTIONS`.
-        reference: The BDDL file whose joints the initial states hold.
-        config: Sections that the task's file switches on; None where the scene is LIBERO's own.
-    """
+    """A task as LIBERO-PRO varies it."""
 
     category: str
+    """One of :data:`.pro_config.SECTIONS`."""
     reference: Path
+    """The BDDL file whose joints the initial states hold."""
     config: Config | None
+    """Sections that the task's file switches on; None where the scene is LIBERO's own."""
 
     @property
     def language(self) -> str:

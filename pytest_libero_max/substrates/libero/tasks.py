@@ -22,19 +22,13 @@ _WORDS = re.compile(r"\(:language\s+([^)]*)\)")
 
 @dataclass(frozen=True)
 class Task:
-    """One task of a suite.
-
-    Attributes:
-        suite: For example ``libero_spatial``.
-        index: Index in the suite's order, from 0.
-        name: Stem of its BDDL file.
-        bddl: The BDDL file.
-        states: Its initial states.
-    """
+    """One task of a suite."""
 
     suite: str
     index: int
+    """Index in the suite's order, from 0."""
     name: str
+    """Stem of its BDDL file."""
     bddl: Path
     states: Path
 

@@ -70,8 +70,6 @@ class LiberoWorld(RobosuiteWorld):
             and come back as they then are; what is moved keeps its share of the solver's warm start; the
             forced observations of the authors' runner, before the first step and after an event, shift the
             sampling. ``corrected``: none of these.
-        reference_textures: Draw all textures as the authors' MuJoCo does. MuJoCo from 3.3.3 on draws those
-            that are tagged as sRGB darker.
         noise: Noise that the package's wrapper puts on what a step returns: image, camera, steps since reset.
     """
 
@@ -82,7 +80,6 @@ class LiberoWorld(RobosuiteWorld):
         built: Built,
         states: Array,
         semantics: Semantics = "published",
-        reference_textures: bool = True,
         noise: Callable[[Image, str, int], Image] | None = None,
     ) -> None:
         env = built.env
@@ -107,7 +104,9 @@ class LiberoWorld(RobosuiteWorld):
         self._pinned = np.zeros(_PIN)
         self._noise = noise
         self._view: mujoco.MjData | None = None
-        if reference_textures and hasattr(self._model, "tex_colorspace"):
+        if hasattr(
+            self._model, "tex_colorspace"
+        ):  # MuJoCo from 3.3.3 on draws textures tagged as sRGB darker
             self._model.tex_colorspace[:] = _LINEAR
         self.reset(0)
 

@@ -11,4 +11,4 @@ def _open(options: SubstrateOptions) -> Substrate:
     return TinySubstrate()
 
 
-KIND = SubstrateKind("tiny", _open, portable=True)
+KIND = SubstrateKind("tiny", _open)

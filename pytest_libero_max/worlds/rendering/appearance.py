@@ -25,18 +25,14 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """All that decides what a world looks like.
-
-    Attributes:
-        positions: (n, 3) m, of its geoms.
-        rotations: (n, 9), of its geoms.
-        model: Lights, colours, cameras and all else that a change can alter, by name.
-        filters: Active pixel filters.
-    """
+    """All that decides what a world looks like."""
 
     positions: NDArray[np.float64]
+    """(n, 3) m, of its geoms."""
     rotations: NDArray[np.float64]
+    """(n, 9), of its geoms."""
     model: Mapping[str, NDArray[Any]]
+    """Lights, colours, cameras and all else that a change can alter, by name."""
     filters: tuple[tuple[PixelFilter, int], ...]
 
     def is_like(self, other: Appearance) -> bool:

@@ -30,20 +30,17 @@ _MOST = 32
 
 @dataclass(frozen=True)
 class Device:
-    """One device of EGL.
-
-    Attributes:
-        number: Its place in EGL's list, as ``MUJOCO_EGL_DEVICE_ID`` counts.
-        name: Its driver's name for it.
-        software: True if the processor draws.
-        cuda: CUDA's number for it in this process, where 0 is the first that ``CUDA_VISIBLE_DEVICES`` shows;
-            None for a device that CUDA does not know, or whose driver does not say.
-    """
+    """One device of EGL."""
 
     number: int
+    """Its place in EGL's list, as ``MUJOCO_EGL_DEVICE_ID`` counts."""
     name: str
+    """Its driver's name for it."""
     software: bool = False
+    """True if the processor draws."""
     cuda: int | None = None
+    """CUDA's number for it in this process, where 0 is the first that ``CUDA_VISIBLE_DEVICES`` shows; None
+    for a device that CUDA does not know, or whose driver does not say."""
 
     def __str__(self) -> str:
         known = "" if self.cuda is None else f", CUDA's {self.cuda}"

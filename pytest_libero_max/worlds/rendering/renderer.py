@@ -289,17 +289,14 @@ class Renderer:
 
 @dataclass(frozen=True)
 class _Pass:
-    """One drawing of an image.
-
-    Attributes:
-        unseen: Geoms that are left out.
-        reflections: True if a mirror reflects.
-        part: Part of the image that it is for; None: all of it.
-    """
+    """One drawing of an image."""
 
     unseen: NDArray[np.intp]
+    """Geoms that are left out."""
     reflections: bool = False
+    """True if a mirror reflects."""
     part: Part | None = None
+    """Part of the image that it is for; None: all of it."""
 
 
 def _seen(boxes: Boxes, screens: Boxes, part: Part, camera: Camera) -> NDArray[np.bool_]:

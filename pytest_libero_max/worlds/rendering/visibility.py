@@ -37,22 +37,19 @@ _SQUARE.setflags(write=False)
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera with perspective and the size of its image.
-
-    Attributes:
-        eye: (3,) m, world.
-        axes: (3, 3) rows: to the right, up, forward; of unit length.
-        pixels: (3, 3) from coordinates along these axes to column and row, multiplied by the distance
-            forward, and that distance. Rows count from the bottom.
-        near_m: Distance of the nearest thing that is shown, m.
-        size: Width and height of the image, pixels.
-    """
+    """A camera with perspective and the size of its image."""
 
     eye: Array
+    """(3,) m, world."""
     axes: Array
+    """(3, 3) rows: to the right, up, forward; of unit length."""
     pixels: Array
+    """(3, 3) from coordinates along these axes to column and row, multiplied by the distance forward, and
+    that distance. Rows count from the bottom."""
     near_m: float
+    """Distance of the nearest thing that is shown, m."""
     size: tuple[int, int]
+    """Width and height of the image, pixels."""
 
     @classmethod
     def of(cls, camera: Any, height: int, width: int) -> Camera | None:
@@ -91,13 +88,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Part:
-    """A convex part of an image.
-
-    Attributes:
-        corners: (n, 2) columns and rows, pixels, in order.
-    """
+    """A convex part of an image."""
 
     corners: Array
+    """(n, 2) columns and rows, pixels, in order."""
 
     def sides(self, margin_px: float) -> Array:
         """Return (k, 3) lines; a square of that half width around each point of the part is inside of all."""
@@ -132,20 +126,17 @@ class Part:
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes around geoms; around a plane, which has no end, one that is everywhere.
-
-    Attributes:
-        centres: (n, 3) m, world.
-        rotations: (n, 3, 3) columns: the axes of each box, world.
-        half_m: (n, 3) Half the length of the sides, m.
-        hulls: (n,) None, or points (k, 3) whose convex hull holds what is in the box, m, from its centre and
-            along its axes.
-    """
+    """Boxes around geoms; around a plane, which has no end, one that is everywhere."""
 
     centres: Array
+    """(n, 3) m, world."""
     rotations: Array
+    """(n, 3, 3) columns: the axes of each box, world."""
     half_m: Array
+    """(n, 3) Half the length of the sides, m."""
     hulls: NDArray[np.object_]
+    """(n,) None, or points (k, 3) whose convex hull holds what is in the box, m, from its centre and along
+    its axes."""
 
     @classmethod
     def of(cls, model: Any, data: Any, geoms: NDArray[np.intp], hulls: NDArray[np.object_]) -> Boxes:
@@ -264,17 +255,14 @@ def hulls_of(model: Any) -> NDArray[np.object_]:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Boxes that cover the meshes of many triangles, each of them the boxes of its pieces.
-
-    Attributes:
-        geoms: (n,) the geom that each piece is of.
-        centres: (n, 3) m, in the frame of the geom.
-        half_m: (n, 3) half the length of the sides, m.
-    """
+    """Boxes that cover the meshes of many triangles, each of them the boxes of its pieces."""
 
     geoms: NDArray[np.intp]
+    """(n,) the geom that each piece is of."""
     centres: Array
+    """(n, 3) m, in the frame of the geom."""
     half_m: Array
+    """(n, 3) half the length of the sides, m."""
 
     @classmethod
     def of(cls, model: Any) -> Pieces:
@@ -370,17 +358,14 @@ def _depth(eye: Array, rays: Array, axis: int, half_m: Array) -> Array:
 
 @dataclass(frozen=True)
 class Mirror:
-    """The face of a box that reflects: MuJoCo reflects in the side of its third axis.
-
-    Attributes:
-        centre: (3,) m, world.
-        axes: (3, 3) columns: along the face, along the face, out of it.
-        half_m: (2,) half the length of its sides, m.
-    """
+    """The face of a box that reflects: MuJoCo reflects in the side of its third axis."""
 
     centre: Array
+    """(3,) m, world."""
     axes: Array
+    """(3, 3) columns: along the face, along the face, out of it."""
     half_m: Array
+    """(2,) half the length of its sides, m."""
 
     @classmethod
     def of(cls, position: Array, rotation: Array, size: Array) -> Mirror:

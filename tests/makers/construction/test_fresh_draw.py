@@ -21,7 +21,6 @@ from pytest_libero_max.makers.construction.fresh_draw import (
     Frozen,
     bind,
     frozen_beside,
-    partner_lines,
     read_draw,
     scene_of,
     select_fresh,
@@ -82,7 +81,6 @@ def test_cases_that_fail_are_replaced_and_never_examined_again(frozen: Frozen) -
     other = select_fresh(lambda _: [], frozen, Draw(DRAW.name, "another seed"))
     assert Counter(map(cell_of, other)) == Counter(map(cell_of, fresh))
     assert {scene_of(case) for case in other} != {scene_of(case) for case in fresh}
-    assert "20 cases, each in the cell of its partner" in partner_lines(fresh, frozen.old)[0]
 
 
 def test_an_obstacle_that_was_rejected_in_a_scene_is_not_examined_there_again(frozen: Frozen) -> None:

@@ -91,7 +91,7 @@ def _offered(cases: Json, item: str) -> list[str]:
 
 def test_commands_are_those_that_make_what_is_not_there(tmp_path: Path) -> None:
     run, item, draw = _run(), PAIRS[10].item_id, "Draw its event before and after"
-    three = "Show it in three dimensions"
+    three = "Write every pose of it for Rerun"
     (tmp_path / "traces").mkdir()
     (tmp_path / "traces" / trace_name(item)).touch()
     film, seen = f"films/{item}--base-dynamic.mp4", f"films/{item}--base-dynamic--policy.mp4"
@@ -101,9 +101,6 @@ def test_commands_are_those_that_make_what_is_not_there(tmp_path: Path) -> None:
     filmed = run_cases(run, {item: [film]}, {}, tmp_path)
     assert _offered(filmed, item) == ["Play it again", "Film what the policy saw", three]
     assert _offered(run_cases(run, {item: [film, seen]}, {}, tmp_path), item) == ["Play it again", three]
-    posed = run_cases(run, {item: [film, seen]}, {}, tmp_path, {item: "pair-0"})
-    assert _offered(posed, item) == ["Play it again"]
-    assert posed["poses"] == {str(posed["items"].index(item)): "pair-0"}
     pictured = run_cases(run, {}, {item: [f"pictures/{item}--a-before.png"]}, tmp_path)
     assert _offered(pictured, item) == ["Play it again", "Film it", three]
     (play, _, with_film, from_trace, *_) = filmed["commands"]

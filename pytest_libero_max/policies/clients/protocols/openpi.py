@@ -33,16 +33,10 @@ from pytest_libero_max.policies.clients.websocket import Socket
 
 
 class OpenpiLink:
-    """A connection to a server that speaks openpi's protocol.
-
-    Args:
-        address: Its address.
-
-    Attributes:
-        fits: Kinds of servers that a greeting may declare.
-    """
+    """A connection to a server that speaks openpi's protocol."""
 
     fits: ClassVar[tuple[Speech, ...]] = (SERVED,)
+    """Kinds of servers that a greeting may declare."""
 
     def __init__(self, address: Address) -> None:
         self._address = address

@@ -30,11 +30,7 @@ PROTOCOL_VERSION = 1
 
 
 class VlaEvalLink:
-    """A connection to a model server of vla-eval.
-
-    Args:
-        address: Its address.
-    """
+    """A connection to a model server of vla-eval."""
 
     def __init__(self, address: Address) -> None:
         self._socket = Socket(address)

@@ -46,25 +46,22 @@ _HALF_VIEW = 0.94 * math.tan(math.radians(22.5))
 
 @dataclass(frozen=True)
 class Footprint:
-    """A rectangle or a disc on the table or floor.
-
-    Attributes:
-        x: Of its middle, m, world.
-        y: Of its middle, m, world.
-        half_x: Half its side along its own x axis, m.
-        half_y: Half its side along its own y axis, m.
-        yaw: Turn about the vertical, rad.
-        slack: Largest deviation in an initial state, m.
-        round: True if it is the disc that fits into the rectangle.
-    """
+    """A rectangle or a disc on the table or floor."""
 
     x: float
+    """Of its middle, m, world."""
     y: float
+    """Of its middle, m, world."""
     half_x: float
+    """Half its side along its own x axis, m."""
     half_y: float
+    """Half its side along its own y axis, m."""
     yaw: float = 0.0
+    """Turn about the vertical, rad."""
     slack: float = 0.0
+    """Largest deviation in an initial state, m."""
     round: bool = False
+    """True if it is the disc that fits into the rectangle."""
 
     def moved(self, dx: float, dy: float) -> Footprint:
         return replace(self, x=self.x + dx, y=self.y + dy)
@@ -168,19 +165,14 @@ def _placed(
 
 @dataclass(frozen=True)
 class Floorplan:
-    """A task's table or floor.
-
-    Attributes:
-        task: The task.
-        arena: Its room.
-        standing: Footprints on the surface itself, by instance.
-        carried: Carriers of what rests on or in something else, by instance.
-    """
+    """A task's table or floor."""
 
     task: Task
     arena: Arena
     standing: Mapping[str, Footprint]
+    """Footprints on the surface itself, by instance."""
     carried: Mapping[str, str]
+    """Carriers of what rests on or in something else, by instance."""
 
     def riders(self, name: str) -> tuple[str, ...]:
         """Instances that rest on or in an instance, directly or not."""

@@ -35,23 +35,20 @@ CAMERA = "agentview"
 
 
 class _Row(NamedTuple):
-    """Parameters of LIBERO-PRO's variations of one task.
-
-    Attributes:
-        recast: New category by category, object by object.
-        places: Instance by the instance whose place it takes.
-        words: Instruction of the other task.
-        goal: Its goal.
-        target: Instance that is occluded, resized or started elsewhere.
-        covered: Instances that are covered with another material.
-    """
+    """Parameters of LIBERO-PRO's variations of one task."""
 
     recast: Mapping[str, str]
+    """New category by category, object by object."""
     places: Mapping[str, str]
+    """Instance by the instance whose place it takes."""
     words: str
+    """Instruction of the other task."""
     goal: Goal
+    """Its goal."""
     target: str
+    """Instance that is occluded, resized or started elsewhere."""
     covered: tuple[str, ...]
+    """Instances that are covered with another material."""
 
 
 _BOWL, _BOWL_2, _PLATE = "akita_black_bowl_1", "akita_black_bowl_2", "plate_1"

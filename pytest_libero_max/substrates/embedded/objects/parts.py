@@ -51,19 +51,15 @@ class Solid:
 
 @dataclass(frozen=True)
 class Skin:
-    """A mesh that is seen.
-
-    Attributes:
-        mesh: Its triangles.
-        colour: RGB 0 to 1; multiplies the texture.
-        texture: Key of ``Category.textures``, or None.
-        shine: Specular reflection 0 to 1.
-    """
+    """A mesh that is seen."""
 
     mesh: Mesh
     colour: Colour = (1.0, 1.0, 1.0)
+    """RGB 0 to 1; multiplies the texture."""
     texture: str | None = None
+    """Key of ``Category.textures``, or None."""
     shine: float = 0.2
+    """Specular reflection 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -89,40 +85,34 @@ class Joint:
 
 @dataclass(frozen=True)
 class JointState:
-    """Condition for open, closed, on or off: a joint position strictly between two bounds.
-
-    Attributes:
-        low: Lower bound, m or rad; None for none.
-        high: Upper bound; None for none.
-        every: True if all joints of a fixture must comply (close, turn off); otherwise one is enough.
-        closed: True if the bounds themselves count.
-        start: Range from which a scene that begins in this state draws the position.
-    """
+    """Condition for open, closed, on or off: a joint position strictly between two bounds."""
 
     low: float | None = None
+    """Lower bound, m or rad; None for none."""
     high: float | None = None
+    """Upper bound; None for none."""
     every: bool = False
+    """True if all joints of a fixture must comply (close, turn off); otherwise one is enough."""
     closed: bool = False
+    """True if the bounds themselves count."""
     start: tuple[float, float] | None = None
+    """Range from which a scene that begins in this state draws the position."""
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A part of a link that is made for two fingers, in the frame in which the object is designed.
-
-    Attributes:
-        name: For example ``handle``; ``<instance>_<name>`` is unique in a scene.
-        pos: Middle of the part, m.
-        along: Unit vector along the part; fingers close across it. Of a round part, one of many.
-        out: Unit vector at right angles to it and away from the object, against which the hand approaches.
-        width: Distance of the fingers when they hold it, m.
-    """
+    """A part of a link that is made for two fingers, in the frame in which the object is designed."""
 
     name: str
+    """For example ``handle``; ``<instance>_<name>`` is unique in a scene."""
     pos: Vector
+    """Middle of the part, m."""
     along: Vector
+    """Unit vector along the part; fingers close across it. Of a round part, one of many."""
     out: Vector
+    """Unit vector at right angles to it and away from the object, against which the hand approaches."""
     width: float
+    """Distance of the fingers when they hold it, m."""
 
 
 @dataclass(frozen=True)
@@ -142,31 +132,28 @@ class Link:
 
 @dataclass(frozen=True)
 class Category:
-    """A kind of object that scenes can contain any number of times.
-
-    Attributes:
-        name: LIBERO's category.
-        root: Root body, ``<instance>_<root.name>``.
-        fixture: True if it is bolted to the scene instead of free.
-        upright: Orientation of the body at reset.
-        origin_height: Height of the body's origin above the surface it stands on, m.
-        spread_margin: LIBERO's ``horizontal_radius``, by which the placement interval of a region shrinks, m.
-        textures: Pictures of the skins by key, drawn when a scene is built.
-        states: Joint positions for ``open``, ``close``, ``turnon`` and ``turnoff``.
-        lift: Height that LIBERO adds to the origin of a fixture beyond that of a cabinet, m.
-        turn: Range of the angle about z by which LIBERO turns it at reset, rad.
-    """
+    """A kind of object that scenes can contain any number of times."""
 
     name: str
+    """LIBERO's category."""
     root: Link
+    """Root body, ``<instance>_<root.name>``."""
     fixture: bool = False
+    """True if it is bolted to the scene instead of free."""
     upright: Quaternion = IDENTITY
+    """Orientation of the body at reset."""
     origin_height: float = 0.0
+    """Height of the body's origin above the surface it stands on, m."""
     spread_margin: float = 0.025
+    """LIBERO's ``horizontal_radius``, by which the placement interval of a region shrinks, m."""
     textures: Mapping[str, Callable[[], Image]] = field(default_factory=dict)
+    """Pictures of the skins by key, drawn when a scene is built."""
     states: Mapping[str, JointState] = field(default_factory=dict)
+    """Joint positions for ``open``, ``close``, ``turnon`` and ``turnoff``."""
     lift: float = 0.0
+    """Height that LIBERO adds to the origin of a fixture beyond that of a cabinet, m."""
     turn: tuple[float, float] | None = None
+    """Range of the angle about z by which LIBERO turns it at reset, rad."""
 
 
 def assets(category: Category) -> tuple[list[ET.Element], dict[str, Image]]:
