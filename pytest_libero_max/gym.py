@@ -27,12 +27,11 @@ from gymnasium.vector import SyncVectorEnv
 from numpy.typing import ArrayLike
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
-from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.manifests import Manifest, find_case
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.benchmark.tracks import is_manifest_path, load_cases
-from pytest_libero_max.construction.case_text import find_case
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, did_you_mean
 from pytest_libero_max.events.registry import check_cases
 from pytest_libero_max.events.schedules import BASE, Arm, arms_of

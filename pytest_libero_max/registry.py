@@ -32,6 +32,9 @@ ENTRY_POINTS = {
     "pytest_libero_max.studies": "a subclass of `Study`, under its name",
     "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
+    "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` of a policy and a setting, under its name",
+    "pytest_libero_max.commands": "a module with a function `add_command`, under the name of the command",
+    "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
 }
 """The entry-point groups that other packages can add to, and the entries of each."""
 

@@ -148,7 +148,7 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
         draw: Given by Hypothesis.
         source: Only on this source's variations.
     """
-    from pytest_libero_max.construction.configurations import PRO_STATES, Cell, Configuration
+    from pytest_libero_max.events.configurations import PRO_STATES, Cell, Configuration
     from pytest_libero_max.events.registry import eligible_events
     from pytest_libero_max.substrates.variation import variation_metadata
 

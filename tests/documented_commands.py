@@ -22,6 +22,7 @@ import pytest
 from pytest_libero_max.benchmark.keywords import matches
 from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.cli import parser
+from pytest_libero_max.cli.commands import CommandPlace
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.plugin.options import resolve
@@ -211,8 +212,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _fault_of_ours(words: list[str], mention: bool) -> str | None:
     if mention and len(words) == 1:
-        commands = next(a for a in _parser()._actions if isinstance(a, argparse._SubParsersAction))
-        known = {*commands.choices, "--help", "--version"}
+        commands = next(action for action in _parser()._actions if isinstance(action, CommandPlace))
+        known = {*commands.names(), "--help", "--version"}
         return None if words[0] in known else f"there is no command {words[0]}"
     error = io.StringIO()
     try:
@@ -222,7 +223,7 @@ def _fault_of_ours(words: list[str], mention: bool) -> str | None:
         message = error.getvalue().strip().rpartition("error: ")[2]
         bare = mention and not any(word.startswith("-") for word in words)
         may_lack = mention and re.match(
-            rf"the following arguments are required: {'' if bare else '[A-Z]'}", message
+            rf"the following arguments are required: {'' if bare else '[A-Z]'}|one of the arguments", message
         )
         return None if end.code == 0 or may_lack else message
     return None

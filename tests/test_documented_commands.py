@@ -37,9 +37,9 @@ def test_every_documented_command_is_accepted(pytestconfig: pytest.Config) -> No
     ("text", "fault"),
     [
         ("libero-max powr --base 0.8", "there is no command"),
-        ("libero-max power --gate", "expected one argument"),
-        ("libero-max power --base", "expected one argument"),
-        ("libero-max bench --repeats -1", "whole number"),
+        ("libero-max plan gates --gate", "expected one argument"),
+        ("libero-max plan pairs --base", "expected one argument"),
+        ("libero-max dev bench pairs --repeats -1", "whole number"),
         ("libero-max film RUN --select=some", "invalid choice"),
         ("pytest --libero-max-policy=expert --libero-max-trak=lite", "unrecognized arguments"),
         ("pytest --libero-max-policy=expert --libero-max-track=light", "light"),
@@ -67,16 +67,16 @@ def test_a_sentence_may_leave_out_what_has_to_be_given(pytestconfig: pytest.Conf
 
 
 READ_ALONE = (
-    "libero-max claim --csv reports/claims.csv",
-    "libero-max claim 78/100 vs 74/100",
-    "libero-max claim 97.1% vs 96.9% --n 2000",
-    "libero-max claim 78/100 vs 70/100 --only-first 8 --only-second 0",
-    'libero-max power --base 0.84 --gate "delta >= -15%"',
+    "libero-max lab claim --csv reports/claims.csv",
+    "libero-max lab claim 78/100 vs 74/100",
+    "libero-max lab claim 97.1% vs 96.9% --n 2000",
+    "libero-max lab claim 78/100 vs 70/100 --only-first 8 --only-second 0",
+    'libero-max plan gates --base 0.84 --gate "delta >= -15%"',
     "libero-max compare --published --tables published",
-    "libero-max programs",
-    "libero-max profiles",
-    "libero-max events",
-    "libero-max published",
+    "libero-max list programs",
+    "libero-max list profiles",
+    "libero-max list events",
+    "libero-max list published",
     "python -m tests.scripts.interaction reports/beyond/compound-servo",
 )
 """Commands that read what is in the repository, and need no simulator."""

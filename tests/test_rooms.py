@@ -57,6 +57,17 @@ def test_imports_go_down_the_list_of_rooms() -> None:
     assert not upward
 
 
+def test_nothing_imports_the_lab_and_the_makers() -> None:
+    """They are attached by entry points alone, so that everything else plays without them."""
+    importers = {
+        f"{file.relative_to(PACKAGE)} imports {imported}"
+        for file in PACKAGE.rglob("*.py")
+        for imported in _imported(file)
+        if imported in ("lab", "makers") and file.relative_to(PACKAGE).parts[0] != imported
+    }
+    assert not importers
+
+
 def _modules() -> dict[str, Path]:
     """The modules of the package by name."""
     files = {

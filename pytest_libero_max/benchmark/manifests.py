@@ -30,7 +30,7 @@ from pytest_libero_max.benchmark.documents import (
 from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.benchmark.releases import NOT_PLAYED, Recognition, recognise
 from pytest_libero_max.benchmark.structs import Positive, Word, checked, require_fields
-from pytest_libero_max.errors import ManifestError, did_you_mean
+from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 
 SCORING_TRACK = "physical_completion"
 """Scoring by the goal of the task, which stays the same."""
@@ -226,3 +226,21 @@ def _check_scoring(track: str, cases: tuple[Case, ...]) -> None:
                 f"protocol.scoring_track={track!r}: {INTENT_TRACK!r} is that of cases of {INTENT!r} and no "
                 "others. Put the others into a manifest of their own."
             )
+
+
+def find_case(manifest: Manifest, name: str) -> Case:
+    """Return the case with this case id or item id, or the only one whose item id begins like this.
+
+    Raises:
+        OptionError: There is no such case; suggests the closest.
+    """
+    items = {case.item_id: case for case in manifest}
+    case = items.get(name) or {case.case_id: case for case in manifest}.get(name)
+    begin = [item for item in items if item.startswith(name)]
+    if case is None and len(begin) == 1:
+        case = items[begin[0]]
+    if case is None:
+        raise OptionError.seen(
+            "case", name, f" is not in {manifest.benchmark_id}. {did_you_mean(name, items)}"
+        )
+    return case

@@ -185,7 +185,7 @@ def find_program(text: str, folder: Path = Path()) -> Program:
             "program",
             text,
             f": there is no such program, nor a file. {did_you_mean(text, program_names())} "
-            "`libero-max programs` lists them.",
+            "`libero-max list programs` lists them.",
         )
     return load_program(path)
 

@@ -35,6 +35,11 @@ def track_names(folder: Path = FOLDER) -> tuple[str, ...]:
     return tuple(sorted(path.name.partition(".json")[0] for path in folder.glob("*.json*")))
 
 
+def own_tracks(folder: Path) -> tuple[str, ...]:
+    """Return the tracks whose cases this package chose, examined and certified."""
+    return tuple(name for name in track_names(folder) if name != PAPER_LITE)
+
+
 def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
     """Return the name of a track's version in a folder below if there is one, else the name unchanged."""
     return f"{below}/{name}" if below and name in track_names(folder / below) else name
@@ -68,7 +73,7 @@ def require_tracks(folder: Path) -> None:
     if not track_names(folder):
         cure = "The installation is incomplete: install the package again."
         if folder not in (FOLDER, FOLDER / GENUINE):
-            cure = "Give a folder that libero-max build has written."
+            cure = "Give a folder that libero-max dev build has written."
         raise ManifestError(f"{folder} has no tracks. {cure}")
 
 
@@ -134,6 +139,15 @@ def frozen_content(path: Path) -> bytes:
             "Restore the file, or give an edited copy by its path as a manifest of your own."
         )
     return content
+
+
+def read_table(path: Path) -> list[list[str]]:
+    """Return the rows of a frozen table, without its head.
+
+    Raises:
+        ManifestError: It is missing or is not the one that was frozen.
+    """
+    return [line.split("\t") for line in frozen_content(path).decode().splitlines()[1:]]
 
 
 def content_of(path: Path) -> bytes:

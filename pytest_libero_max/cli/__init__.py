@@ -1,6 +1,7 @@
 """The ``libero-max`` command, for everything around runs. Thin.
 
-``libero-max NAME`` is the module ``NAME``, whose ``add_command`` adds it to the parser.
+``libero-max NAME`` is the module ``NAME``, whose ``add_command`` adds it to the parser, or a module of
+another package (:mod:`.commands`).
 """
 
 from __future__ import annotations
@@ -10,60 +11,14 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from importlib import import_module
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.cli.commands import GROUPS, CommandPlace, add_place
 from pytest_libero_max.cli.completion import complete
-from pytest_libero_max.errors import LiberoMaxError, did_you_mean
-
-GROUPS = {
-    "Start here": ("init", "doctor", "check", "show", "compare", "gate", "film"),
-    "Before a run": (
-        "profiles",
-        "events",
-        "programs",
-        "plan",
-        "power",
-        "serve",
-        "launch",
-        "bench",
-        "fingerprint",
-    ),
-    "During and after runs": (
-        "runs",
-        "view",
-        "trend",
-        "bisect",
-        "audit",
-        "monitors",
-        "watch",
-        "merge",
-        "report",
-        "export",
-        "publish",
-        "recovery",
-        "rerun",
-        "claim",
-    ),
-    "Training data": ("demos",),
-    "Make the benchmark": (
-        "catalogue",
-        "gallery",
-        "eligibility",
-        "build",
-        "preflight",
-        "certify",
-        "freeze",
-        "verify",
-    ),
-}
-"""Modules with commands by what they are for, in the order of the help."""
-
-_GONE = {"poses": "rerun"}
-"""Commands of earlier versions, and those to use instead."""
+from pytest_libero_max.errors import LiberoMaxError
 
 PIPE_CLOSED = 141
 """Exit status where the reader of standard output has gone: that of a process ended by SIGPIPE."""
@@ -80,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns:
         The exit status: that of the command, 0 for most; 1 with a message on standard error;
-        :data:`PIPE_CLOSED`, without any, for ``libero-max show max | head``; :data:`INTERRUPTED`.
+        :data:`PIPE_CLOSED`, without any, for ``libero-max list cases max | head``; :data:`INTERRUPTED`.
     """
     try:
         try:
@@ -94,10 +49,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    command = parser()
-    complete(command)
-    options = command.parse_args(arguments)
+    options = argparse.Namespace()
     try:
+        command = parser()
+        complete(command)
+        options = command.parse_args(arguments)
         return int(options.run(options) or 0)
     except LiberoMaxError as error:
         said = _named_as_here(f"libero-max: {error}", options)
@@ -128,14 +84,20 @@ def _named_as_here(text: str, options: argparse.Namespace) -> str:
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that suggests a command, and lists commands by group."""
+    """A parser that adds commands when they are given or listed, suggests them, and lists them by group."""
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            new = _GONE.get(value)
-            hint = f"Use libero-max {new}." if new else did_you_mean(value, action.choices)
-            raise argparse.ArgumentError(None, f"there is no command {value!r}. {hint}")
+        if isinstance(action, CommandPlace):
+            action.require(value)
+            if value not in action.choices:
+                raise argparse.ArgumentError(None, f"there is no command {value!r}. {action.hint(value)}")
         super()._check_value(action, value)
+
+    def format_help(self) -> str:
+        for place in (action for action in self._actions if isinstance(action, CommandPlace)):
+            place.require_all()
+            self.epilog = "\n".join(_listed(self.prog, place))
+        return super().format_help()
 
 
 def parser() -> argparse.ArgumentParser:
@@ -147,32 +109,19 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument("--version", action="version", version=f"%(prog)s {version('pytest-libero-max')}")
-    commands = command.add_subparsers(
-        required=True,
-        prog=command.prog,
-        metavar="COMMAND",
-        help=argparse.SUPPRESS,
-        parser_class=argparse.ArgumentParser,
-    )
-    added: dict[str, list[str]] = {}
-    for module in (name for names in GROUPS.values() for name in names):
-        before = {*commands.choices}
-        import_module(f"{__name__}.{module}").add_command(commands)
-        added[module] = [name for name in commands.choices if name not in before]
-    texts = {str(choice.dest): " ".join((choice.help or "").split()) for choice in commands._choices_actions}
-    for name, one in commands.choices.items():
-        one.description = f"{texts[name]}. {one.description or ''}".strip()
-    command.epilog = "\n".join(_listed(texts, added))
+    add_place(command)
     return command
 
 
-def _listed(texts: Mapping[str, str], added: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Yield the commands by group, each with its help."""
-    for title, modules in GROUPS.items():
+def _listed(prog: str, place: CommandPlace) -> Iterator[str]:
+    """Yield commands, by group where there are groups, each with its help."""
+    groups: dict[str, tuple[str, ...]] = {} if place.prefix else {**GROUPS}
+    inside = {name for names in groups.values() for name in names}
+    more = tuple(name for name in place.choices if name not in inside)
+    groups |= {"More" if groups else "Commands": more} if more else {}
+    for title, names in groups.items():
         yield f"{title}:"
-        for name in (name for module in modules for name in added[module]):
-            yield from textwrap.wrap(
-                texts[name], 79, initial_indent=f"  {name:<14}", subsequent_indent=" " * 16
-            )
+        for name, text in place.listed(names):
+            yield from textwrap.wrap(text, 79, initial_indent=f"  {name:<14}", subsequent_indent=" " * 16)
         yield ""
-    yield "libero-max COMMAND --help has the options of a command."
+    yield f"{prog} COMMAND --help has the options of a command."

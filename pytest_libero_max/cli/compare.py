@@ -52,6 +52,15 @@ def add_command(commands: Commands) -> None:
         "Of two runs of one policy on different cases, the old ones first: success on the old less that "
         "on the new ones within cells (source, event, variant), which tells over-fitting from ability",
     )
+    switch(
+        compare,
+        "--over-time",
+        "Follow success and causes over the runs in the order given, for example of checkpoints, on the "
+        "cases that all have measured. Intervals are of each run alone",
+    )
+    option(compare, "--csv FILE", "With --over-time: also write the numbers here", type=Path)
+    option(compare, "--html FILE", "With --over-time: also write a page with charts here", type=Path)
+    option(compare, "--figure FILE", "With --over-time: also draw success by run here, as SVG", type=Path)
     compare.set_defaults(run=_compare)
 
 
@@ -68,6 +77,12 @@ def _compare(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
+    if options.over_time:
+        _compare_over_time(options)
+        return
+    for name in ("csv", "html", "figure"):
+        if getattr(options, name) is not None:
+            raise OptionError(f"--{name} is about runs in their order. Give --over-time as well.")
     runs = read_runs(options.folders)
     if options.by_cell:
         _compare_by_cell(options, list(runs.values()))
@@ -86,6 +101,17 @@ def _compare(options: argparse.Namespace) -> None:
         compared, _ = compared_and_apart(runs, options.restrict)
         write_comparison(comparison, options.output, common_cases(compared, options.restrict))
     say(comparison_lines(comparison, options.flips))
+
+
+def _compare_over_time(options: argparse.Namespace) -> None:
+    from pytest_libero_max.cli.over_time import compare_over_time
+
+    if any((options.by_cell, options.output, options.tables, options.published, options.json)):
+        raise OptionError(
+            "--over-time was given with an option that it does not take. Beside it, --csv, --html and "
+            "--figure can be given."
+        )
+    compare_over_time(options)
 
 
 def _compare_by_cell(options: argparse.Namespace, runs: Sequence[RunOutcomes]) -> None:

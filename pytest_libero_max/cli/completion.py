@@ -7,6 +7,8 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
+from pytest_libero_max.cli.commands import CommandPlace
+
 
 def complete(command: argparse.ArgumentParser) -> None:
     """Answer the shell and end the process, if it is the shell that asks."""
@@ -14,7 +16,16 @@ def complete(command: argparse.ArgumentParser) -> None:
         return
     import argcomplete
 
+    _add_all(command)
     argcomplete.autocomplete(command, default_completer=_values)
+
+
+def _add_all(command: argparse.ArgumentParser) -> None:
+    """Add every command to a parser and to the groups in it."""
+    for place in (action for action in command._actions if isinstance(action, CommandPlace)):
+        place.require_all()
+        for inner in place.choices.values():
+            _add_all(inner)
 
 
 def _values(action: argparse.Action, **asked: Any) -> Iterable[str]:

@@ -1,4 +1,4 @@
-"""``libero-max events``: the kinds of events, with those of installed packages."""
+"""``libero-max list events``: the kinds of events, with those of installed packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``libero-max merge``: the runs of shards joined into one."""
+"""``libero-max shards merge``: the runs of shards joined into one."""
 
 from __future__ import annotations
 

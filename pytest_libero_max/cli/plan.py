@@ -1,4 +1,4 @@
-"""``libero-max plan``: time that pairs will take on a fleet, and its bottleneck."""
+"""``libero-max plan time``: time that pairs will take on a fleet, and its bottleneck."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _MOST = 1_000_000
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``plan`` to the parser."""
+    """Add ``time`` to the parser."""
     plan = commands.add_parser(
-        "plan",
+        "time",
         help="Time that pairs will take with a number of workers and policy servers, and the bottleneck",
         description="Learns from the timings of a run what steps, images and queries take and how many of "
         "them each task needs, and computes how long the slowest part of a fleet takes. A worker is as fast "

@@ -1,4 +1,4 @@
-"""``libero-max power``: differences that a number of pairs can show."""
+"""``libero-max plan pairs`` and ``gates``: differences that a number of pairs can show."""
 
 from __future__ import annotations
 
@@ -9,80 +9,90 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import Commands, option, whole_number
 from pytest_libero_max.cli.terminal import say
-from pytest_libero_max.errors import OptionError
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.writers.power_text import Expectation
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``power`` to the parser."""
-    power = commands.add_parser(
-        "power", help="Changes that each track resolves, pairs that a change needs, how often a gate passes"
+    """Add ``pairs`` and ``gates`` to the parser."""
+    pairs = commands.add_parser(
+        "pairs", help="Changes that each track resolves, and the pairs that a change needs"
     )
-    known = power.add_mutually_exclusive_group(required=True)
-    option(known, "--run FOLDER", "Expect what this run measured", type=Path, dest="folder")
-    option(known, "--base RATE", "Expected Base success, 0 to 1", type=float)
+    _add_expectation(pairs)
     option(
-        power,
-        "--gain RATE",
-        "Expected share of pairs that are gained by chance, and lost by chance",
-        type=float,
-        default=0.01,
-    )
-    option(
-        power,
+        pairs,
         "--change CHANGE",
         "A paired change to resolve, for example -0.05, or 0.05 for a gain; for a loss it also advises "
         "gates, numbers of pairs and tracks that find it",
         type=float,
     )
+    pairs.set_defaults(run=_pairs)
+
+    gates = commands.add_parser("gates", help="Probability that gates pass, by the true loss")
     option(
-        power,
+        gates,
         "--gate CONDITION",
-        "Probability that this gate passes, by the true loss; for one against another run, --base is "
-        "the Dynamic success of that run, which need not exist; may be repeated",
+        "The gate; for one against another run, --base is the Dynamic success of that run, which need not "
+        "exist; may be repeated",
         many=True,
+        required=True,
     )
-    size = power.add_mutually_exclusive_group()
+    _add_expectation(gates)
+    size = gates.add_mutually_exclusive_group()
     option(size, "--track NAME", "Track that the gate is decided on (default: smoke)")
     option(size, "--pairs N", "Number of pairs that it is decided on", type=whole_number(1))
     option(
-        power,
+        gates,
         "--loss RATE",
         "Share of pairs that the effect to be found loses, with those lost by chance (default: several)",
         type=float,
     )
-    power.set_defaults(run=_power)
+    gates.set_defaults(run=_gates)
 
 
-def _power(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.writers.gate_plan_text import advice_lines
-    from pytest_libero_max.report.writers.power_text import (
-        Expectation,
-        chance_of,
-        expectations_of,
-        power_lines,
+def _add_expectation(command: argparse.ArgumentParser) -> None:
+    """Add the options that say what is expected of a run."""
+    known = command.add_mutually_exclusive_group(required=True)
+    option(known, "--run FOLDER", "Expect what this run measured", type=Path, dest="folder")
+    option(known, "--base RATE", "Expected Base success, 0 to 1", type=float)
+    option(
+        command,
+        "--gain RATE",
+        "Expected share of pairs that are gained by chance, and lost by chance",
+        type=float,
+        default=0.01,
     )
+
+
+def _expected(options: argparse.Namespace) -> tuple[Expectation, ...]:
+    from pytest_libero_max.report.writers.power_text import Expectation, chance_of, expectations_of
     from pytest_libero_max.report.writers.report_files import read_report
 
     if options.folder:
         report = read_report(options.folder)
-        expected = expectations_of(report)
         say([chance_of(report)[1], ""])
-    else:
-        expected = (
-            Expectation("overall", options.base, options.gain),
-            Expectation("one event", options.base, options.gain),
-        )
-    if options.gate:
-        say(line for plan in _gate_plans(options, expected[0]) for line in plan)
-        return
-    _refuse_without_gate(options)
+        return expectations_of(report)
+    return (
+        Expectation("overall", options.base, options.gain),
+        Expectation("one event", options.base, options.gain),
+    )
+
+
+def _pairs(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.writers.gate_plan_text import advice_lines
+    from pytest_libero_max.report.writers.power_text import power_lines
+
+    expected = _expected(options)
     say(power_lines(expected, options.change))
     base, chance = expected[0].base, expected[0].loss
     if options.change is not None and 0 < -options.change <= base - chance:
         say(["", *advice_lines(base, chance, -options.change)])
+
+
+def _gates(options: argparse.Namespace) -> None:
+    expected = _expected(options)
+    say(line for plan in _gate_plans(options, expected[0]) for line in plan)
 
 
 def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[list[str]]:
@@ -95,9 +105,3 @@ def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[
     for number, gate in enumerate(parse_gates(options.gate)):
         lines = gate_plan_lines(gate, planned, expected.base, expected.gain, options.loss)
         yield ["", *lines] if number else lines
-
-
-def _refuse_without_gate(options: argparse.Namespace) -> None:
-    for name in ("track", "pairs", "loss"):
-        if getattr(options, name) is not None:
-            raise OptionError(f"--{name} plans a gate, but there is no --gate. Add one, or leave it out.")

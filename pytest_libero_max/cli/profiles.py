@@ -1,4 +1,4 @@
-"""``libero-max profiles``: the profiles of policies behind servers."""
+"""``libero-max list profiles``: the profiles of policies behind servers."""
 
 from __future__ import annotations
 

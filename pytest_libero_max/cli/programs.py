@@ -1,4 +1,4 @@
-"""``libero-max programs``: the programs that can be laid over the cases of a run."""
+"""``libero-max list programs``: the programs that can be laid over the cases of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``libero-max publish``, ``verify-run``, ``index`` and ``published``: packed results, and the paper's."""
+"""``libero-max publish pack``: results packed, verified and listed."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``publish``, ``verify-run``, ``index`` and ``published`` to the parser."""
+    """Add ``pack``, ``verify`` and ``index`` to the parser."""
     publish = commands.add_parser(
-        "publish", help="Write packed pairs, report and figures of a run into a folder to be published"
+        "pack", help="Write packed pairs, report and figures of a run into a folder to be published"
     )
     publish.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
     publish.add_argument("folder", type=Path, metavar="FOLDER", help="For example reports/lite/expert")
@@ -34,7 +34,7 @@ def add_command(commands: Commands) -> None:
     publish.set_defaults(run=_publish)
 
     check = commands.add_parser(
-        "verify-run",
+        "verify",
         help="Check a published run: compute every number again, and play some pairs again",
         description="Reports, figures and cases have to follow from the packed pairs and from the frozen "
         "tracks. Pairs drawn at random are then played again, each in a process of its own, and have to end "
@@ -42,7 +42,7 @@ def add_command(commands: Commands) -> None:
         "package is played by its name, any other is named by --policy, and LIBERO is that of this machine. "
         "--pairs=0 plays none. Exit status 1 if anything differs.",
     )
-    check.add_argument("folder", type=Path, metavar="FOLDER", help="Written by libero-max publish")
+    check.add_argument("folder", type=Path, metavar="FOLDER", help="Written by libero-max publish pack")
     option(check, "--pairs K", "Number of pairs to play again; 0 plays none", type=whole_number(0), default=2)
     option(check, "--seed TEXT", "Draw the same pairs again (default: a new one, printed)")
     option(
@@ -65,7 +65,7 @@ def add_command(commands: Commands) -> None:
     option(
         check,
         "--record FILE",
-        "Note here that pairs were played again and ended alike, for libero-max index --verified",
+        "Note here that pairs were played again and ended alike, for libero-max publish index --verified",
         type=Path,
     )
     check.set_defaults(run=_verify_run)
@@ -84,13 +84,10 @@ def add_command(commands: Commands) -> None:
     option(
         index,
         "--verified FILE",
-        "Checks of those who run the index, written by libero-max verify-run --record",
+        "Checks of those who run the index, written by libero-max publish verify --record",
         type=Path,
     )
     index.set_defaults(run=_index)
-
-    published = commands.add_parser("published", help="Print the results published in the paper")
-    published.set_defaults(run=_published)
 
 
 def _publish(options: argparse.Namespace) -> None:
@@ -212,9 +209,3 @@ def _index(options: argparse.Namespace) -> int:
         print(f"refused: {folder}: {reason}")
     print(f"Written: {options.output}, {counted(sum(map(len, index.groups.values())), 'run')}")
     return 1 if index.refused else 0
-
-
-def _published(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.published import published_lines
-
-    print("\n".join(published_lines()))

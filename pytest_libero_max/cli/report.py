@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import Commands, option, switch
 from pytest_libero_max.cli.terminal import say_coloured
+from pytest_libero_max.report.exports import EXPORTS
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.gates import GateResult
@@ -31,7 +32,43 @@ def add_command(commands: Commands) -> None:
     switch(report, "--figures", "Also write the figures, as SVG and (with the extra figures) PNG")
     switch(report, "--tables", "Also write the tables as CSV and LaTeX")
     switch(report, "--badge", "Also write badge.json, which a badge of shields.io can show")
+    option(
+        report,
+        "--export FORMAT=FILE",
+        "Instead, write the run in the format of another tool: "
+        f"{', '.join(EXPORTS) or 'none is installed'}; FILE is a folder where the format has several files. "
+        "May be repeated",
+        many=True,
+        type=_export_named,
+    )
     report.set_defaults(run=_report)
+
+
+def _export_named(text: str) -> tuple[str, Path]:
+    name, equals, file = text.partition("=")
+    if not equals or not file:
+        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example ctrf=ctrf.json")
+    return name, Path(file)
+
+
+def _export(options: argparse.Namespace) -> None:
+    from pytest_libero_max.cli.ini_file import gates_of
+    from pytest_libero_max.report.exports import export_files
+    from pytest_libero_max.report.gate_results import decide_on
+    from pytest_libero_max.report.writers.report_files import make_folder, report_of, write_text
+    from pytest_libero_max.runs.store import read_pairs
+
+    stored = read_pairs(options.folder)
+    gates, start = gates_of(options.gate, Path.cwd())
+    verdicts = decide_on(gates, stored, report_of(stored), start) if gates else ()
+    for format_name, place in options.export:
+        files = export_files(format_name, stored, verdicts)
+        for name, text in files.items():
+            path = place / name
+            if name:
+                make_folder(path.parent)
+            write_text(path, text)
+        print(f"Written: {', '.join(str(place / name) for name in files)}")
 
 
 def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:
@@ -57,6 +94,9 @@ def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
 
+    if options.export:
+        _export(options)
+        return
     report, paths, verdicts = rewrite(options.folder, options.gate)
     if options.figures:
         paths += write_figures(report, options.folder)

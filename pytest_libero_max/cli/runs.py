@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.cli.arguments import Commands
+from pytest_libero_max.cli.arguments import Commands, number, option, switch
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError, ReportError
 
@@ -23,19 +23,48 @@ def add_command(commands: Commands) -> None:
     """Add ``runs`` to the parser."""
     runs = commands.add_parser(
         "runs",
-        help="List the runs below a folder with their success rates, the earliest first",
-        description="Reads the folders alone and alters nothing in them. A run that is not complete has no "
-        "rates. A run that cannot be read is named with the reason; exit status 1 where there is such a run.",
+        help="List the runs below a folder with their success rates, or follow runs until they end",
+        description="Reads the folders alone, also of runs on another machine, and alters nothing in them. A "
+        "run that is not complete has no rates. A run that cannot be read is named with the reason; exit "
+        "status 1 where there is such a run. With --follow, it prints lines at intervals where standard "
+        "output is no terminal; exit status 11 if a run was killed or ended without every pair.",
     )
-    runs.add_argument("folder", type=Path, nargs="?", default=Path(), metavar="FOLDER", help="Default: here")
+    runs.add_argument(
+        "folders",
+        type=Path,
+        nargs="*",
+        metavar="FOLDER",
+        help="Folder to look in (default: here); with --follow, the output folders of one or more runs, for "
+        "example shards, which have a line each and their sum",
+    )
+    switch(runs, "--follow", "Show how far these runs are until they end")
+    switch(runs, "--once", "With --follow: show it once; do not wait")
+    option(
+        runs,
+        "--interval SECONDS",
+        "With --follow: between two looks at the folders",
+        type=number(0.01, 3600),
+        default=2.0,
+    )
     runs.set_defaults(run=_runs)
 
 
 def _runs(options: argparse.Namespace) -> int:
+    if options.follow:
+        from pytest_libero_max.cli.following import follow
+
+        return follow(options.folders or [Path()], options.interval, once=options.once)
+    if options.once:
+        raise OptionError("--once says how runs are followed. Give --follow as well.")
+    if len(options.folders) > 1:
+        raise OptionError.seen("FOLDER", options.folders[1], ", but one folder is looked in. Add --follow.")
+    return _list(*options.folders)
+
+
+def _list(folder: Path = Path()) -> int:
     from pytest_libero_max.report.render.terminal import aligned
     from pytest_libero_max.runs.status import Follower
 
-    folder: Path = options.folder
     if not folder.is_dir():
         raise OptionError.seen("FOLDER", folder, ", but must be a folder that exists.")
     found, unreadable = [], []

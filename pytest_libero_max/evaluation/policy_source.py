@@ -172,13 +172,12 @@ class GivenPolicy(PolicySource):
 
 def wrapped(policy: Policy, settings: Settings) -> Policy:
     """Return a policy behind the wrappers that the settings ask for."""
-    from pytest_libero_max.policies.adaptive import AdaptivePolicy
-    from pytest_libero_max.policies.restoration import RestoringPolicy
+    from pytest_libero_max.policies.wrapping import WRAPPERS
 
-    if settings.restore != "native":
-        policy = RestoringPolicy(policy, settings.restore)
-    if settings.adaptive is not None:
-        policy = AdaptivePolicy(policy, settings.adaptive)
+    for name in ("restore", "adaptive"):
+        mode = getattr(settings, name)
+        if mode not in (None, "native"):
+            policy = WRAPPERS[name](policy, mode)
     return policy
 
 

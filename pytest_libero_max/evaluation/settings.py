@@ -143,7 +143,7 @@ class Settings:
 
     policy: str | None = setting(
         "ADAPTER",
-        "Policy to test: the name of a policy (expert, stale_expert, servo, noop, random), FILE.py, "
+        "Policy to test: the name of a policy (expert, stale_expert, noop, random), FILE.py, "
         "FILE.py:NAME or PACKAGE.MODULE:NAME, or the address of a server (openpi://HOST:8000, with a "
         "profile), several equal ones with commas between, or a .toml file that lists them; given "
         "on the command line without test paths, every pair of the track is collected; given in the ini "
@@ -173,7 +173,7 @@ class Settings:
     program: Program | None = setting(
         "NAME|FILE",
         "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
-        "`libero-max programs`, or a JSON file",
+        "`libero-max list programs`, or a JSON file",
         read.text,
         recorded=Recorded("protocol", value=_program_value),
     )
@@ -198,7 +198,7 @@ class Settings:
         "I/N",
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
-        "say it); join the runs with libero-max merge",
+        "say it); join the runs with libero-max shards merge",
         read.shard,
         group="machines",
     )
@@ -401,7 +401,7 @@ class Settings:
         "CONDITION",
         "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. "
         "Then the pairs are played by a worker, also without -n; gates of a shard are decided by "
-        "libero-max merge",
+        "libero-max shards merge",
         read.gate,
         many=True,
     )

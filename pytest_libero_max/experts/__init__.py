@@ -1,12 +1,10 @@
 """Scripted policies that ship with the package.
 
-``expert`` and ``stale_expert`` solve the tasks by reading the simulator; ``servo`` solves those of two
-suites by looking at the image; ``noop`` and ``random`` do nothing that solves a task. Each is loaded by its
-name (``--libero-max-policy=expert``). They serve two purposes:
+``expert`` and ``stale_expert`` solve the tasks by reading the simulator; ``noop`` and ``random`` do nothing
+that solves a task. Each is loaded by its name (``--libero-max-policy=expert``). They serve two purposes:
 
 * as a policy whose results are known, to try the benchmark and to compare an adapter with: ``expert`` plans
-  anew at every query and so answers to an event, ``stale_expert`` has the same skill and never looks again,
-  ``servo`` can be misled by the images;
+  anew at every query and so answers to an event, ``stale_expert`` has the same skill and never looks again;
 * as the instrument of certificates: while tracks are built, a case is certified where ``expert`` completes
   its task after the event. Whether a case exists does not depend on it.
 
@@ -18,10 +16,6 @@ episodes: the same state of the world gives the same actions, bit for bit.
 =====================  ===========================================================================
 ``expert``             which goal comes next, and the route to it; the policy
 ``stale_expert``       the same route, planned once at the first query; the policy
-``servo``              looks, and plans a route where something has moved; the policy
-``servo_scenes``       its prior knowledge: cameras, sizes, usual places
-``sight``              finding a known object in an image by its colours and its outline
-``nominal_camera``     where a point of the world is in the image of the main camera
 ``noop``, ``random``   policies that do not read the world
 ``scene_view``         the hand, the parts that can be held and everything else as boxes
 ``grasp``              where to take hold of an object from above

@@ -112,4 +112,7 @@ def plan_subgoal(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
     return (*door, *pick_and_place(view))
 
 
+VERSION = 1
+"""See :func:`.references.shipped_version`."""
+
 policy = ExpertPolicy

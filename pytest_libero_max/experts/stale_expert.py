@@ -46,4 +46,7 @@ class StaleExpertPolicy:
         self._route = memory
 
 
+VERSION = 1
+"""See :func:`.references.shipped_version`."""
+
 policy = StaleExpertPolicy

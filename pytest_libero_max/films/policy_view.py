@@ -28,8 +28,7 @@ from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Que
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.model_inputs import as_image, model_inputs
 from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
-from pytest_libero_max.policies.restoration import RestoringPolicy
-from pytest_libero_max.policies.wrapping import WrappedPolicy
+from pytest_libero_max.policies.wrapping import WRAPPERS, WrappedPolicy
 from pytest_libero_max.worlds.contract import Image, ImageSize, Observation, World
 
 _GROUND = 96
@@ -161,7 +160,7 @@ def _wrapped(record: PairRecord) -> list[WrappedPolicy]:
     """Wrappers that show the policy other images than the world, from the outside in."""
     spec = PolicySpec("recorded", cameras=tuple(record.policy["cameras"]))
     return [
-        RestoringPolicy(_Recorded(spec), wrapper.removeprefix(_RESTORE))
+        WRAPPERS[_RESTORE[:-1]](_Recorded(spec), wrapper.removeprefix(_RESTORE))
         for wrapper in reversed(record.policy.get("wrappers", ()))
         if wrapper.startswith(_RESTORE)
     ]

@@ -93,44 +93,12 @@ def film_pair(
         words = caption(record, shown)
     ticks = play_again(case, world, record, traces, look, every, also, simulate=shown is not None)
     if on_step is not None:
-        ticks = _told(ticks, on_step)
+        ticks = tell_steps(ticks, on_step)
     write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ, overwrite)
 
 
-def record_pair(
-    path: Path,
-    case: Case,
-    world: World,
-    record: PairRecord,
-    traces: Mapping[str, ArmTrace],
-    *,
-    size: int = SIZE_PX,
-    every: int = EVERY,
-    overwrite: bool = False,
-    on_step: Callable[[int], None] | None = None,
-) -> None:
-    """Play a recorded pair again and write it for Rerun, or nothing at all.
-
-    Args:
-        path: Ends in ``.rrd``; otherwise as for :func:`film_pair`, which raises the same errors.
-        case: As there.
-        world: As there.
-        record: As there.
-        traces: As there.
-        size: As there.
-        every: As there.
-        overwrite: As there.
-        on_step: As there.
-    """
-    from pytest_libero_max.films.rerun_file import scenes, write_recording
-
-    ticks = play_again(case, world, record, traces, scenes(size), every)
-    if on_step is not None:
-        ticks = _told(ticks, on_step)
-    write_recording(path, record, traces, ticks, overwrite)
-
-
-def _told(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
+def tell_steps(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
+    """Yield the pictures of a pair, and pass the policy steps of each on before it is drawn."""
     for tick in ticks:
         on_step(tick.step)
         yield tick

@@ -25,7 +25,7 @@ def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None
     from pytest_libero_max.report.writers.gate_text import gate_lines
 
     outcome: Literal["passed", "failed", "skipped"] = "skipped"
-    said = f"{text}: not decided by this run; that of a shard is decided by libero-max merge."
+    said = f"{text}: not decided by this run; that of a shard is decided by libero-max shards merge."
     if result is not None:
         if result.verdict != "undecidable" and not result.no_baseline:
             outcome = result.verdict

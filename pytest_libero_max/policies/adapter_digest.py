@@ -16,25 +16,23 @@ from typing import Any
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.files_read import FILES_READ
 from pytest_libero_max.policies.references import (
-    BUILT_IN,
     DEFAULT_NAME,
     Reference,
     file_of,
     find_spec,
     parse_reference,
     refusal,
+    shipped_version,
     submodule_file,
 )
-
-_SHIPPED = f"{__name__.partition('.')[0]}.experts"
 
 
 def adapter_digest(text: str, profile: str | None = None, revision: str | None = None) -> str:
     """Identity of the policy that a reference leads to. Nothing is imported.
 
     For a policy that ships with the package it is a name and a version, for example ``expert version 1``
-    (:data:`~.references.BUILT_IN`). For the address of a server it is the digest of the profile, not of the
-    address. For an adapter it is the SHA-256 of its code, hexadecimal.
+    (:func:`~.references.shipped_version`). For the address of a server it is the digest of the profile, not
+    of the address. For an adapter it is the SHA-256 of its code, hexadecimal.
 
     That covers the adapter's file, the name taken from it, and every module that the code imports (anywhere,
     also inside a function) from the adapter's own folder or package. Comments, docstrings and layout do not
@@ -55,10 +53,11 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
 
         return read_servers(text, profile, revision).digest
     reference = parse_reference(text)
-    package, _, module = reference.target.rpartition(".")
-    if package == _SHIPPED and module in BUILT_IN:
+    version = shipped_version(reference)
+    if version is not None:
+        module = reference.target.rpartition(".")[2]
         name = module if reference.name == DEFAULT_NAME else f"{module}:{reference.name}"
-        return f"{name} version {BUILT_IN[module]}"
+        return f"{name} version {version}"
     try:
         code = code_digest(adapter_files(reference))
     except OSError as error:
@@ -74,8 +73,7 @@ def names_its_files(text: str) -> bool:
     """
     if is_served(text):
         return False
-    package, _, module = parse_reference(text).target.rpartition(".")
-    return not (package == _SHIPPED and module in BUILT_IN)
+    return shipped_version(parse_reference(text)) is None
 
 
 @contextmanager

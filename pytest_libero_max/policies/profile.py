@@ -217,7 +217,7 @@ def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
         hint = (
             "Check the path."
             if text.endswith(".toml")
-            else f"{did_you_mean(text, profile_names())} `libero-max profiles` lists them; one of your own "
+            else f"{did_you_mean(text, profile_names())} See `libero-max list profiles`; one of your own "
             "is a file that ends in .toml."
         )
         raise AdapterError.seen("profile", text, f": there is no such profile. {hint}")

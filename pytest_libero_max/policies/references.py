@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -11,25 +12,19 @@ from functools import partial
 from importlib.machinery import ModuleSpec, all_suffixes
 from operator import attrgetter
 from pathlib import Path
-from types import MappingProxyType
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.registry import Registry
 
 DEFAULT_NAME = "policy"
 
+_VERSION = re.compile(r"^VERSION = (\d+)$", re.MULTILINE)
+
 GROUP = "pytest_libero_max.policies"
 """Entry point group by which an installed package offers policies by name."""
 
-BUILT_IN: Mapping[str, int] = MappingProxyType(
-    {"expert": 1, "stale_expert": 1, "servo": 1, "noop": 1, "random": 1}
-)
-"""The policies that ship with the package, each with its version.
-
-Raise the version of a policy when it may act otherwise somewhere: runs of two versions are runs of two
-policies. A test compares actions with golden ones and says so where they differ. Names, comments, speed and
-modules are no reason; code that several policies share is one for each of them that it makes act otherwise.
-"""
+_OWN = ("expert", "stale_expert", "noop", "random")
+_PACKAGE = __name__.partition(".")[0]
 
 
 def registry() -> Registry[str]:
@@ -44,7 +39,7 @@ def registry() -> Registry[str]:
 
 
 def _built_in() -> Mapping[str, Callable[[], str]]:
-    return {name: partial("pytest_libero_max.experts.{}:{}".format, name, DEFAULT_NAME) for name in BUILT_IN}
+    return {name: partial(f"{_PACKAGE}.experts.{{}}:{{}}".format, name, DEFAULT_NAME) for name in _OWN}
 
 
 POLICIES = registry()
@@ -72,6 +67,26 @@ class Reference:
     def where(self) -> str:
         """Name in an error."""
         return f"{self.target}:{self.name}"
+
+
+def shipped_names() -> tuple[str, ...]:
+    """Return the names of the policies that ship with the package."""
+    return tuple(name for name in POLICIES if POLICIES[name].startswith(f"{_PACKAGE}."))
+
+
+def shipped_version(reference: Reference) -> int | None:
+    """Return the version of a policy that ships with the package; None for any other.
+
+    It is ``VERSION`` in the policy's module, which is not imported. Raise it when the policy may act
+    otherwise somewhere: runs of two versions are runs of two policies. A test compares actions with golden
+    ones and says so where they differ. Names, comments, speed and modules are no reason; code that several
+    policies share is one for each of them that it makes act otherwise.
+    """
+    if not reference.target.startswith(f"{_PACKAGE}."):
+        return None
+    file = file_of(reference)
+    match = None if file is None else _VERSION.search(file.read_text(encoding="utf-8"))
+    return None if match is None else int(match[1])
 
 
 def refusal(text: str, rest: str) -> AdapterError:

@@ -22,7 +22,7 @@ from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.significance import mcnemar
 
-_CURE = "Gate more pairs, a wider limit, or the estimate; libero-max power --gate says what can be met."
+_CURE = "Gate more pairs, a wider limit, or the estimate; libero-max plan gates says what can be met."
 _NARROWER = "It would pass whatever the policy does: give a narrower limit, or gate dynamic_sr."
 _MANY = 10_000
 """More stale actions than an episode has steps."""

@@ -135,7 +135,7 @@ def decide_on(
 ) -> tuple[GateResult, ...]:
     """Decide gates on a run that has been read, and its report; see :func:`decide`."""
     if shards := shards_of(stored):
-        why = f"libero-max merge decides it, on all {shards} shards."
+        why = f"libero-max shards merge decides it, on all {shards} shards."
         return tuple(GateResult(gate, "undecidable", None, why, waits=True) for gate in gates)
     others = {gate.run for gate in gates if gate.run is not None}
     baselines = {other: read_baseline(stored, start / other) for other in sorted(others)}

@@ -31,7 +31,7 @@ setting by name, ``allow=strength+versions`` several, and the verdict repeats wh
 folder of the other run is missing or empty, and says so. This run must then be fit to be the other one next
 time: complete, with Base successes and events enough, and such that the gate can fail against it.
 
-The gates of a shard are decided on all shards together, by ``libero-max merge``.
+The gates of a shard are decided on all shards together, by ``libero-max shards merge``.
 
 A gate that every outcome of its pairs meets, or none, is refused before anything is played, and so is one
 against a run that leaves nothing to decide, for example ``regressions_vs(RUN) <= 0`` where Dynamic never

@@ -134,14 +134,14 @@ _SHOWN = 120
 _PACKED = re.compile(r"(?<='>)[^<]*(?=</script>)")
 """What a page holds as gzip in base64."""
 
-_CURE = "Ask its author for the folder as libero-max publish writes it, or publish the run again."
+_CURE = "Ask its author for the folder as libero-max publish pack writes it, or publish the run again."
 
 
 def _read_whole(folder: Path) -> StoredRun:
     if not (folder / PACKED_PAIRS_NAME).is_file():
         raise ReportError(
             f"{folder} has no {PACKED_PAIRS_NAME}, so it is no published run. "
-            f"Make one: libero-max publish RUN {folder}."
+            f"Make one: libero-max publish pack RUN {folder}."
         )
     stored = read_pairs(require_inside(folder, folder / PACKED_PAIRS_NAME))
     if stored.torn:
@@ -198,7 +198,7 @@ def _require_text(path: Path, expected: str) -> None:
     raise ReportError(
         f"{path}, line {number}: {one!r}, but its pairs give {other!r}. A published report follows from the "
         f"pairs beside it. {_CURE} Another version of the package may write other text: libero-max publish "
-        f"{path.parent} {path.parent} writes that of this one."
+        f"pack {path.parent} {path.parent} writes that of this one."
     )
 
 

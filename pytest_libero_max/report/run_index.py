@@ -86,7 +86,7 @@ def published_in(folders: Iterable[Path]) -> list[Path]:
             raise OptionError.seen(
                 "FOLDER",
                 str(folder),
-                ", but no published run is in it or below it. Make one: libero-max publish RUN FOLDER.",
+                ", but no published run is in it or below it. Make one: libero-max publish pack RUN FOLDER.",
             )
         found |= dict.fromkeys(runs)
     return [*found]
@@ -142,7 +142,7 @@ def read_checks(path: Path) -> dict[str, PlayedAgain]:
         return {}
     except OSError as error:
         raise ReportError(f"Cannot read {path}: {error}.") from error
-    cure = "libero-max verify-run FOLDER --record writes such a file."
+    cure = "libero-max publish verify FOLDER --record writes such a file."
     try:
         values: Any = decode_json(content, cure)
         return msgspec.convert(values, dict[str, PlayedAgain])

@@ -1,4 +1,4 @@
-"""Fingerprint of this installation, kept by ``libero-max fingerprint`` for the runs that follow.
+"""Fingerprint of this installation, kept by ``libero-max lab fingerprint`` for the runs that follow.
 
 Taking it costs a quarter of a minute, too much for every run. It is kept under everything that it may depend
 on and that is known without a simulator: where one of these has changed, it has to be taken again.
@@ -49,7 +49,7 @@ def kept(substrate: Json) -> str | None:
 
 def fingerprint_text(provenance: Json) -> str:
     """Return the fingerprint of a run as reports print it."""
-    return str(provenance["fingerprint"] or "not taken before the run (libero-max fingerprint)")
+    return str(provenance["fingerprint"] or "not taken before the run (libero-max lab fingerprint)")
 
 
 def _folder() -> Path:

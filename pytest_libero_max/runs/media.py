@@ -15,7 +15,7 @@ RERUN_NAME = "rerun"
 CRASHES_NAME = "crashes"
 """Folder of the crash logs of processes that died."""
 PICTURES_NAME = "pictures"
-"""Folder for the pictures of ``libero-max show CASE --pictures``, from which pages take them."""
+"""Folder for the pictures of ``libero-max list cases CASE --pictures``, from which pages take them."""
 
 FILM_FORMATS = ("mp4", "webp")
 FILM_SUFFIXES = tuple(f".{kind}" for kind in FILM_FORMATS)

@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases, load_track
 from pytest_libero_max.errors import ManifestError, OptionError, ReportError
-from pytest_libero_max.policies.references import BUILT_IN
+from pytest_libero_max.policies.references import shipped_names
 from pytest_libero_max.runs.comparability import PLACES
 
 
@@ -41,7 +41,7 @@ def _paths(provenance: Json, place: str) -> list[str]:
 def built_in_policy(provenance: Json) -> str | None:
     """Return the name of the built-in policy that a run played; None for a policy of somebody else."""
     reference = str(provenance["policy"]["reference"])
-    return reference if reference in BUILT_IN else None
+    return reference if reference in shipped_names() else None
 
 
 def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -> Manifest:

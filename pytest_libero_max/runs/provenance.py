@@ -68,7 +68,7 @@ def collect(
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
-        fingerprint: Fingerprint of the installation, as ``libero-max fingerprint`` prints it; None where it
+        fingerprint: Fingerprint of the installation, as ``libero-max lab fingerprint`` prints it; None if it
             was not taken.
     """
     begun = datetime.now(UTC) if started is None else started.astimezone(UTC)

@@ -3,13 +3,13 @@
 Another robot needs another :class:`Robot`, and these, which follow from no name:
 
 - whatever takes :data:`PANDA`: ``worlds/stepping``, ``worlds/robosuite_world``, ``changes/robot`` (number of
-  joints), ``construction/preflight`` (base), ``policies/clients/request`` (keys of observations),
+  joints), ``makers/construction/preflight`` (base), ``policies/clients/request`` (keys of observations),
   ``experts/scene_view`` (parts by name) and the substrates;
 - a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
   drives with it, and checks the number of joints; gains, limits and indices come from the environment;
 - actions: seven components, six of the hand and one of the gripper (``ACTION_DIM`` in ``worlds/contract``);
 - observations: ``robot0_gripper_qpos`` has two fingers in ``films/replay``, ``policies/server/vla_eval``,
-  ``experts/servo`` and ``demos/lerobot``, which also writes the robot's name; ``policies/transforms/states``
+  ``lab/servo`` and ``demos/lerobot``, which also writes the robot's name; ``policies/transforms/states``
   has the quarter turn from the observed hand to the grip site;
 - its visuals on the embedded scenes (:mod:`pytest_libero_max.substrates.embedded.panda`);
 - initial states: the embedded ones start from :attr:`Robot.home_rad`, LIBERO's are files of the Panda;

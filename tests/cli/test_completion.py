@@ -15,11 +15,12 @@ pytest.importorskip("argcomplete", reason="pip install argcomplete")
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("libero-max tre", {"trend"}),
+        ("libero-max docto", {"doctor"}),
+        ("libero-max list prof", {"profiles"}),
         ("libero-max check a.py --pro", {"--profile"}),
         ("libero-max check a.py --profile pi05_lib", {"pi05_libero"}),
-        ("libero-max profiles pi05_lib", {"pi05_libero"}),
-        ("libero-max show smo", {"smoke"}),
+        ("libero-max list profiles pi05_lib", {"pi05_libero"}),
+        ("libero-max list cases smo", {"smoke"}),
         ("libero-max view resu", {"results/"}),
     ],
 )

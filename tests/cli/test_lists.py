@@ -1,4 +1,4 @@
-"""What ``libero-max profiles``, ``events`` and ``programs`` say."""
+"""What ``libero-max list profiles``, ``events`` and ``programs`` say."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_libero_max.policies.profile import profile_names
 def test_each_profile_has_a_line_with_its_protocol_chunks_and_policy(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    assert main(["profiles"]) == 0
+    assert main(["list", "profiles"]) == 0
     lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
     assert tuple(lines) == profile_names()
     assert lines["pi05_libero"].split(None, 4)[1:4] == ["openpi", "H=10", "Q=5"]
@@ -24,11 +24,11 @@ def test_each_profile_has_a_line_with_its_protocol_chunks_and_policy(
 
 
 def test_one_profile_is_explained_with_the_commands_that_use_it(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["profiles", "pi05_libero"]) == 0
+    assert main(["list", "profiles", "pi05_libero"]) == 0
     out = capsys.readouterr().out
     assert "uv run scripts/serve_policy.py --env LIBERO" in out
     assert "libero-max check openpi://HOST:PORT --profile pi05_libero" in out
-    assert main(["profiles", "openvla_oft_goal"]) == 0
+    assert main(["list", "profiles", "openvla_oft_goal"]) == 0
     assert "Suites: libero_goal." in capsys.readouterr().out
 
 
@@ -38,7 +38,7 @@ WITH_AN_ADAPTER = ("served", "wrapped", "cosmos_policy", "fastwam", "lightwam", 
 
 @pytest.mark.parametrize("name", profile_names())
 def test_a_profile_says_how_its_server_is_started(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["profiles", name]) == 0
+    assert main(["list", "profiles", name]) == 0
     first, *comment, _, check, play = capsys.readouterr().out.splitlines()
     assert first.startswith(f"{name}: ") or first == name
     assert (check.split()[:2], play.split()[0]) == (["libero-max", "check"], "pytest")
@@ -54,14 +54,14 @@ def test_a_profile_of_ones_own_is_explained_and_a_wrong_name_is_refused(
 ) -> None:
     own = tmp_path / "mine.toml"
     own.write_text('extends = "pi05_libero"\n')
-    assert main(["profiles", str(own)]) == 0
+    assert main(["list", "profiles", str(own)]) == 0
     assert capsys.readouterr().out.startswith("mine: H=10 Q=5")
-    assert main(["profiles", "pi05_liber"]) == 1
+    assert main(["list", "profiles", "pi05_liber"]) == 1
     assert "Did you mean 'pi05_libero'?" in capsys.readouterr().err
 
 
 def test_each_event_is_described(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["events"]) == 0
+    assert main(["list", "events"]) == 0
     out = capsys.readouterr().out
     found = [line.partition(":")[0] for line in out.splitlines() if not line.startswith(" ")]
     assert found[:8] == list(BENCHMARK_EVENTS)
@@ -69,13 +69,13 @@ def test_each_event_is_described(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_programs_are_listed_with_the_cases_that_they_fit(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["programs"]) == 0
+    assert main(["list", "programs"]) == 0
     listed = capsys.readouterr().out
     assert all(f"{name}:\n" in listed for name in program_names())
-    assert main(["programs", "there_and_back"]) == 0
+    assert main(["list", "programs", "there_and_back"]) == 0
     shown = capsys.readouterr().out
     assert "Cases with event target_relocation or receptacle_relocation: nothing else" in shown
     assert '    1. {"trigger": {"type": "untouched"' in shown
     assert shown.endswith("pytest --libero-max-policy=POLICY --libero-max-program=there_and_back\n")
-    assert main(["programs", "transiant"]) == 1
+    assert main(["list", "programs", "transiant"]) == 1
     assert "Did you mean 'transient'" in capsys.readouterr().err

@@ -10,27 +10,26 @@ from pytest_libero_max.cli import main
 def test_power_is_printed_for_expectations_and_for_a_run(
     stored: Callable[..., str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["power", "--base", "0.9", "--change=-0.05"]) == 0
+    assert main(["plan", "pairs", "--base", "0.9", "--change=-0.05"]) == 0
     assert "Pairs needed to resolve a change of -5.0 points" in capsys.readouterr().out
     folder = stored("run", seed=1)
     main(["report", folder])
-    assert main(["power", "--run", folder]) == 0
+    assert main(["plan", "pairs", "--run", folder]) == 0
     assert "camera_shift" in capsys.readouterr().out
 
 
 def test_a_gate_is_planned(capsys: pytest.CaptureFixture[str]) -> None:
-    gate = ["power", "--base", "0.9", "--gate", "dynamic_sr_vs(v1).lower >= -10%"]
+    gate = ["plan", "gates", "--base", "0.9", "--gate", "dynamic_sr_vs(v1).lower >= -10%"]
     assert main([*gate, "--pairs", "100", "--loss", "0.2"]) == 0
     out = capsys.readouterr().out
     assert "decided on 100 pairs" in out
     assert "no effect" in out
     assert "with -19.0 pp, at 100, 200, " in out
-    assert main(["power", "--base", "0.9", "--gate", "event.camera_shift.delta >= -30%"]) == 0
+    assert main(["plan", "gates", "--base", "0.9", "--gate", "event.camera_shift.delta >= -30%"]) == 0
     assert "decided on 4 pairs" in capsys.readouterr().out
     for wrong, words in (
-        (["power", "--base", "0.9", "--track", "lite"], "there is no --gate"),
         ([*gate, "--loss", "0.95"], "only what succeeds in Base can be lost"),
-        (["power", "--base", "0.9", "--gate", "event.nothing.delta >= -30%"], "unknown event"),
+        (["plan", "gates", "--base", "0.9", "--gate", "event.nothing.delta >= -30%"], "unknown event"),
     ):
         assert main(wrong) == 1
         assert words in capsys.readouterr().err

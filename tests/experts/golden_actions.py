@@ -1,6 +1,6 @@
 """Actions of the policies that ship with the package, in a few scenes, and the file that keeps their digests.
 
-A policy that acts otherwise is another policy. Raise its version in ``policies/references.py: BUILT_IN``,
+A policy that acts otherwise is another policy. Raise its version in its module (``VERSION``),
 then write the file again:
 
     python -m tests.experts.golden_actions
@@ -27,11 +27,10 @@ from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.registry import resolve_event
 from pytest_libero_max.events.schedules import arms_of
-from pytest_libero_max.experts.servo_scenes import CAMERA, IMAGE_SIZE
 from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
-from pytest_libero_max.policies.references import BUILT_IN
+from pytest_libero_max.policies.references import parse_reference, shipped_names, shipped_version
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import Array
@@ -48,6 +47,7 @@ SCENES = (
 )
 SERVO_SCENE = ("libero_spatial", 3, 7)
 STEP_M = 0.05
+CAMERA, IMAGE_SIZE = "agentview", 256
 
 
 def actions_of(name: str, substrate: EmbeddedSubstrate) -> dict[str, str]:
@@ -124,8 +124,11 @@ if __name__ == "__main__":
     if not PICTURE.exists():
         _take_picture(substrate)
     content = {
-        name: {"version": version, "actions": actions_of(name, substrate)}
-        for name, version in BUILT_IN.items()
+        name: {
+            "version": shipped_version(parse_reference(name)),
+            "actions": actions_of(name, substrate),
+        }
+        for name in shipped_names()
     }
     substrate.close()
     FILE.write_text(json.dumps(content, indent=1) + "\n")

@@ -10,11 +10,10 @@ from msgspec import structs
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import AdapterError, ReportError
-from pytest_libero_max.films.policy_view import caption, fitted, policy_look, shown_by
+from pytest_libero_max.films.policy_view import fitted, policy_look, shown_by
 from pytest_libero_max.films.replay import Tick, play_again
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.profile import load_profile
-from pytest_libero_max.policies.restoration import RestoringPolicy
 from pytest_libero_max.worlds.contract import CAMERAS, Image
 from tests.pairing.actors import Approaching
 
@@ -123,19 +122,6 @@ def test_an_adapter_tells_what_its_model_is_handed(
     adapter.write_text(MODULE.replace("def model_inputs", "def inputs"))
     with pytest.raises(AdapterError, match="has no model_inputs"):
         _ticks(played, {**ran, "code": None}, adapter=str(adapter))
-
-
-def test_restored_images_are_those_that_the_policy_was_shown(short: None, tmp_path: Path) -> None:
-    policy = Approaching(horizon=5, interval=3, cameras=CAMERAS)
-    played = play(tmp_path, policy=RestoringPolicy(policy, "always"), event="sensor_noise_onset")
-    given = {(query.step, view.tobytes()) for query, view in zip(policy.queries, policy.views, strict=True)}
-    for tick in _ticks(played, ADAPTER):
-        if tick.step in (0, 3, 6):
-            assert (tick.step, _image(tick, "dynamic").tobytes()) in given
-    shown = shown_by(ADAPTER)
-    assert caption(played.record, shown).endswith("is not known; after restore=always")
-    other = structs.replace(played.record, policy={**played.record.policy, "wrappers": ["blur=2"]})
-    assert caption(other, shown).endswith("; what blur=2 does to them is not known")
 
 
 def test_an_image_keeps_its_proportions_in_its_picture() -> None:

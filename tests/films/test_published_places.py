@@ -59,7 +59,7 @@ def witness(tmp_path: Path) -> Path:
 def evil(played: Played, tmp_path: Path, witness: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A published folder with an installation, an adapter, a manifest and a profile of its author's."""
     run = store(played, tmp_path / "run", tmp_path / "tiny.json")
-    assert main(["publish", str(run), str(tmp_path / "published"), "--actions"]) == 0
+    assert main(["publish", "pack", str(run), str(tmp_path / "published"), "--actions"]) == 0
     folder = tmp_path / "published"
     _fake_libero(folder / "installation", witness)
     for name in ("adapter.py", "conftest.py", "numpy.py", "mujoco.py"):
@@ -95,16 +95,14 @@ def _renamed(folder: Path, **parts: Json) -> None:
         line["fingerprints"]["substrate"] = first["provenance"]["substrate"]["name"]
     content = "".join(json.dumps(line) + "\n" for line in (first, *rest))
     path.write_bytes(gzip.compress(content.encode()))
-    assert main(["publish", str(folder), str(folder)]) == 0
+    assert main(["publish", "pack", str(folder), str(folder)]) == 0
 
 
 COMMANDS = (
-    ("verify-run", ".", "--pairs=1", "--seed=1"),
-    ("verify-run", ".", "--pairs=1", "--seed=1", "--actions"),
+    ("publish", "verify", ".", "--pairs=1", "--seed=1"),
+    ("publish", "verify", ".", "--pairs=1", "--seed=1", "--actions"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp"),
     ("film", ".", "--select=all", f"--size={SIZE}", "--format=webp", "--view=policy"),
-    ("monitors", ".", "image_change"),
-    ("demos", "episodes", "--run=."),
 )
 """Commands that play pairs again, all of which take ``--cases``."""
 
@@ -112,9 +110,8 @@ READERS = (
     ("report", "."),
     ("compare", ".", "../run"),
     ("gate", ".", "--gate=base_sr >= 0"),
-    ("publish", ".", "again"),
-    ("export", ".", "ctrf.json", "--format=ctrf"),
-    ("index", ".", "--output=index.html"),
+    ("publish", "pack", ".", "again"),
+    ("publish", "index", ".", "--output=index.html"),
 )
 
 
@@ -150,8 +147,8 @@ def test_a_pair_is_played_again_with_the_options_of_this_machine_alone(
 
     monkeypatch.setattr("pytest_libero_max.runs.run_verification.subprocess.run", listed)
     cases = f"--cases={tmp_path / 'tiny.json'}"
-    main(["verify-run", ".", "--pairs=1", cases])
-    assert main(["verify-run", ".", "--pairs=1", cases, f"--libero={tmp_path}"]) == 1
+    main(["publish", "verify", ".", "--pairs=1", cases])
+    assert main(["publish", "verify", ".", "--pairs=1", cases, f"--libero={tmp_path}"]) == 1
     first, second = ([word for word in command if "libero-max-libero" in word] for command in given)
     assert first == []
     assert second == [f"--libero-max-libero={tmp_path}"]
@@ -165,11 +162,11 @@ def test_a_pair_is_played_again_with_the_options_of_this_machine_alone(
 def test_what_only_an_option_may_name_is_asked_for(
     evil: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["verify-run", ".", "--pairs=1"]) == 1
+    assert main(["publish", "verify", ".", "--pairs=1"]) == 1
     assert "--policy=" in capsys.readouterr().err
-    assert main(["verify-run", ".", "--pairs=1", "--policy=noop"]) == 1
+    assert main(["publish", "verify", ".", "--pairs=1", "--policy=noop"]) == 1
     assert "--cases=" in capsys.readouterr().err
-    assert main(["verify-run", ".", "--pairs=1", "--policy=openpi://here:1"]) == 1
+    assert main(["publish", "verify", ".", "--pairs=1", "--policy=openpi://here:1"]) == 1
     assert "--profile" in capsys.readouterr().err
     assert main(["film", "."]) == 1
     assert "--cases=" in capsys.readouterr().err

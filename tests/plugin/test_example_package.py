@@ -1,4 +1,4 @@
-"""A package that adds an event, a change, a trigger, a probe, a study, a stopping rule and a protocol."""
+"""A package that adds an event, a probe, a study, a protocol, a command, a format and more."""
 
 from __future__ import annotations
 
@@ -130,6 +130,23 @@ def test_both_ways_of_playing_it_agree(installed: pytest.Pytester, results: Resu
     assert records[0] == records[1]
 
 
+def test_its_command_and_its_format_are_those_of_libero_max(installed: pytest.Pytester) -> None:
+    def run(*words: str) -> str:
+        done = installed.run(sys.executable, "-m", "pytest_libero_max.cli", *words)
+        assert done.ret == 0
+        return done.stdout.str()
+
+    assert "tally         Count the words that are given" in run("--help")
+    assert run("tally", "one", "two") == "2"
+    installed.runpytest_subprocess(*RUN, "-k", "push").assert_outcomes(passed=2)
+    run("report", "libero-max-results", "--export=tally=tally.txt")
+    lines = (installed.path / "tally.txt").read_text().splitlines()
+    assert [line.split()[0] for line in lines] == [
+        "libero-spatial-t00-i00-push-v0",
+        "libero-spatial-t00-i00-push-v1",
+    ]
+
+
 def test_the_benchmarks_events_stay_first(installed: pytest.Pytester) -> None:
     done = installed.runpytest_subprocess("--markers", "--libero-max-policy=adapter.py")
     markers = [line.split(":")[0] for line in done.outlines if "LIBERO-MAX pairs with this event" in line]
@@ -225,7 +242,18 @@ def test_the_preflight_examines_it(installed: pytest.Pytester) -> None:
     ]
     path.write_text(json.dumps(manifest))
     call = "from pytest_libero_max.cli import main; main()"
-    command = [sys.executable, "-c", call, "preflight", "tiny.json", "--substrate", "tiny", "--jobs", "1"]
+    command = [
+        sys.executable,
+        "-c",
+        call,
+        "dev",
+        "preflight",
+        "tiny.json",
+        "--substrate",
+        "tiny",
+        "--jobs",
+        "1",
+    ]
     done = subprocess.run(command, cwd=installed.path, capture_output=True, text=True, check=False)
     assert "3 of 4 cases pass" in done.stdout, done.stdout + done.stderr
     assert f"{fast['case_id']}: box_1 moves by" in done.stdout

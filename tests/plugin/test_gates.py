@@ -40,7 +40,7 @@ def test_each_gate_is_a_test_case_of_the_junit_file(run: Run, shard: tuple[str, 
     outcomes = [{part.tag: part.get("message", "") for part in found[f"gate[{gate}]"]} for gate in gates]
     assert (suite.get("failures"), suite.get("skipped")) == (("0", "3") if shard else ("1", "1"))
     if shard:
-        assert all("libero-max merge decides it" in outcome["skipped"] for outcome in outcomes)
+        assert all("libero-max shards merge decides it" in outcome["skipped"] for outcome in outcomes)
         return
     failed, passed, undecided = outcomes
     assert "dynamic_sr >= 0.6: failed, it is 0." in failed["failure"]
@@ -242,7 +242,7 @@ def test_a_merged_run_is_resumed(run: Run) -> None:
 
     for number in "12":
         run(f"--libero-max-shard={number}/2", f"--libero-max-output={number}")
-    assert main(["merge", "1", "2", "--output=merged"]) == 0
+    assert main(["shards", "merge", "1", "2", "--output=merged"]) == 0
     result = run("--libero-max-output=merged", "--libero-max-resume", "-n2", subprocess=True)
     assert result.ret == 0
     result.stdout.fnmatch_lines(["*16 of 16 planned pairs played"])
@@ -283,7 +283,7 @@ def test_shards_make_up_the_whole(run: Run, pytester: pytest.Pytester) -> None:
     run("--libero-max-output=whole")
     for shard in ("1/3", "2/3", "3/3"):
         run(f"--libero-max-shard={shard}", f"--libero-max-output={shard[0]}")
-    assert main(["merge", "1", "2", "3", "--output", "merged"]) == 0
+    assert main(["shards", "merge", "1", "2", "3", "--output", "merged"]) == 0
     assert main(["gate", "merged", "--gate=whole_track == 1", "--gate=missing == 0"]) == 0
     assert main(["gate", "1", "--gate=whole_track == 1"]) == 10
     whole, merged = (json.loads(Path(name, "report.json").read_text()) for name in ("whole", "merged"))

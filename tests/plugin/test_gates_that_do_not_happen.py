@@ -351,18 +351,20 @@ def shards(run: Run) -> list[str]:
         options = (f"--libero-max-shard={number}/2", f"--libero-max-output={number}", "--libero-max-isolate")
         result = run("--libero-max-limit=2", *options, f"--libero-max-gate={GATE}", "-q", subprocess=False)
         assert result.ret == 0
-        result.stdout.fnmatch_lines([f"gate wait*{GATE}*libero-max merge decides it, on all 2 shards."])
+        result.stdout.fnmatch_lines(
+            [f"gate wait*{GATE}*libero-max shards merge decides it, on all 2 shards."]
+        )
     return ["1", "2"]
 
 
 def test_gates_of_shards_are_decided_by_merge(shards: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["merge", *shards, "--output=whole"]) == 10
+    assert main(["shards", "merge", *shards, "--output=whole"]) == 10
     assert f"gate FAIL  {GATE}: failed" in capsys.readouterr().out
-    assert main(["merge", "1", "--output=half"]) == 11
+    assert main(["shards", "merge", "1", "--output=half"]) == 11
     assert main(["gate", "1", f"--gate={GATE}"]) == 10
     assert main(["gate", "1", "--gate=missing == 0"]) == 10
-    assert "libero-max merge decides it, on all 2 shards" in capsys.readouterr().out
-    assert main(["merge", "1", "--output=half", "--gate=missing == 0"]) == 11
+    assert "libero-max shards merge decides it, on all 2 shards" in capsys.readouterr().out
+    assert main(["shards", "merge", "1", "--output=half", "--gate=missing == 0"]) == 11
 
 
 def _edited(line: str, **values: Any) -> str:

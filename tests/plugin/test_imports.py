@@ -21,14 +21,16 @@ def pytest_sessionfinish():
 """
 
 
-def test_a_played_pair_imports_nothing_of_the_construction(
+def test_a_played_pair_imports_nothing_of_lab_and_makers(
     pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
 ) -> None:
     pytester.makeconftest(CONFTEST)
     run("--libero-max-limit=1", subprocess=True).assert_outcomes(passed=1)
     modules = (pytester.path / "modules.txt").read_text().split()
     assert "pytest_libero_max.pairing.runner" in modules
-    assert not [name for name in modules if name.startswith("pytest_libero_max.construction")]
+    assert not [
+        name for name in modules if name.startswith(("pytest_libero_max.lab", "pytest_libero_max.makers"))
+    ]
 
 
 REWRITTEN = """

@@ -72,7 +72,7 @@ def test_shards_with_other_weights_are_not_merged(
         _weights(pytester, number)
         shard = (f"--libero-max-shard={number}/2", f"--libero-max-output=shard-{number}")
         assert run("--libero-max-limit=4", *shard, policy="weighed.py", subprocess=True).ret == 0
-    assert main(["merge", "shard-1", "shard-2", "--output=whole"]) == 1
+    assert main(["shards", "merge", "shard-1", "shard-2", "--output=whole"]) == 1
     assert "'weights.npy'" in capsys.readouterr().err
 
 

@@ -56,8 +56,8 @@ def test_a_published_run_is_played_again_by_those_who_check_it(
     """A success that is altered everywhere agrees with itself, and is found by playing the pair."""
     monkeypatch.setenv("PYTHONPATH", str(pytester.path))  # of the plugin that shortens episodes
     run().assert_outcomes(passed=4)
-    assert main(["publish", "libero-max-results", "published"]) == 0
-    check = ["verify-run", "published", "--pairs=1", "--seed=7"]
+    assert main(["publish", "pack", "libero-max-results", "published"]) == 0
+    check = ["publish", "verify", "published", "--pairs=1", "--seed=7"]
     given = ["--policy=adapter.py", "--cases=tiny.json"]
     assert main(check) == 1
     assert "--policy=adapter.py" in capfd.readouterr().err
@@ -72,7 +72,7 @@ def test_a_published_run_is_played_again_by_those_who_check_it(
     altered = next(line for line in rest if line["case_id"] == drawn)
     altered["arms"]["dynamic"]["success"] ^= True
     pairs.write_text("".join(json.dumps(line) + "\n" for line in (head, *rest)))
-    assert main(["publish", "libero-max-results", "published"]) == 0
+    assert main(["publish", "pack", "libero-max-results", "published"]) == 0
     assert main([*check, *given]) == 1
     assert "dynamic: success" in capfd.readouterr().out
 
@@ -81,10 +81,10 @@ def test_recorded_actions_are_replayed_where_the_policy_is_not_at_hand(
     pytester: pytest.Pytester, run: Run, suites: None, capfd: pytest.CaptureFixture[str]
 ) -> None:
     run("--libero-max-traces=all").assert_outcomes(passed=4)
-    assert main(["publish", "libero-max-results", "published", "--actions"]) == 0
+    assert main(["publish", "pack", "libero-max-results", "published", "--actions"]) == 0
     for path in pytester.path.glob("*.py"):
         path.unlink()
-    check = ["verify-run", "published", "--pairs=2", "--seed=7", "--actions", "--cases=tiny.json"]
+    check = ["publish", "verify", "published", "--pairs=2", "--seed=7", "--actions", "--cases=tiny.json"]
     assert main([*check, "--record=verified.json"]) == 0
     out = capfd.readouterr().out
     assert "policy:" not in out
@@ -99,7 +99,7 @@ def test_recorded_actions_are_replayed_where_the_policy_is_not_at_hand(
     altered = next(line for line in rest if line["case_id"] == drawn)
     altered["arms"]["base"]["success"] ^= True
     pairs.write_text("".join(json.dumps(line) + "\n" for line in (head, *rest)))
-    assert main(["publish", "libero-max-results", "published", "--actions"]) == 0
+    assert main(["publish", "pack", "libero-max-results", "published", "--actions"]) == 0
     Path("verified.json").unlink()
     assert main([*check, "--record=verified.json"]) == 1
     assert "base: success" in capfd.readouterr().out

@@ -106,11 +106,11 @@ def test_shards_are_joined_and_a_forgotten_one_is_named(
     assert alone["pairs"]["complete"]
     assert alone["selection"]["text"].endswith("(selection: -k v0, shard 1 of 3)")
     capsys.readouterr()
-    main(["merge", parts[0], parts[2], "--output", str(pytester.path / "partial")])
+    main(["shards", "merge", parts[0], parts[2], "--output", str(pytester.path / "partial")])
     assert "INCOMPLETE: " in (said := capsys.readouterr().out)
     assert "shard 2/3 not among the merged runs" in said
     assert not results("partial")[1]["pairs"]["complete"]
-    main(["merge", *parts, "--output", str(pytester.path / "whole")])
+    main(["shards", "merge", *parts, "--output", str(pytester.path / "whole")])
     report = results("whole")[1]
     assert report["pairs"]["complete"]
     assert report["selection"]["text"] == "8 of 16 cases of manifest tiny.json (selection: -k v0)"

@@ -69,7 +69,7 @@ def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
     study = ("--libero-max-study=camera-timing",)
     for shard in ("1/2", "2/2"):
         run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
-    assert main(["merge", "part1", "part2", "--output", "joined"]) == 0
+    assert main(["shards", "merge", "part1", "part2", "--output", "joined"]) == 0
     run(*study)
     stored = pytester.path / "libero-max-results" / "pairs.jsonl"
     kept = stored.read_text().splitlines(keepends=True)[:2]
@@ -104,7 +104,7 @@ def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
     study = ("--libero-max-study=repeats:4",)
     for shard in ("1/2", "2/2"):
         run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
-    assert main(["merge", "part1", "part2", "--output", "joined"]) == 0
+    assert main(["shards", "merge", "part1", "part2", "--output", "joined"]) == 0
     run(*study)
     stored = pytester.path / "libero-max-results" / "pairs.jsonl"
     stored.write_text("".join(stored.read_text().splitlines(keepends=True)[:2]))
@@ -151,7 +151,7 @@ def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agr
         assert again.ret == pytest.ExitCode.USAGE_ERROR
         again.stdout.fnmatch_lines(["*protocol.latency: '4steps', *"])
     run("--libero-max-limit=2", "--libero-max-output=plain")
-    assert main(["merge", "libero-max-results", "plain", "--output", "joined"]) != 0
+    assert main(["shards", "merge", "libero-max-results", "plain", "--output", "joined"]) != 0
     assert "protocol.latency: None, '4steps'" in capsys.readouterr().err
     assert main(["compare", "libero-max-results", "plain"]) == 0
     assert "protocol.latency" in capsys.readouterr().out

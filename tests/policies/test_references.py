@@ -9,7 +9,7 @@ import pytest
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies import references
 from pytest_libero_max.policies.loading import check_reference, load_policy
-from pytest_libero_max.policies.references import BUILT_IN, GROUP, parse_reference
+from pytest_libero_max.policies.references import GROUP, parse_reference, shipped_names
 
 Offer = Callable[..., None]
 
@@ -32,7 +32,7 @@ def offer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Offer:
     return offer
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("name", shipped_names())
 def test_built_in_policies_are_loaded_by_name_from_an_empty_folder(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -61,7 +61,7 @@ def test_a_misspelt_name_is_told_the_closest(text: str, meant: str | None) -> No
     if meant is not None:
         assert str(caught.value) == (
             f"policy={text!r} is neither the name of a policy nor a module on the import path. Did you mean "
-            f"{meant!r}? Known: expert, noop, random, servo, stale_expert. For an adapter of your own, give "
+            f"{meant!r}? Known: {', '.join(sorted(shipped_names()))}. For an adapter of your own, give "
             f"its file: {text}.py."
         )
 

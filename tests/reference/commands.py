@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 
 from pytest_libero_max import cli
+from pytest_libero_max.cli.commands import CommandPlace
 from tests.reference.markdown import code, table
 
 _COMPLETION = """\
@@ -28,6 +29,8 @@ def page() -> str:
 def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser, str]]:
     """Every command, and after it the commands that it has itself."""
     for action in parser._actions:
+        if isinstance(action, CommandPlace):
+            action.require_all()
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
             for name, command in action.choices.items():

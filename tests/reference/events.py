@@ -89,7 +89,7 @@ is as it was before. A case carries its program under `program`, beside `scenari
 - The name of the program ends the ids of the test items, its digest is in the run's header, and the digest of
   each case covers it: a run is not resumed, merged or compared with one of another program.
 
-These come with the package, for `--libero-max-program=NAME`; `libero-max programs NAME` shows the arms:
+These come with the package, for `--libero-max-program=NAME`; `libero-max list programs NAME` shows the arms:
 
 {_programs()}
 """

@@ -142,8 +142,8 @@ def _store(run: StoredRun, folder: Path) -> None:
         ("report",),
         ("compare", "--restrict"),
         ("gate", "--gate=delta >= -100%"),
-        ("power", "--run"),
-        ("watch",),
+        ("plan", "pairs", "--run"),
+        ("runs", "--follow"),
     ],
 )
 def test_a_terminal_is_not_steered_by_names(

@@ -138,18 +138,18 @@ def test_a_folder_with_an_altered_number_is_refused(
 ) -> None:
     folder = shutil.copytree(REPORTS / "smoke" / "expert", tmp_path / "expert")
     assert main(["report", str(folder)]) == 0
-    assert main(["verify-run", str(folder), "--pairs=0"]) == 0
+    assert main(["publish", "verify", str(folder), "--pairs=0"]) == 0
     said = capsys.readouterr().out
     assert "numbers: as the pairs give them in report.md, report.json" in said
     assert "policy: expert\n" in said
     report = folder / "report.json"
     report.write_text(report.read_text().replace('"played": 32', '"played": 31', 1))
-    assert main(["verify-run", str(folder), "--pairs=0"]) == 1
+    assert main(["publish", "verify", str(folder), "--pairs=0"]) == 1
     assert "'\"played\": 31,', but its pairs give '\"played\": 32,'" in capsys.readouterr().err
 
 
 def test_a_folder_that_was_not_published_is_refused(run: Path) -> None:
-    with pytest.raises(ReportError, match=r"no published run\. Make one: libero-max publish RUN"):
+    with pytest.raises(ReportError, match=r"no published run\. Make one: libero-max publish pack RUN"):
         list(checked(run))
 
 

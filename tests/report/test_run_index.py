@@ -93,7 +93,9 @@ def test_a_run_is_verified_by_the_bytes_of_its_pairs(published: Path, tmp_path: 
 @pytest.mark.parametrize("text", ["{", "[]", '{"a": {"pairs": 1}}', '{"a": 1}'])
 def test_a_file_that_holds_no_checks_is_refused(text: str, tmp_path: Path) -> None:
     (tmp_path / "verified.json").write_text(text)
-    with pytest.raises(ReportError, match=r"holds no checks of published runs.*verify-run FOLDER --record"):
+    with pytest.raises(
+        ReportError, match=r"holds no checks of published runs.*publish verify FOLDER --record"
+    ):
         read_checks(tmp_path / "verified.json")
 
 
@@ -103,7 +105,7 @@ def test_an_altered_run_is_named_and_in_no_table(
     report = published / "a-good" / "report.md"
     report.write_text(report.read_text().replace("96.9%", "99.9%", 1))
     page = tmp_path / "index.html"
-    assert main(["index", str(published), "--output", str(page)]) == 1
+    assert main(["publish", "index", str(published), "--output", str(page)]) == 1
     assert "report.md, line" in capsys.readouterr().out
     text = page.read_text()
     assert "Refused: published/a-good. " in text
@@ -119,7 +121,7 @@ def test_a_folder_without_published_runs_is_refused(tmp_path: Path) -> None:
 def test_names_of_policies_are_text_and_links_lead_to_the_runs(published: Path, tmp_path: Path) -> None:
     page = tmp_path / "pages" / "index.html"
     page.parent.mkdir()
-    assert main(["index", str(published), "--output", str(page)]) == 0
+    assert main(["publish", "index", str(published), "--output", str(page)]) == 0
     text = page.read_text()
     assert HOSTILE not in text
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
@@ -140,7 +142,7 @@ def test_the_installation_of_a_run_stands_beside_the_digest_of_its_pairs(publish
 
 def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, tmp_path: Path) -> None:
     path = tmp_path / "index.html"
-    assert main(["index", str(published), "--output", str(path)]) == 0
+    assert main(["publish", "index", str(published), "--output", str(path)]) == 0
     complaints: list[str] = []
     page = browser.new_context(offline=True).new_page()
     page.on("console", lambda message: complaints.append(message.text))

@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.exports import every_eval_ever
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.studies.study_tables import study_csv
@@ -83,7 +82,3 @@ def test_a_rule_that_does_not_look_at_outcomes_makes_no_bias(rule: str, bias: st
     report = build_report(run.records, (), run.run.planned, run.run.provenance, run.stopped)
     assert report.pairs.stopped is not None
     assert report.pairs.stopped.bias == bias
-
-
-def test_an_export_of_a_stopped_run_has_no_interval() -> None:
-    assert "confidence_interval" not in str(every_eval_ever.files(stopped_run("smoke/stale_expert")))

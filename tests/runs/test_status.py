@@ -64,7 +64,7 @@ def test_a_killed_run_is_called_killed(tmp_path: Path, capsys: pytest.CaptureFix
     assert "--libero-max-resume" in seen.lines()[0]
     assert not any("left" in line or "playing" in line for line in seen.lines())
     for options in ([], ["--once"]):
-        assert main(["watch", str(tmp_path), *options]) == 11
+        assert main(["runs", "--follow", str(tmp_path), *options]) == 11
         assert capsys.readouterr().out.splitlines()[1:] == ["2 of 4 pairs", "P 0 R 2 N 0 E 0"]
 
 
@@ -138,7 +138,7 @@ def test_a_published_run_has_ended(tmp_path: Path, capsys: pytest.CaptureFixture
     pairs = tmp_path / "pairs.jsonl"
     (tmp_path / "pairs.jsonl.gz").write_bytes(gzip.compress(pairs.read_bytes()))
     pairs.unlink()
-    assert main(["watch", str(tmp_path)]) == 0
+    assert main(["runs", "--follow", str(tmp_path)]) == 0
     assert capsys.readouterr().out == (
         f"{tmp_path}: scripted.py on track smoke, ended\n4 of 4 pairs\nP 2 R 2 N 0 E 0\n"
     )
@@ -167,7 +167,7 @@ def test_watch_ends_with_the_run(
             store.close()
 
     monkeypatch.setattr("time.sleep", end_the_run)
-    assert main(["watch", str(tmp_path), "--interval=7"]) == 0
+    assert main(["runs", "--follow", str(tmp_path), "--interval=7"]) == 0
     assert slept == [7.0, 7.0]
     lines = capsys.readouterr().out.splitlines()
     assert "running (process" in lines[0]
@@ -176,7 +176,7 @@ def test_watch_ends_with_the_run(
 
 def test_several_runs_are_followed_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, other = _begin(tmp_path / "1"), _begin(tmp_path / "2", 1)
-    assert main(["watch", str(tmp_path / "1"), str(tmp_path / "2"), "--once"]) == 0
+    assert main(["runs", "--follow", str(tmp_path / "1"), str(tmp_path / "2"), "--once"]) == 0
     lines = capsys.readouterr().out.splitlines()
     # The pair that is being played has gone on since the note: 40 s, or less where the machine is busy.
     assert re.search(r", 2 of 4 pairs, P 0 R 2 N 0 E 0, 2\.0/min, (40|3\d) s left$", lines[0])
@@ -186,14 +186,14 @@ def test_several_runs_are_followed_together(tmp_path: Path, capsys: pytest.Captu
     )
     for store in (one, other):
         store.close()
-    assert main(["watch", str(tmp_path / "1"), str(tmp_path / "2")]) == 11
+    assert main(["runs", "--follow", str(tmp_path / "1"), str(tmp_path / "2")]) == 11
     lines = capsys.readouterr().out.splitlines()
     assert "ended incomplete: 2 missing, 2 of 4 pairs" in lines[0]
     assert lines[2] == "3 of 8 pairs of 2 runs, P 0 R 3 N 0 E 0"
 
 
 def test_what_watch_cannot_use_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["watch", str(tmp_path)]) == 1
+    assert main(["runs", "--follow", str(tmp_path)]) == 1
     assert "holds no run that has begun" in capsys.readouterr().err
 
 

@@ -214,17 +214,17 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
         "compare": ("compare", *two, "--output", out / "compared"),
         "compare --tables": ("compare", *two, "--tables", out / "tables"),
         "compare --by-cell": ("compare", sound, run, "--by-cell"),
-        "trend": ("trend", sound, run, "--csv", out / "t.csv", "--html", out / "t.html"),
-        "recovery": ("recovery", *two),
+        "trend": ("compare", "--over-time", sound, run, "--csv", out / "t.csv", "--html", out / "t.html"),
+        "recovery": ("lab", "recovery", *two),
         "gate": ("gate", run, *gates),
-        "export ctrf": ("export", run, out / "a.json", "--format", "ctrf"),
-        "export every-eval-ever": ("export", run, out / "every", "--format", "every-eval-ever"),
-        "export robostats": ("export", run, out / "a.jsonl", "--format", "robostats"),
+        "export ctrf": ("report", run, "--export", f"ctrf={out / 'a.json'}"),
+        "export every-eval-ever": ("report", run, "--export", f"every-eval-ever={out / 'every'}"),
+        "export robostats": ("report", run, "--export", f"robostats={out / 'a.jsonl'}"),
         "runs": ("runs", run.parent),
-        "watch": ("watch", "--once", run, sound),
-        "plan": ("plan", run, "--workers", "4", "--servers", "1"),
-        "power": ("power", "--run", run, "--change", "-0.1"),
-        "merge": ("merge", "--output", out / "merged", run),
+        "watch": ("runs", "--follow", "--once", run, sound),
+        "plan": ("plan", "time", run, "--workers", "4", "--servers", "1"),
+        "power": ("plan", "pairs", "--run", run, "--change", "-0.1"),
+        "merge": ("shards", "merge", "--output", out / "merged", run),
         "film": ("film", run),
     }
     commands: dict[str, Callable[[], object]] = {
@@ -232,8 +232,8 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
     }
     return commands | {
         "publish and index": lambda: run_commands(
-            ["publish", str(run), str(out / "runs")],
-            ["index", str(out / "runs"), "--output", str(out / "index.html")],
+            ["publish", "pack", str(run), str(out / "runs")],
+            ["publish", "index", str(out / "runs"), "--output", str(out / "index.html")],
         ),
         "choice of films": lambda: _choose_films(run),
         "latency of the run": lambda: recorded_latency(run),

@@ -37,7 +37,7 @@ def declared_spec(greeting: Any) -> PolicySpec:
     if not isinstance(values, dict) or not {"name", "horizon", "query_interval"} <= values.keys() <= names:
         raise Refused(
             "the greeting declares no spec: this is no server of `libero-max serve`. Name the profile of the "
-            "policy (`libero-max profiles` lists them)"
+            "policy (`libero-max list profiles` lists them)"
         )
     try:
         return PolicySpec(**values)

@@ -81,7 +81,7 @@ class Speech:
 
 
 def _family(protocol: str) -> str:
-    return f"with a profile for {protocol}:// (`libero-max profiles` lists them)"
+    return f"with a profile for {protocol}:// (`libero-max list profiles` lists them)"
 
 
 SERVED = Speech(

@@ -147,14 +147,16 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
         unless=["policy view"],
     )
     yield command(
-        "Write every pose of it for Rerun, in the folder of this page:", "libero-max rerun .", needs=["trace"]
+        "Write every pose of it for Rerun, in the folder of this page:",
+        "libero-max lab rerun .",
+        needs=["trace"],
     )
     kind, _, track = stored.run.provenance["case_set"]["name"].partition(" ")
     substrate = stored.run.provenance["substrate"]["name"]
     if kind == "track" and substrate in SUBSTRATES and SUBSTRATES[substrate].plays_frozen:
         yield command(
             f"Draw its event before and after, {after}",
-            f"libero-max show {track}",
+            f"libero-max list cases {track}",
             f"--substrate={substrate} --pictures={PICTURES_NAME}",
             unless=["film", "pictures"],
         )

@@ -1,4 +1,4 @@
-"""A comparison of restoration modes as one typed document: ``libero-max recovery`` with ``--json``."""
+"""A comparison of restoration modes as one typed document: ``libero-max lab recovery`` with ``--json``."""
 
 from __future__ import annotations
 

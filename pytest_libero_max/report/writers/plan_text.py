@@ -1,4 +1,4 @@
-"""Text of ``libero-max plan``: the time that pairs will take, from the timings of a measured run."""
+"""Text of ``libero-max plan time``: the time that pairs will take, from the timings of a measured run."""
 
 from __future__ import annotations
 

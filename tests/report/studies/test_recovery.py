@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 from msgspec import structs
 
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.policies.restoration import COUNTS
 from pytest_libero_max.report.render.terminal import document_lines
 from pytest_libero_max.report.studies.recovery import compare_recovery
 from pytest_libero_max.report.studies.recovery_sections import document_of
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.store import PairStore, StoredRun
+from pytest_libero_max.runs.store import StoredRun
 from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of
 
 PLANNED = [pair for pair in plan(30) if pair.event == "sensor_noise_onset"]  # 60 of plus, 60 of pro
 Flags = Sequence[bool]
+COUNTS = ("queries", "active", "images", "restored", "noisy", "covered")
 
 
 def run_of(mode: str, base: Flags, dynamic: Flags, **policy: Any) -> StoredRun:
@@ -143,21 +140,6 @@ def test_another_event_is_refused() -> None:
 
     with pytest.raises(ReportError, match="hold pairs of camera_shift"):
         compare_recovery([moved(NATIVE), moved(GATED)])
-
-
-def test_the_command_reads_folders_in_any_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folders = []
-    for name, run in (("b", GATED), ("a", NATIVE)):
-        store = PairStore(tmp_path / name, run.run)
-        for record in run.records:
-            store.append(record)
-        store.close()
-        folders.append(str(tmp_path / name))
-    assert main(["recovery", *folders, "--json", str(tmp_path / "recovery.json")]) == 0
-    printed = capsys.readouterr().out
-    written = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
-    assert printed == "\n".join(document_lines(document_of(compare_recovery([NATIVE, GATED])))) + "\n"
-    assert written["effects"] == plain(compare_recovery([NATIVE, GATED]))["effects"]
 
 
 def test_the_whole_frozen_track_is_compared() -> None:

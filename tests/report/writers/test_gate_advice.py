@@ -26,10 +26,10 @@ def test_what_no_number_of_pairs_finds_is_said() -> None:
 
 
 def test_power_advises_a_track_and_a_limit(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["power", "--base", "0.9", "--change=-0.05"]) == 0
+    assert main(["plan", "pairs", "--base", "0.9", "--change=-0.05"]) == 0
     *_, end, estimate, _, beside = capsys.readouterr().out.splitlines()
     assert end.split("  ")[-1].strip() == "--libero-max-track=lite --libero-max-limit=200"
     assert estimate.split()[:3] == ["delta", ">=", "-2.5%"]
     assert beside.startswith("Gate base_sr and trigger_coverage beside it")
-    assert main(["power", "--base", "0.9", "--change=0.05"]) == 0
+    assert main(["plan", "pairs", "--base", "0.9", "--change=0.05"]) == 0
     assert "Gates that find" not in capsys.readouterr().out

@@ -30,23 +30,23 @@ def run(tmp_path: Path) -> str:
 def test_a_plan_says_how_long_and_what_is_the_bottleneck(
     run: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["plan", run, "--workers", "2", "--record-ms", "0"]) == 0
+    assert main(["plan", "time", run, "--workers", "2", "--record-ms", "0"]) == 0
     text = capsys.readouterr().out
     assert "32 measured pairs" in text
     assert "take a worker 4.80 s, and 32 calls of the policy, which took 3.20 s" in text
     assert "32 pairs with 2 workers, the policy in each of them:\n  2 min, 15 pairs/min\n" in text
     assert "workers         play 100% of their time  <- the bottleneck" in text
-    assert main(["plan", run, "--workers=16", "--servers=1"]) == 0
+    assert main(["plan", "time", run, "--workers=16", "--servers=1"]) == 0
     text = capsys.readouterr().out
     assert "16 workers, 1 policy server, 100 ms a query:\n  2 min" in text
     assert re.search("policy servers  answer (9.|100)% of the time  <- the bottleneck", text)
     assert "with twice the policy servers: 5" in text
-    assert main(["plan", run, "--workers=16", "--servers=1", "--query-ms=20", "--batch=4"]) == 0
+    assert main(["plan", "time", run, "--workers=16", "--servers=1", "--query-ms=20", "--batch=4"]) == 0
     assert "20 ms a query, up to 4 together in 20 ms" in capsys.readouterr().out
 
 
 def test_another_track_is_planned_from_the_run(run: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", run, "--track=lite", "--workers=8", "--shards=4"]) == 0
+    assert main(["plan", "time", run, "--track=lite", "--workers=8", "--shards=4"]) == 0
     text = capsys.readouterr().out
     assert "track lite, 800 pairs with 8 workers" in text
     assert "4 shards: " in text
@@ -73,22 +73,22 @@ def test_suites_that_the_policy_does_not_play_are_left_out() -> None:
 def test_what_cannot_be_planned_is_said(
     run: str, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["plan", run, *arguments]) == 1
+    assert main(["plan", "time", run, *arguments]) == 1
     assert message in capsys.readouterr().err
 
 
 def test_a_run_without_a_pair_teaches_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     PairStore(tmp_path, Run(tuple(PLAN), PROVENANCE)).close()
-    assert main(["plan", str(tmp_path)]) == 1
+    assert main(["plan", "time", str(tmp_path)]) == 1
     assert "no measured pair" in capsys.readouterr().err
 
 
 def test_more_workers_than_one_controller_feeds_are_told_to_play_shards(
     run: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["plan", run, "--workers=17", "--record-ms=1000"]) == 0
+    assert main(["plan", "time", run, "--workers=17", "--record-ms=1000"]) == 0
     text = capsys.readouterr().out
     assert re.search("controller .*<- the bottleneck\n  one controller feeds 8 workers with such pairs", text)
     assert "play at least 3 shards at once" in text
-    assert main(["plan", run, "--workers=8", "--record-ms=100"]) == 0
+    assert main(["plan", "time", run, "--workers=8", "--record-ms=100"]) == 0
     assert "one controller feeds" not in capsys.readouterr().out

@@ -52,8 +52,8 @@ def require_equal(kept: Any, name: str, fields: dict[str, str]) -> None:
         different = [f"scene {name}, field {field}" for field in named]
         pytest.fail(
             "\n  ".join(["Not what it was:", *different])
-            + "\nIf that is meant, raise RULES_VERSION in construction/examiner.py and write the digests "
-            "again: python -m tests.substrates.embedded.golden_scenes"
+            + "\nIf that is meant, raise RULES_VERSION (makers/construction/examiner.py) and write the "
+            "digests again: python -m tests.substrates.embedded.golden_scenes"
         )
 
 

@@ -17,15 +17,15 @@ from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.tracks import CHECKSUMS, load_track, track_names
 from pytest_libero_max.cli import main
-from pytest_libero_max.construction import case_selection, genuine_tracks, splits, verification
-from pytest_libero_max.construction.genuine_tracks import build_genuine, candidates_of, propose_smoke
-from pytest_libero_max.construction.overview import overview_lines
-from pytest_libero_max.construction.preflight import Preflight, Problem
-from pytest_libero_max.construction.release import read_rejected, read_unexamined, write_release
-from pytest_libero_max.construction.verification import verify
-from pytest_libero_max.construction.visibility import Sight
 from pytest_libero_max.errors import ManifestError, OptionError, SubstrateError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible_events
+from pytest_libero_max.makers.construction import case_selection, genuine_tracks, splits, verification
+from pytest_libero_max.makers.construction.genuine_tracks import build_genuine, candidates_of, propose_smoke
+from pytest_libero_max.makers.construction.overview import overview_lines
+from pytest_libero_max.makers.construction.preflight import Preflight, Problem
+from pytest_libero_max.makers.construction.release import read_rejected, read_unexamined, write_release
+from pytest_libero_max.makers.construction.verification import verify
+from pytest_libero_max.makers.construction.visibility import Sight
 from pytest_libero_max.substrates.libero.descriptions import describe
 from pytest_libero_max.substrates.libero.installation import Installation, find_installation
 from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
@@ -152,13 +152,13 @@ def test_the_command_counts_what_can_host_each_event(
 ) -> None:
     folders = [f"--libero={found.root}" for found in packages]
     where = ["--substrate=libero", *folders, f"--libero-assets={DATA / 'assets'}"]
-    assert main(["eligibility", *where]) == 0
+    assert main(["dev", "eligibility", *where]) == 0
     lines = {line[:30].strip(): line[30:].split() for line in capsys.readouterr().out.splitlines()}
     assert lines["all of pro"][:2] == ["400", "400"]
     assert lines["Light Conditions"][0] == "40"
     # As the authors' catalogue has it for every category whose scenes are LIBERO's own.
     assert lines["camera_view_angle"] == ["40", "40", "40", "40", "40", "33", "27", "12", "33"]
-    assert main(["eligibility", *where, "--source-variations=own"]) == 1
+    assert main(["dev", "eligibility", *where, "--source-variations=own"]) == 1
 
 
 def test_a_classification_of_another_registry_is_refused(

@@ -14,12 +14,20 @@ import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.sampling import stratified
-from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, PAPER_LITE, content_of, load_track, track_path
-from pytest_libero_max.construction.configurations import Configuration, cell_of
-from pytest_libero_max.construction.genuine_tracks import SOURCES
-from pytest_libero_max.construction.paper_lite import paper_lite
-from pytest_libero_max.construction.release import own_tracks, read_unexamined
+from pytest_libero_max.benchmark.tracks import (
+    FOLDER,
+    GENUINE,
+    PAPER_LITE,
+    content_of,
+    load_track,
+    own_tracks,
+    track_path,
+)
 from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.configurations import Configuration, cell_of
+from pytest_libero_max.makers.construction.genuine_tracks import SOURCES
+from pytest_libero_max.makers.construction.paper_lite import paper_lite
+from pytest_libero_max.makers.construction.release import read_unexamined
 from pytest_libero_max.substrates.libero.coverage import coverage
 from pytest_libero_max.substrates.libero.installation import importable, installed_assets
 from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
@@ -27,7 +35,7 @@ from pytest_libero_max.substrates.libero.lacking import lacking
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
 from pytest_libero_max.worlds.rendering.renderer import Renderer
-from tests.construction.test_official import MANIFEST, OFFICIAL
+from tests.makers.construction.test_official import MANIFEST, OFFICIAL
 from tests.scripts import measure_images
 from tests.scripts.measure_memory import resident_bytes
 from tests.substrates.libero.made_up import pro_case

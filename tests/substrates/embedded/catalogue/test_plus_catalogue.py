@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.construction.configurations import count_lines
+from pytest_libero_max.makers.construction.configurations import count_lines
 from pytest_libero_max.substrates.embedded.catalogue import object_layouts, plus_catalogue
 from pytest_libero_max.substrates.embedded.catalogue.counts import (
     DIFFICULTY,

@@ -16,7 +16,7 @@ from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import Relation, task_metadata
 from pytest_libero_max.tasks.libero_tasks import SUITES, task
 from pytest_libero_max.tasks.sources import PRO_CATEGORIES
-from tests.construction.official_catalog import metadata_from_catalog
+from tests.makers.construction.official_catalog import metadata_from_catalog
 
 PRO = catalogue("pro")
 OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", Path(__file__).parents[5] / "shared" / "official"))

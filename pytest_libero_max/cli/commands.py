@@ -1,0 +1,228 @@
+"""The places of commands: those of this folder, and those that installed packages add.
+
+An entry point of the group ``pytest_libero_max.commands`` names a module with a function ``add_command``,
+like those of this folder::
+
+    [project.entry-points."pytest_libero_max.commands"]
+    weather = "my_package.weather"
+    "lab.climate" = "my_package.climate"
+
+The second is the command ``climate`` of ``lab``. A module is imported when its command is given, or when
+a help lists it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.registry import Registry
+
+Add: TypeAlias = Callable[["CommandPlace"], None]
+"""Function of a module that adds its command to the parser."""
+
+GROUPS = {
+    "Start here": ("init", "doctor", "check", "list"),
+    "Before a run": ("plan", "serve", "shards"),
+    "During and after runs": (
+        "runs",
+        "view",
+        "report",
+        "compare",
+        "gate",
+        "film",
+        "publish",
+    ),
+}
+"""The commands of this package by what they are for, in the order of the help."""
+
+_PARTS = {
+    "list": (
+        "What there is",
+        {
+            "tracks": "cases",
+            "cases": "cases",
+            "events": "events",
+            "programs": "programs",
+            "profiles": "profiles",
+            "published": "published",
+        },
+    ),
+    "plan": ("What a run takes and what it can show", {"time": "plan", "pairs": "power", "gates": "power"}),
+    "shards": ("A run in several parts, on several machines", {"slurm": "slurm", "merge": "merge"}),
+    "publish": ("Results for others", {"pack": "publish", "verify": "publish", "index": "publish"}),
+}
+"""The commands of this package that hold others: what these have in common, and the module of each."""
+
+FORMERLY = {
+    "show": "list cases",
+    "power": "plan pairs, or plan gates",
+    "verify": "dev verify, or publish verify",
+    "verify-run": "publish verify",
+    "launch": "shards slurm",
+    "poses": "lab rerun",
+    "watch": "runs --follow",
+    "trend": "compare --over-time",
+    "export": "report --export",
+    "plan.": "plan time RUN",
+    "publish.": "publish pack RUN FOLDER",
+    "bench-scenes": "dev bench scenes",
+    "bench-images": "dev bench images",
+    "bench-device": "dev bench device",
+    "bench-genuine": "dev bench genuine",
+}
+"""New names of commands; of a group, with its dot, what it did itself. Those in a group are found there."""
+
+
+def _own() -> Mapping[str, Callable[[], Add]]:
+    loaders: dict[str, Callable[[], Add]] = {}
+    for name in (name for names in GROUPS.values() for name in names):
+        if name not in _PARTS:
+            loaders[name] = partial(_own_command, name)
+            continue
+        loaders[name] = partial(_own_group, name)
+        parts = _PARTS[name][1].items()
+        loaders |= {f"{name}.{part}": partial(_own_command, module) for part, module in parts}
+    return loaders
+
+
+def _own_group(name: str) -> Add:
+    return partial(CommandPlace.add_group, name=name, help=_PARTS[name][0])
+
+
+def _own_command(name: str) -> Add:
+    add: Add = import_module(f"{__package__}.{name}").add_command
+    return add
+
+
+def _accept(name: str, module: object) -> Add:
+    add: Any = getattr(module, "add_command", None)
+    if not callable(add):
+        raise ValueError("an entry point of a command is a module with a function add_command")
+    return partial(_add_safely, name, add)
+
+
+def _add_safely(name: str, add: Add, place: CommandPlace) -> None:
+    """Add the command of another package, whose function may raise anything."""
+    try:
+        add(place)
+    except Exception as error:
+        raise OptionError(
+            f"The command {name!r} cannot be used: add_command raised {type(error).__name__}: {error}. "
+            "Repair the package that adds it or uninstall it."
+        ) from error
+
+
+if TYPE_CHECKING:
+    _Action = argparse._SubParsersAction[argparse.ArgumentParser]
+else:  # it is generic for type checkers alone
+    _Action = argparse._SubParsersAction
+
+
+def registry() -> Registry[Add]:
+    """Return the functions that add commands; nothing is imported."""
+    return Registry("command", "pytest_libero_max.commands", _own, _accept, OptionError)
+
+
+COMMANDS = registry()
+"""Functions that add commands, by the name of the command; a dot stands for the space in ``lab bisect``."""
+
+
+class CommandPlace(_Action):
+    """The place of the parser that commands are added to; each is added when it is asked for.
+
+    Attributes:
+        prefix: Beginning of the names in :data:`COMMANDS` of the commands that belong here, up to a dot.
+    """
+
+    prefix = ""
+
+    def add_parser(self, name: str, **how: Any) -> argparse.ArgumentParser:
+        """Add a command, whose own help begins with its line in the list."""
+        line = " ".join(how.setdefault("help", "").split())
+        how["description"] = f"{line}. {how.get('description') or ''}".strip()
+        return super().add_parser(name, **how)
+
+    def waiting(self) -> tuple[str, ...]:
+        """Return the names of the commands that belong here and are not added yet."""
+        names = (name.removeprefix(self.prefix) for name in COMMANDS if name.startswith(self.prefix))
+        return tuple(name for name in names if "." not in name and name not in self.choices)
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all commands here."""
+        return (*self.choices, *self.waiting())
+
+    def hint(self, name: str) -> str:
+        """Return the new name of a command that does not belong here, or the one that was probably meant."""
+        closest = did_you_mean(name, self.names())
+        if self.prefix:
+            alone = FORMERLY.get(self.prefix)
+            return f"{closest} Without a part it was what is now libero-max {alone}" if alone else closest
+        grouped = [key.replace(".", " ") for key in COMMANDS if key.endswith(f".{name}")]
+        new = [FORMERLY[name]] if name in FORMERLY else grouped
+        return f"It is now libero-max {new[0]}" if new else closest
+
+    def require(self, name: str) -> None:
+        """Add a command if it belongs here.
+
+        Raises:
+            OptionError: Its package is broken.
+        """
+        if name not in self.waiting():
+            return
+        COMMANDS[f"{self.prefix}{name}"](self)
+        if name not in self.choices:
+            raise OptionError(
+                f"The command {self.prefix}{name} cannot be used: its add_command adds no command {name!r}. "
+                "Rename the entry point or the command."
+            )
+
+    def require_all(self) -> None:
+        """Add all commands; one that cannot be used says so in its help."""
+        for name in self.waiting():
+            try:
+                self.require(name)
+            except OptionError as error:
+                self.add_parser(name, help=str(error).rstrip(".").replace("%", "%%"))
+
+    def add_group(self, name: str, help: str) -> None:
+        """Add a command that holds the commands whose entry points begin with its name and a dot.
+
+        Args:
+            name: Its name.
+            help: What its commands have in common; their names are added.
+        """
+        begin = f"{self.prefix}{name}."
+        names = [key.removeprefix(begin) for key in COMMANDS if key.startswith(begin)]
+        group = self.add_parser(
+            name,
+            help=f"{help}: {', '.join(names)}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            usage=f"{self._prog_prefix} {name} [-h] COMMAND ...",
+        )
+        group.description = textwrap.fill(group.description or "", 79)
+        place = add_place(group)
+        place.prefix = begin
+
+    def listed(self, names: Iterable[str] | None = None) -> Iterator[tuple[str, str]]:
+        """Yield commands with their help.
+
+        Args:
+            names: Those to list; all by default.
+        """
+        helps = {str(choice.dest): " ".join((choice.help or "").split()) for choice in self._choices_actions}
+        return ((name, helps[name]) for name in (self.choices if names is None else names))
+
+
+def add_place(parser: argparse.ArgumentParser) -> CommandPlace:
+    """Add a place for commands to a parser."""
+    place: Any = parser.add_subparsers(
+        action=CommandPlace, required=True, prog=parser.prog, metavar="COMMAND", help=argparse.SUPPRESS
+    )
+    assert isinstance(place, CommandPlace)
+    return place

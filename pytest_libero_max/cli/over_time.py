@@ -1,0 +1,39 @@
+"""``libero-max compare --over-time``: several runs in their order, for example of checkpoints."""
+
+from __future__ import annotations
+
+import argparse
+
+from pytest_libero_max.cli.terminal import say
+from pytest_libero_max.errors import OptionError
+
+
+def compare_over_time(options: argparse.Namespace) -> None:
+    """Print success and causes of several runs in their order, and write what the options ask for."""
+    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+    from pytest_libero_max.report.comparison.comparison_sections import terminal_head, with_short_names
+    from pytest_libero_max.report.comparison.trend import causes_of, trend_html, trend_of, trend_table
+    from pytest_libero_max.report.formats import counted
+    from pytest_libero_max.report.render.tables import table_csv
+    from pytest_libero_max.report.render.terminal import table_lines
+    from pytest_libero_max.report.studies.study_figures import success_plot
+    from pytest_libero_max.report.writers.report_files import write_text
+
+    if len(options.folders) < 2:
+        raise OptionError("--over-time is of two or more runs. Give their folders in their order.")
+    read = read_runs(options.folders)
+    comparison = with_short_names(compare_runs(read, restrict=True))
+    cases = {pair.item_id for pair in common_cases(read, restrict=True).planned}
+    causes = [causes_of(folder, cases) for folder in options.folders]
+    lines = table_lines(trend_table(comparison, causes, whole=False), short=False, numbers=False)
+    say([*terminal_head(trend_of(comparison, causes), comparison), *lines])
+    if options.csv:
+        write_text(options.csv, table_csv(trend_table(comparison, causes, whole=True)))
+    if options.html:
+        write_text(options.html, trend_html(comparison, causes))
+    if options.figure:
+        names = [run.name for run in comparison.runs]
+        base = [run.base_success for run in comparison.runs]
+        dynamic = [run.dynamic_success for run in comparison.runs]
+        title = f"Success on {counted(comparison.pairs.common, 'common case')}"
+        write_text(options.figure, success_plot(title, "run", names, base, dynamic))

@@ -1,0 +1,1 @@
+"""The commands of ``libero-max lab``: a module for each, called like it."""

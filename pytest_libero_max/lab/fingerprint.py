@@ -1,0 +1,380 @@
+"""Fingerprint of an installation: what it computes and draws on a few cases, layer by layer.
+
+Each layer has a digest, which says whether two installations agree, and numbers, which say by how much they
+do not. Timings are kept beside the layers and are part of no digest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import statistics
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.worlds.contract import (
+    CAMERAS,
+    AlterableWorld,
+    Observation,
+    OnMujoco,
+    World,
+    alterable,
+)
+from pytest_libero_max.worlds.rendering.context import RENDERING
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.policies.contract import Episode, Query
+    from pytest_libero_max.substrates.contract import Substrate
+
+TRACK = "original"
+"""Track of the cases: unmodified scenes, which every substrate has."""
+
+FORMAT = 2
+STEPS = 20
+"""Steps of bare physics, and of the replay of fixed actions."""
+SIZE_PX, BLOCKS = 128, 8
+"""Side of an image, and number of its blocks along a side whose mean colours are kept."""
+PROFILE_PX = 256
+"""Side of the images that profiles prepare."""
+
+LAYERS: Mapping[str, str] = {
+    "scene": "fields",
+    "textures": "fields",
+    "physics": "rad or m",
+    "control": "N m or N",
+    "replay": "m",
+    "drawing": "grey levels",
+    "events": "",
+    "event_pictures": "grey levels",
+    "inputs": "",
+    "queries": "steps",
+}
+"""Unit of the numbers by layer, from the first cause to the last effect; the last two depend on no other."""
+
+
+def take(substrate: Substrate) -> Json:
+    """Return the fingerprint of an installation: of one case for each event, in turn of each suite.
+
+    Beside these, ``inputs`` holds what every profile makes of one made-up observation, and ``queries`` when a
+    policy is asked in a pair.
+
+    Raises:
+        SubstrateError: A scene cannot be built.
+    """
+    cases: Json = {}
+    times: dict[str, list[float]] = {"step_ms": [], "image_ms": []}
+    for case in _cases():
+        cases[case.item_id] = _layers(case, alterable(substrate.world(case)), times)
+    first = next(_cases())
+    parts = {"inputs": _inputs(), "queries": {first.item_id: _queries(first, substrate.world(first))}}
+    found = {name: parts.get(name) or {key: case[name] for key, case in cases.items()} for name in LAYERS}
+    layers = {
+        name: canonical_digest([one["digest"] for one in entries.values()]) for name, entries in found.items()
+    }
+    return {
+        "format": FORMAT,
+        "hash": canonical_digest(layers)[:12],
+        "substrate": substrate.name,
+        "layers": {name: digest[:12] for name, digest in layers.items()},
+        "versions": {"python": platform.python_version(), **substrate.fingerprint(images=True)},
+        "machine": platform.machine(),
+        "timings": {name: round(statistics.median(values), 3) for name, values in times.items()},
+        "cases": cases,
+        **parts,
+    }
+
+
+def _cases() -> Iterator[Case]:
+    """Yield the first case of each event of the track, of another suite each time."""
+    from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+    from pytest_libero_max.benchmark.tracks import load_track
+
+    cases, suites = load_track(TRACK).cases, tuple(SUITE_BUDGETS)
+    events = sorted({case.event.name for case in cases})
+    for number, event in enumerate(events):
+        suite = suites[number % len(suites)]
+        yield next(
+            (case for case in cases if (case.event.name, case.suite) == (event, suite)),
+            next(case for case in cases if case.event.name == event),
+        )
+
+
+def _layers(case: Case, world: AlterableWorld, times: dict[str, list[float]]) -> Json:
+    """Return digest and numbers of each layer of one case; every layer begins at the reset."""
+    from pytest_libero_max.changes.registry import change_from_dict
+    from pytest_libero_max.events.schedules import change_of
+
+    fields = {name: digest[:12] for name, digest in world.scene_fields().items()}
+    textures = {name: fields.pop(name) for name in sorted(fields) if name.startswith("model.tex")}
+    world.reset(case.init_state_index)
+    pictures = _pictures(world, times)
+    physics = _bare_physics(world)
+    path, torques = _replay(world, times)
+    world.reset(case.init_state_index)
+    for raw in case.event.setup:
+        change_from_dict(raw).apply(world)
+    evidence = change_of(case).apply(world).to_dict()
+    return {
+        "scene": {"digest": canonical_digest(fields), "fields": fields},
+        "textures": {"digest": canonical_digest(textures), "fields": textures},
+        "physics": _numbers(physics),
+        "control": _numbers(torques),
+        "replay": _numbers(path),
+        "drawing": pictures,
+        "events": _numbers(list(_leaves(evidence)), canonical_digest(evidence)),
+        "event_pictures": _pictures(world, times),
+    }
+
+
+def _bare_physics(world: OnMujoco) -> NDArray[np.float64]:
+    """Joint positions after steps of MuJoCo without any control."""
+    import mujoco
+
+    data = mujoco.MjData(world.model)
+    data.qpos[:] = world.data.qpos
+    mujoco.mj_forward(world.model, data)
+    for _ in range(STEPS):
+        mujoco.mj_step(world.model, data)
+    return np.array(data.qpos)
+
+
+def _replay(
+    world: OnMujoco, times: dict[str, list[float]]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the path of the hand (steps, 3) under fixed actions, and the control after the first."""
+    path, control = [], np.array(world.data.ctrl)
+    for step, action in enumerate(_actions()):
+        start = perf_counter()
+        world.step(action)
+        times["step_ms"].append(1000 * (perf_counter() - start))
+        path.append(world.end_effector())
+        if step == 0:
+            control = np.array(world.data.ctrl)
+    return np.array(path), control
+
+
+def _actions() -> Iterator[NDArray[np.float64]]:
+    """Yield the same actions in every process on every machine."""
+    for step in range(STEPS):
+        draws = hashlib.sha256(f"libero-max-fingerprint|{step}".encode()).digest()[:6]
+        yield np.array([*(byte / 127.5 - 1.0 for byte in draws), 1.0 if step >= STEPS // 2 else -1.0])
+
+
+def _pictures(world: World, times: dict[str, list[float]]) -> Json:
+    """Digest of the images of both cameras, and the mean colours of their blocks."""
+    start = perf_counter()
+    shown = world.observe(CAMERAS, SIZE_PX)
+    times["image_ms"].append(1000 * (perf_counter() - start) / len(CAMERAS))
+    images = np.stack([shown[f"{camera}_image"] for camera in CAMERAS])
+    side = SIZE_PX // BLOCKS
+    blocks = images.reshape(len(CAMERAS), BLOCKS, side, BLOCKS, side, 3).mean(axis=(2, 4))
+    return _numbers(np.round(blocks, 3), hashlib.sha256(images.tobytes()).hexdigest())
+
+
+def _inputs() -> Json:
+    """Return digest and numbers of what each profile that ships makes of the same observation, by profile.
+
+    The observation is made up, so that nothing of the scenes or of the renderer is in it.
+    """
+    from pytest_libero_max.policies.clients.request import Request
+    from pytest_libero_max.policies.profile import load_profile, profile_names
+    from pytest_libero_max.worlds.robot import PANDA
+
+    draw = np.random.Generator(np.random.PCG64(195))
+    rows, columns = np.mgrid[:PROFILE_PX, :PROFILE_PX] / PROFILE_PX
+    observation: dict[str, NDArray[Any]] = {
+        f"{camera}_image": (
+            127 * (1 + np.sin(9 * (number + 1) * np.stack([rows, columns, rows * columns], axis=2)))
+        ).astype(np.uint8)
+        for number, camera in enumerate(CAMERAS)
+    }
+    for name, size in PANDA.proprioception.items():
+        values = draw.uniform(-1.0, 1.0, size)
+        observation[name] = values / np.linalg.norm(values) if name.endswith("quat") else values
+    found = {}
+    for name in profile_names():
+        profile = load_profile(name)
+        if any(field.startswith(("inputs.", "instruction.", "request.")) for field in profile.unknown()):
+            continue  # it is completed by its user
+        request = Request(profile)
+        arrays = request.arrays(observation)
+        words = request.instruction("put both moka pots on the stove")
+        digest = hashlib.sha256(words.encode())
+        for key, array in sorted(arrays.items()):
+            digest.update(
+                f"{key} {array.dtype} {array.shape}".encode() + np.ascontiguousarray(array).tobytes()
+            )
+        flat = [np.asarray(array, dtype=np.float64).ravel() for _, array in sorted(arrays.items())]
+        kept = [part[:: max(1, len(part) // BLOCKS**2)] for part in flat]
+        found[name] = _numbers(np.concatenate(kept or [np.zeros(0)]), digest.hexdigest())
+    return found
+
+
+def _queries(case: Case, world: World) -> Json:
+    """Return when a policy is asked in Base and Dynamic, when the event happens, and what is stale then.
+
+    The event happens at a fraction of the budget, wherever the hand is.
+    """
+    from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, change_of
+    from pytest_libero_max.events.triggers import BudgetFraction
+    from pytest_libero_max.pairing.runner import measure_pair
+
+    policy = _Asked()
+    event = Entry(BudgetFraction(0.1), change_of(case))
+    record = measure_pair(case, world, policy, arms=(Arm(BASE), Arm(DYNAMIC, (event,)))).record
+    arm = record.arms[DYNAMIC]
+    fired = [firing.step for firing in arm.firings]
+    told = [-1 if value is None else value for value in (arm.response_step, arm.stale_actions, arm.steps)]
+    return _numbers([*policy.steps, *map(float, fired), *map(float, told)])
+
+
+class _Asked:
+    """A policy that stands still, and notes when it is asked."""
+
+    def __init__(self) -> None:
+        from pytest_libero_max.policies.contract import PolicySpec
+
+        self.spec = PolicySpec("fingerprint", horizon=8, query_interval=7, cameras=())
+        self.steps: list[float] = []
+
+    def reset(self, episode: Episode) -> None:
+        """Know nothing of an episode."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        """Return eight actions without a movement."""
+        self.steps.append(float(query.step))
+        return np.zeros((8, 7))
+
+
+def _numbers(values: NDArray[np.float64] | Sequence[float], digest: str | None = None) -> Json:
+    numbers = np.asarray(values, dtype=np.float64)
+    own = hashlib.sha256(numbers.tobytes()).hexdigest() if digest is None else digest
+    return {"digest": own, "values": [float(f"{value:.12g}") for value in numbers.ravel()]}
+
+
+def _leaves(value: Any) -> Iterator[float]:
+    """Yield the numbers of a JSON value in its order."""
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        for item in value:
+            yield from _leaves(item)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield float(value)
+
+
+# Reading, printing and comparing.
+
+
+def read_fingerprint(path: Path) -> Json:
+    """Read a stored fingerprint.
+
+    Raises:
+        OptionError: It cannot be read, or is none of this format.
+    """
+    try:
+        found = json.loads(read_content(path))
+    except (OSError, ValueError) as error:
+        raise OptionError(f"Cannot read the fingerprint {str(path)!r}: {error}.") from error
+    if not isinstance(found, dict) or found.get("format") != FORMAT or "cases" not in found:
+        raise OptionError(
+            f"{path} is no fingerprint of format {FORMAT}. Write one: libero-max lab fingerprint "
+            "--output FILE."
+        )
+    return found
+
+
+def fingerprint_lines(found: Json) -> list[str]:
+    """Return a fingerprint as lines: the hash to quote, its layers, versions and timings."""
+    versions = ", ".join(
+        f"{name} {value}"
+        for name, value in found["versions"].items()
+        if name in RENDERING or len(value) < 40  # no digests
+    )
+    times = found["timings"]
+    return [
+        f"{found['substrate']} {found['hash']}",
+        "  " + "  ".join(f"{name} {digest}" for name, digest in found["layers"].items()),
+        f"  {len(found['cases'])} cases of the track {TRACK}; {versions}; {found['machine']}",
+        f"  {times['step_ms']:.1f} ms a step, {times['image_ms']:.1f} ms an image (part of no digest)",
+    ]
+
+
+def comparison_lines(first: Json, second: Json) -> list[str]:
+    """Return which layers of two installations differ, in how many cases, and by how much.
+
+    Raises:
+        OptionError: They are of different substrates or cases, so that nothing can be compared.
+    """
+    if first["substrate"] != second["substrate"] or first["cases"].keys() != second["cases"].keys():
+        raise OptionError(
+            f"One fingerprint is of {first['substrate']!r}, {len(first['cases'])} cases, the other of "
+            f"{second['substrate']!r}, {len(second['cases'])} cases. Take both of the same substrate."
+        )
+    lines = [
+        f"{first['hash']} {'equals' if first['hash'] == second['hash'] else 'differs from'} {second['hash']}"
+    ]
+    for layer, unit in LAYERS.items():
+        one, other = (
+            found.get(layer) or {name: case[layer] for name, case in found["cases"].items()}
+            for found in (first, second)
+        )
+        pairs = {name: (one[name], other[name]) for name in one if name in other}
+        unequal = {name: pair for name, pair in pairs.items() if pair[0]["digest"] != pair[1]["digest"]}
+        what = "profiles" if layer == "inputs" else "cases"
+        said = [_said(unequal, len(pairs), what, unit)] if unequal else []
+        said += (
+            [f"{len(one.keys() ^ other.keys())} {what} are in one alone"]
+            if one.keys() != other.keys()
+            else []
+        )
+        lines.append(f"  {layer:<15} {'; '.join(said) or 'equal'}")
+    names = [*dict.fromkeys([*first["versions"], *second["versions"]])]
+    other = [
+        f"{name} {first['versions'].get(name, 'none')} / {second['versions'].get(name, 'none')}"
+        for name in names
+        if first["versions"].get(name) != second["versions"].get(name)
+    ]
+    return [*lines, f"  versions        {'; '.join(other) or 'equal'}"]
+
+
+def _said(unequal: Mapping[str, tuple[Json, Json]], of: int, what: str, unit: str) -> str:
+    names = (
+        f" ({', '.join(sorted(unequal)[:3])}{', ...' if len(unequal) > 3 else ''})"
+        if what == "profiles"
+        else ""
+    )
+    return f"differs in {len(unequal)} of {of} {what}{names}: {_gap([*unequal.values()], unit)}"
+
+
+def _gap(unequal: Sequence[tuple[Json, Json]], unit: str) -> str:
+    if unit == "fields":
+        names = sorted({name for pair in unequal for name in _unlike(pair[0]["fields"], pair[1]["fields"])})
+        rest = f" and {len(names) - 6} more" if len(names) > 6 else ""
+        return f"{', '.join(names[:6])}{rest}"
+    sizes = [(len(one["values"]), len(other["values"])) for one, other in unequal]
+    if any(one != other for one, other in sizes):
+        return "they have other numbers of values"
+    gaps = [_differences(one["values"], other["values"]) for one, other in unequal]
+    most = max((float(gap.max(initial=0.0)) for gap in gaps), default=0.0)
+    if most == 0.0:
+        return "less than what is kept shows"
+    return f"largest difference {most:.3g}{f' {unit}' if unit else ''}"
+
+
+def _differences(one: Iterable[float], other: Iterable[float]) -> NDArray[np.float64]:
+    gap: NDArray[np.float64] = np.abs(np.array([*one]) - np.array([*other]))
+    return gap
+
+
+def _unlike(one: Mapping[str, str], other: Mapping[str, str]) -> Iterator[str]:
+    yield from (name for name in one.keys() | other.keys() if one.get(name) != other.get(name))

@@ -1,0 +1,229 @@
+"""Selection of the benchmark's configurations, from descriptions and from failures of the preflight.
+
+Every LIBERO-Plus cell (category, event, parameter variant) gets 50 tasks that no other cell of its category
+uses, difficulties as even as can be; every LIBERO-PRO cell gets 15 pairs of task and initial state, tasks
+used equally often. A case that has passed keeps its place; one that fails is replaced in its own cell. Where
+that cost evenness, because tasks of a difficulty are scarce, as few passing cases as possible make room.
+Outcomes of policies cannot get here: no module that knows them is imported.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.identity import seed_of
+from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.events.configurations import OWN, PRO_STATES, Cell, Configuration
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.makers.construction.configurations import hosts
+from pytest_libero_max.makers.construction.matching import Shortage, fill
+from pytest_libero_max.substrates.contract import Catalogue
+from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
+
+PLUS_PER_CELL, PRO_PER_CELL = 50, 15
+LEVELS = 5
+SAMPLER = "libero-max-embedded-v1.0"
+"""Name of the random draws that decide between equally good selections."""
+
+
+class Pool(NamedTuple):
+    """The pool that cases are selected from."""
+
+    catalogue: Catalogue = OWN
+    sampler: str = SAMPLER
+    """Name of the random draws that decide between equally good selections."""
+
+
+OWN_POOL = Pool()
+
+Places = dict[str, tuple[Cell, Configuration]]
+"""Cell and configuration by case id."""
+
+_MOVE = 2**42
+"""Cost of a case that is not kept: more than all ranks of a category together, so that the fewest move."""
+
+Examine = Callable[[Sequence[Case]], Collection[str]]
+"""Examines cases, and returns the ids of those that fail."""
+
+
+def cells_of(category: str) -> tuple[Cell, ...]:
+    """Return the sixteen cells of a source category."""
+    return tuple(Cell(category, event, draw) for event, draw in product(BENCHMARK_EVENTS, (0, 1)))
+
+
+def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
+    """Choose all 8,000 cases, and replace those that fail until none does.
+
+    Args:
+        examine: Called in rounds, never twice about the same case. The selection is a function of its
+        answers.
+        pool: The pool.
+
+    Returns:
+        The cases, sorted by id.
+
+    Raises:
+        ManifestError: A cell cannot be filled; names it.
+    """
+    passed: dict[str, Case] = {}
+    failed: set[str] = set()
+    places: Places = {}
+    while True:
+        kept = {name: place for name, place in places.items() if name in passed}
+        places = propose(kept, failed, pool)
+        new = [
+            configuration.case(cell) for name, (cell, configuration) in places.items() if name not in passed
+        ]
+        if not new:
+            return tuple(passed[name] for name in sorted(places))
+        failed_now = set(examine(new))
+        failed |= failed_now
+        passed |= {case.case_id: case for case in new if case.case_id not in failed_now}
+
+
+def propose(kept: Places, failed: Collection[str], pool: Pool = OWN_POOL) -> Places:
+    """Fill every cell.
+
+    Args:
+        kept: Cases with a place already. A LIBERO-Plus case gives it up only where difficulties could not be
+            as even otherwise.
+        failed: Ids of cases that must not be used.
+        pool: The pool.
+
+    Raises:
+        ManifestError: A cell cannot be filled.
+    """
+    by_category: dict[str, list[tuple[Cell, Configuration]]] = {}
+    for cell, configuration in kept.values():
+        by_category.setdefault(cell.category, []).append((cell, configuration))
+    places: list[tuple[Cell, Configuration]] = []
+    for category in PLUS_CATEGORIES:
+        places += _fill_plus(category, by_category.get(category, []), failed, pool)
+    for category in PRO_CATEGORIES:
+        places += _fill_pro(category, by_category.get(category, []), failed, pool)
+    return {configuration.case_id(cell): (cell, configuration) for cell, configuration in places}
+
+
+def _fill_plus(
+    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str], pool: Pool
+) -> Iterable[tuple[Cell, Configuration]]:
+    cells = cells_of(category)
+    if len(kept) == PLUS_PER_CELL * len(cells):
+        return kept
+    tasks = _plus_tasks(category, pool)
+    in_place = {one.case_id(cell) for cell, one in kept}
+    fits = tasks.hosts & np.array([[name not in failed for name in names] for names in tasks.ids])
+    cost = np.where([[name in in_place for name in names] for names in tasks.ids], 0, _MOVE + tasks.ranks)
+    try:
+        found = fill(fits, np.full(len(cells), PLUS_PER_CELL), tasks.levels, cost)
+    except Shortage as shortage:
+        names = "; ".join(str(cells[number]) for number in shortage.cells)
+        raise ManifestError(
+            f"The cells ({names}) need {shortage.needed} tasks between them, but only {shortage.there} can "
+            "host any of these events: the others lack what they need or failed the preflight. Fewer cases "
+            "a cell, or scenes in which more of them pass, would help."
+        ) from shortage
+    return [
+        (cells[number], one) for one, number in zip(tasks.configurations, found, strict=True) if number >= 0
+    ]
+
+
+@dataclass(frozen=True)
+class _PlusTasks:
+    """The tasks of a LIBERO-Plus category, and what never changes about them: n tasks by 16 cells."""
+
+    configurations: Sequence[Configuration]
+    """The tasks."""
+    ids: Sequence[Sequence[str]]
+    """Ids of the case of a task in a cell."""
+    hosts: NDArray[np.bool_]
+    """True if its scene can host the cell's event."""
+    ranks: NDArray[np.int64]
+    """Order of preference among them."""
+    levels: NDArray[np.int64]
+    """(n,) difficulties, from 0."""
+
+
+@cache
+def _plus_tasks(category: str, pool: Pool) -> _PlusTasks:
+    cells = cells_of(category)
+    found = hosts("plus", category, pool.catalogue)
+    tasks = [(Configuration(variation, 0, pool.catalogue), events) for variation, events in found]
+    return _PlusTasks(
+        [one for one, _ in tasks],
+        [[one.case_id(cell) for cell in cells] for one, _ in tasks],
+        np.array([[cell.event in events for cell in cells] for _, events in tasks]),
+        np.array([[_rank(pool, cell, one) for cell in cells] for one, _ in tasks]),
+        np.array([_level(one.variation) for one, _ in tasks]),
+    )
+
+
+def _level(variation: Variation) -> int:
+    assert variation.difficulty is not None  # hosts() leaves the others out
+    return variation.difficulty - 1
+
+
+def _fill_pro(
+    category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str], pool: Pool
+) -> Iterable[tuple[Cell, Configuration]]:
+    usage = Counter((one.variation.suite, one.variation.index) for _, one in kept)
+    taken = {one.case_id(cell) for cell, one in kept}
+    for cell in cells_of(category):
+        here = [place for place in kept if place[0] == cell]
+        yield from here
+        needed = PRO_PER_CELL - len(here)
+        if not needed:
+            continue
+        free = [
+            one
+            for name, one in _pro_cases(cell, pool.catalogue).items()
+            if name not in failed and name not in taken
+        ]
+        if len(free) < needed:
+            raise ManifestError(
+                f"The cell ({cell}) needs {needed} more configurations, but only {len(free)} are left: the "
+                "others lack what the event needs, are in use or failed the preflight. Fewer cases a cell, "
+                "or scenes in which more of them pass, would help."
+            )
+        used_here = Counter((one.variation.suite, one.variation.index) for _, one in here)
+        ranks = {one: _rank(pool, cell, one) for one in free}
+        for _ in range(needed):
+            best = min(free, key=lambda one: (*_use(one, used_here, usage), ranks[one]))
+            free.remove(best)
+            used_here[best.variation.suite, best.variation.index] += 1
+            usage[best.variation.suite, best.variation.index] += 1
+            yield cell, best
+
+
+@cache
+def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
+    """Return configurations that can host a LIBERO-PRO cell's event, by the id of the case made of each."""
+    configurations = (
+        Configuration(variation, init, catalogue)
+        for variation, events in hosts("pro", cell.category, catalogue)
+        if cell.event in events
+        for init in range(PRO_STATES)
+    )
+    return {one.case_id(cell): one for one in configurations}
+
+
+def _use(
+    one: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
+) -> tuple[int, int]:
+    """Return the number of times that the task is used: in the cell, then in the category."""
+    task = one.variation.suite, one.variation.index
+    return here[task], usage[task]
+
+
+def _rank(pool: Pool, cell: Cell, one: Configuration) -> int:
+    return seed_of(pool.sampler, *cell, one.variation.suite, one.variation.index, one.init)

@@ -1,0 +1,190 @@
+"""The tracks on genuine scenes: chosen from the installed LIBERO-Plus and LIBERO-PRO by the same rules.
+
+Max and the tracks drawn from it have the quotas of the embedded tracks. A case whose models are missing stays
+without being examined, and is listed with the missing ones. Smoke is chosen on its own, from the tasks that
+need no models but LIBERO's and LIBERO-PRO's, so that everybody with the packages can play it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass
+from itertools import product
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.identity import seed_of
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
+from pytest_libero_max.events.configurations import PRO_STATES, Cell, Configuration
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
+from pytest_libero_max.makers.construction.case_selection import Examine, Pool, select
+from pytest_libero_max.makers.construction.preflight import Preflight
+from pytest_libero_max.makers.construction.release import Release
+from pytest_libero_max.makers.construction.splits import SPLITS, full, protocol
+from pytest_libero_max.substrates.contract import Catalogue
+from pytest_libero_max.substrates.variation import Variation
+
+BENCHMARK, VERSION = "libero-max-genuine", "1.0.0"
+SUBSTRATE = "LIBERO-Plus and LIBERO-PRO"
+SAMPLER, SMOKE_SAMPLER = "libero-max-genuine-v1.0", "libero-max-genuine-smoke-v1.0"
+
+SMOKE, MAX = "smoke", "max"
+TRACKS = (SMOKE, MAX)
+"""Tracks that can be built; ``max`` brings those drawn from it: lite, camera and the recovery tracks."""
+
+SOURCES = ("plus", "pro")
+
+ExamineCases = Callable[[Sequence[Case]], Mapping[str, Preflight]]
+
+
+def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[str]) -> Release:
+    """Choose the cases of some tracks on genuine scenes.
+
+    Args:
+        examine: The preflights of some cases by id.
+        catalogue: The installed variations.
+        names: Names from :data:`TRACKS`.
+
+    Raises:
+        ManifestError: There are not enough cases that pass, or LIBERO-Plus's classification is missing.
+        OptionError: There is no such track.
+    """
+    names = tuple(names)
+    for name in names:
+        if name not in TRACKS:
+            raise OptionError.seen("track", name, f" cannot be built. {did_you_mean(name, TRACKS)}")
+    found: dict[str, Preflight] = {}
+    unexamined: dict[str, str] = {}
+    lacks = {_key(one): catalogue.lacks(one) for source in SOURCES for one in catalogue.variations(source)}
+
+    def failing(cases: Sequence[Case]) -> list[str]:
+        todo = []
+        for case in cases:
+            what = lacks[case.source, case.suite, case.task_index, case.source_category]
+            if what:
+                unexamined[case.case_id] = what
+            else:
+                todo.append(case)
+        now = examine(todo)
+        found.update(now)
+        return [case_id for case_id, examination in now.items() if not examination.passed]
+
+    tracks: dict[str, Manifest] = {}
+    if SMOKE in names:
+        tracks[SMOKE] = select_smoke(failing, candidates_of(catalogue))
+    if MAX in names:
+        cases = select(failing, Pool(catalogue, SAMPLER))
+        whole = full(cases, BENCHMARK, VERSION, SUBSTRATE)
+        drawn = {name: split(whole) for name, split in SPLITS.items() if name != SMOKE}
+        tracks |= {MAX: whole, **drawn}
+    used = {case.case_id for manifest in tracks.values() for case in manifest}
+    return Release(
+        tracks=tracks,
+        rejected={name: one.problems for name, one in sorted(found.items()) if one.problems},
+        sights={name: found[name].sights for name in sorted(used & found.keys())},
+        unexamined={name: unexamined[name] for name in sorted(used & unexamined.keys())},
+    )
+
+
+def _key(variation: Variation) -> tuple[str, str, int, str]:
+    return variation.source, variation.suite, variation.index, variation.category
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
+
+    catalogue: Catalogue
+    by_source: Mapping[str, Sequence[Configuration]]
+
+
+def candidates_of(catalogue: Catalogue) -> Candidates:
+    """Candidates of smoke, the same on every machine with the packages.
+
+    Raises:
+        ManifestError: LIBERO-Plus's classification is missing.
+    """
+    return Candidates(
+        catalogue,
+        {
+            source: [
+                Configuration(one, init, catalogue)
+                for one in catalogue.variations(source)
+                if not catalogue.lacks(one, models=False) and (source == "pro" or one.difficulty is not None)
+                for init in range(PRO_STATES if source == "pro" else 1)
+            ]
+            for source in SOURCES
+        },
+    )
+
+
+def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
+    """Choose one case of each event, variant and source, and choose again without those that fail.
+
+    Each is the first configuration that was not rejected, in this order: the suite that the source has used
+    least, then the source category it has used least, then a hash. A case rejected for a place counts as
+    used in it: where one suite has no room for an event, the next ones are tried in turn.
+
+    Raises:
+        ManifestError: A slot has no configuration left.
+    """
+    failed: set[str] = set()
+    passed: set[str] = set()
+    while True:
+        cases = propose_smoke(candidates, failed)
+        new = [case for case in cases if case.case_id not in passed]
+        if not new:
+            return _smoke(cases)
+        failed_now = set(examine(new))
+        failed |= failed_now
+        passed |= {case.case_id for case in new} - failed_now
+
+
+def propose_smoke(candidates: Candidates, failed: Iterable[str] = ()) -> tuple[Case, ...]:
+    """Return the 32 cases, sorted by id, none of which is one of ``failed``.
+
+    Raises:
+        ManifestError: A slot has no configuration left.
+    """
+    excluded, cases = set(failed), []
+    for source in SOURCES:
+        used: Counter[str] = Counter()
+        for event, draw in product(sorted(BENCHMARK_EVENTS), (0, 1)):
+            chosen = _first(candidates, source, event, draw, excluded, used)
+            used.update((chosen.variation.suite, chosen.variation.category))
+            cases.append(chosen.case(Cell(chosen.variation.category, event, draw)))
+    return tuple(sorted(cases, key=lambda case: case.case_id))
+
+
+def _first(
+    candidates: Candidates, source: str, event: str, draw: int, excluded: Set[str], used: Counter[str]
+) -> Configuration:
+    """Return the first configuration for a place, in the order of :func:`select_smoke`.
+
+    Raises:
+        ManifestError: There is none left.
+    """
+    ids = {one.identity.case_id(event, draw): one for one in candidates.by_source[source]}
+    tried = used.copy()
+    for name in excluded & ids.keys():
+        tried.update((ids[name].variation.suite, ids[name].variation.category))
+
+    def preference(name: str) -> tuple[int, int, int]:
+        variation = ids[name].variation
+        return tried[variation.suite], tried[variation.category], seed_of(SMOKE_SAMPLER, name)
+
+    for name in sorted(ids.keys() - excluded, key=preference):
+        if eligible(event, candidates.catalogue.metadata(ids[name].variation)):
+            return ids[name]
+    raise ManifestError(f"{event}, variant {draw}: every configuration of {source} was rejected.")
+
+
+def _smoke(cases: tuple[Case, ...]) -> Manifest:
+    contract = (
+        f"{SMOKE_SAMPLER}; one case of each event, variant and source, of the tasks that LIBERO's and "
+        "LIBERO-PRO's models are enough for; least used suite of the source, least used source category, "
+        "then SHA-256 rank, what was rejected for a place counting as used in it; physical preflight; "
+        "independent of policy outcomes"
+    )
+    return Manifest(f"{BENCHMARK}-{SMOKE}", VERSION, protocol(SMOKE, contract, SUBSTRATE), cases)

@@ -1,0 +1,225 @@
+"""The files of the benchmark: tracks, rejected cases, visibility, certificates and checksums.
+
+Certificates come last, into a folder whose tracks are frozen: nothing that an expert does can reach them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.certificates import CERTIFICATES, Certificate, read_certificates
+from pytest_libero_max.benchmark.manifests import Manifest
+from pytest_libero_max.benchmark.tracks import (
+    PAPER_LITE,
+    UNEXAMINED,
+    frozen_files,
+    load_track,
+    own_tracks,
+    read_checksums,
+    read_table,
+    write_checksums,
+    write_frozen,
+)
+from pytest_libero_max.makers.construction.case_selection import select
+from pytest_libero_max.makers.construction.original import select_original
+from pytest_libero_max.makers.construction.preflight import Check, Preflight, Problem
+from pytest_libero_max.makers.construction.splits import SPLITS, full
+from pytest_libero_max.makers.construction.visibility import Sight
+from pytest_libero_max.worlds.contract import CAMERAS
+
+REJECTED, SIGHTS = "rejected.tsv.gz", "visibility.tsv.gz"
+"""Only there if some cases of the tracks could not be examined."""
+
+FILES = (REJECTED, CERTIFICATES, SIGHTS, *(f"{name}.json.gz" for name in ("original", "max", *SPLITS)))
+"""Everything of the embedded tracks that has a checksum."""
+
+_SIGHT_COLUMNS = (
+    *("case_id", "role", "entity"),
+    *(f"{camera}_{when}" for when in ("before", "after") for camera in CAMERAS),
+)
+
+
+@dataclass(frozen=True)
+class Release:
+    """Everything that is frozen."""
+
+    tracks: Mapping[str, Manifest]
+    """Manifests by name."""
+    rejected: Mapping[str, tuple[Problem, ...]]
+    """The problems of the cases that were replaced, by id."""
+    sights: Mapping[str, tuple[Sight, ...]]
+    """Visibility of target and receptacle at the event of each of these cases, by id."""
+    unexamined: Mapping[str, str] = field(default_factory=dict)
+    """Missing requirements of the other cases, by id."""
+
+
+def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) -> Release:
+    """Choose the cases of every track.
+
+    Raises:
+        ManifestError: There are not enough cases that pass.
+    """
+    examinations: dict[str, Preflight] = {}
+
+    def failing(cases: Sequence[Case]) -> list[str]:
+        found = examine(cases)
+        examinations.update(found)
+        return [case_id for case_id, examination in found.items() if not examination.passed]
+
+    original = select_original(failing)
+    whole = full(select(failing))
+    return Release(
+        tracks={
+            "original": original,
+            "max": whole,
+            **{name: split(whole) for name, split in SPLITS.items()},
+        },
+        rejected={name: found.problems for name, found in sorted(examinations.items()) if found.problems},
+        sights={name: examinations[name].sights for name in sorted(_ids(original, whole))},
+    )
+
+
+def _ids(*tracks: Manifest) -> set[str]:
+    return {case.case_id for track in tracks for case in track}
+
+
+def write_release(release: Release, folder: Path) -> None:
+    """Write all files of a release, with an empty table of certificates."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rejected = (
+        (name, problem.check, problem.detail)
+        for name, problems in release.rejected.items()
+        for problem in problems
+    )
+    sights = (
+        (name, one.role, one.entity, *map(str, (*one.before, *one.after)))
+        for name, found in release.sights.items()
+        for one in found
+    )
+    _write_table(folder / REJECTED, ("case_id", "check", "detail"), rejected)
+    _write_table(folder / SIGHTS, _SIGHT_COLUMNS, sights)
+    tables = [REJECTED, SIGHTS, CERTIFICATES]
+    if release.unexamined:
+        _write_table(folder / UNEXAMINED, ("case_id", "missing"), release.unexamined.items())
+        tables.append(UNEXAMINED)
+    _write_certificates(folder, {})
+    _write_tracks(folder, release.tracks)
+    kept = [PAPER_LITE] if (folder / _file(PAPER_LITE)).exists() else []
+    write_checksums(folder, [*tables, *map(_file, (*release.tracks, *kept))])
+
+
+def add_track(folder: Path, name: str, manifest: Manifest) -> None:
+    """Write one more track into a folder of frozen ones."""
+    listed = read_checksums(folder)
+    _write_tracks(folder, {name: manifest})
+    files = (file.name for file in frozen_files(folder))
+    write_checksums(
+        folder, [file for file in files if file == _file(name) or file.removesuffix(".gz") in listed]
+    )
+
+
+def add_certificates(
+    folder: Path, names: Iterable[str], certify: Callable[[Sequence[Case]], Mapping[str, Certificate]]
+) -> None:
+    """Let an expert play the cases of some tracks of a folder that were examined and have no certificate yet.
+
+    Args:
+        folder: Frozen tracks.
+        names: Names of the tracks.
+        certify: Returns the expert's results on some cases, by id.
+
+    Raises:
+        ManifestError: A file is missing or is not the one that was frozen.
+        OptionError: There is no such track.
+    """
+    found = read_certificates(folder)
+    cases = {case.case_id: case for name in names for case in load_track(name, folder)}
+    done = found.keys() | read_unexamined(folder).keys()
+    new = certify([case for case_id, case in sorted(cases.items()) if case_id not in done])
+    _write_certificates(folder, {**found, **new})
+    listed = read_checksums(folder)
+    write_checksums(
+        folder, [file.name for file in frozen_files(folder) if file.name.removesuffix(".gz") in listed]
+    )
+
+
+def _write_certificates(folder: Path, certificates: Mapping[str, Certificate]) -> None:
+    rows = (
+        (name, one.ending, _text(one.trigger_step), _text(one.steps))
+        for name, one in sorted(certificates.items())
+    )
+    _write_table(folder / CERTIFICATES, ("case_id", "ending", "trigger_step", "steps"), rows)
+
+
+def write_splits(folder: Path) -> None:
+    """Draw the smaller tracks of a folder again from its ``max``.
+
+    Raises:
+        ManifestError: ``max`` is not the one that was frozen.
+    """
+    whole = load_track("max", folder)
+    _write_tracks(folder, {name: split(whole) for name, split in SPLITS.items()})
+    write_checksums(folder, FILES)
+
+
+def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
+    """Return the problems of the cases that were replaced, by id.
+
+    Raises:
+        ManifestError: The table is missing or is not the one that was frozen.
+    """
+    found: dict[str, tuple[Problem, ...]] = {}
+    for name, check, detail in read_table(folder / REJECTED):
+        found[name] = (*found.get(name, ()), Problem(cast(Check, check), detail))
+    return found
+
+
+def independent_tracks(folder: Path) -> tuple[str, ...]:
+    """Return the tracks that have every case of a folder, without those that were drawn from them."""
+    names = own_tracks(folder)
+    return ("original", "max", "beyond") if "original" in names else names
+
+
+def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
+    """Return the visibility of target and receptacle at the event of each case, by id.
+
+    Raises:
+        ManifestError: The table is missing or is not the one that was frozen.
+    """
+    found: dict[str, tuple[Sight, ...]] = {}
+    for name, role, entity, *pixels in read_table(folder / SIGHTS):
+        numbers = tuple(map(int, pixels))
+        sight = Sight(role, entity, numbers[: len(CAMERAS)], numbers[len(CAMERAS) :])
+        found[name] = (*found.get(name, ()), sight)
+    return found
+
+
+def read_unexamined(folder: Path) -> dict[str, str]:
+    """Return the missing requirements of the cases that were not examined, by id.
+
+    Raises:
+        ManifestError: The table is not the one that was frozen.
+    """
+    path = folder / UNEXAMINED
+    return {row[0]: row[1] for row in read_table(path)} if path.exists() else {}
+
+
+def _text(number: int | None) -> str:
+    return "" if number is None else str(number)
+
+
+def _write_tracks(folder: Path, tracks: Mapping[str, Manifest]) -> None:
+    for name, manifest in tracks.items():
+        write_frozen(folder / _file(name), manifest.to_json())
+
+
+def _file(track: str) -> str:
+    return f"{track}.json.gz"
+
+
+def _write_table(path: Path, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> None:
+    write_frozen(path, "".join("\t".join(row) + "\n" for row in (head, *rows)))

@@ -1,0 +1,24 @@
+"""The lab's commands that play pairs again run nothing that a published folder names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pytest_libero_max.cli import main
+from tests.films.conftest import played, short
+from tests.films.test_published_places import evil, witness
+
+__all__ = ["evil", "played", "short", "witness"]  # fixtures
+
+
+@pytest.mark.parametrize("command", ["monitors . image_change", "demos episodes --run=."])
+def test_no_command_runs_what_a_folder_names(
+    command: str, evil: Path, witness: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["lab", *command.split()]
+    assert main(arguments) == 1
+    assert "--cases" in capsys.readouterr().err
+    main([*arguments, f"--cases={tmp_path / 'tiny.json'}"])
+    assert not witness.exists()
