@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.changes.change import Change, Evidence
     from pytest_libero_max.errors import LiberoMaxError
+    from pytest_libero_max.evaluation.evaluate import Evaluation, evaluate
     from pytest_libero_max.events.kind import EventKind, Scenario
     from pytest_libero_max.events.new_case import make_case
     from pytest_libero_max.events.schedules import Arm, Entry, Revert, program_of
@@ -61,6 +62,7 @@ __all__ = [
     "Entity",
     "Entry",
     "Episode",
+    "Evaluation",
     "EventKind",
     "Evidence",
     "Identity",
@@ -93,6 +95,7 @@ __all__ = [
     "changes",
     "continue_rollout",
     "errors",
+    "evaluate",
     "evaluate_gate",
     "inject",
     "load_manifest",
@@ -115,6 +118,7 @@ __all__ = [
 ]
 
 _TO_USE = {
+    "evaluation.evaluate": ("evaluate", "Evaluation"),
     "policies.contract": ("PolicySpec", "Policy", "Episode", "Query", "BatchItem"),
     "policies.loading": ("load_policy",),
     "benchmark.cases": ("Case",),

@@ -24,7 +24,7 @@ from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.cli import parser
 from pytest_libero_max.cli.commands import CommandPlace
 from pytest_libero_max.errors import LiberoMaxError
-from pytest_libero_max.plugin.collection import markers_of
+from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.plugin.options import resolve
 
 ROOT = Path(__file__).parents[1]

@@ -130,7 +130,7 @@ def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pair
     assert len(list((tmp_path / "all" / "films").iterdir())) == 1
     assert main(["report", str(tmp_path / "all")]) == 0
     capsys.readouterr()
-    again = "in the evaluation loop of that run, in another folder: no command here can load its policy."
+    again = "in the program of that run, in another folder: no command here can load its policy."
     for name, line in (("all", "see: libero-max view"), ("none", f"again: {again}")):
         main(["gate", str(tmp_path / name), "--gate=dynamic_sr >= 50%"])
         assert line in capsys.readouterr().out

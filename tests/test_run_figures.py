@@ -10,16 +10,26 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.report.blocks import Rate
-from pytest_libero_max.report.formats import count_text, interval_text, percent, points, rate_text
-from pytest_libero_max.report.measured import rate_of, table_change_of
+from pytest_libero_max.report.formats import (
+    change_text,
+    count_text,
+    interval_text,
+    percent,
+    points,
+    rate_text,
+)
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.safety import PROBE, beyond
 from pytest_libero_max.report.studies.recovery import compare_recovery
-from pytest_libero_max.report.studies.study_document import Camera
+from pytest_libero_max.report.studies.study_document import (
+    Camera,
+)
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.store import StoredRun, read_pairs
-from pytest_libero_max.stats.outcome_table import Ratio, tabulate
+from pytest_libero_max.stats.blocks import Rate
+from pytest_libero_max.stats.measured import rate_of, table_change_of
+from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.ratios import Ratio
 from tests.scripts.interaction import interaction
 
 REPORTS = Path(__file__).parents[1] / "reports"
@@ -176,9 +186,7 @@ def recovery_rows() -> Iterator[str]:
 
 def interaction_of_compound() -> Iterator[str]:
     found = interaction(run("beyond/compound-servo").records)
-    assert found.bootstrap is not None
-    assert found.interval is not None
-    yield f"is {points(found.bootstrap.estimate)} pp {interval_text(found.interval, signed=True)}"
+    yield f"is {change_text(found)}"
     yield f"it is below zero in {found.losses} cases and above it in {found.gains}"
 
 

@@ -72,7 +72,7 @@ def _compare(options: argparse.Namespace) -> None:
         read_runs,
     )
     from pytest_libero_max.report.comparison.compare_files import write_comparison
-    from pytest_libero_max.report.comparison.compare_text import comparison_lines
+    from pytest_libero_max.report.comparison.comparison_sections import comparison_lines
     from pytest_libero_max.report.comparison.paper_files import write_tables
     from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.writers.report_files import report_json, write_text
@@ -115,7 +115,8 @@ def _compare_over_time(options: argparse.Namespace) -> None:
 
 
 def _compare_by_cell(options: argparse.Namespace, runs: Sequence[RunOutcomes]) -> None:
-    from pytest_libero_max.report.comparison.by_cell import old_less_new, old_less_new_lines
+    from pytest_libero_max.report.comparison.by_cell import document_of, old_less_new
+    from pytest_libero_max.report.render.terminal import document_lines
     from pytest_libero_max.report.writers.report_files import write_text
 
     if len(runs) != 2 or options.output or options.tables or options.published or options.restrict:
@@ -126,4 +127,4 @@ def _compare_by_cell(options: argparse.Namespace, runs: Sequence[RunOutcomes]) -
     found = old_less_new(*runs)
     if options.json:
         write_text(options.json, json.dumps(found.to_dict(), indent=2) + "\n")
-    say(old_less_new_lines(found))
+    say(document_lines(document_of(found)))

@@ -14,7 +14,7 @@ from typing import Literal
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import parse_gates
-from pytest_libero_max.report.table import aligned
+from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.sequential import log_evidence_of_change
@@ -27,17 +27,14 @@ Verdict = Literal["good", "bad", "cannot be played"]
 
 @dataclass(frozen=True)
 class Lost:
-    """Cases that one run completes in Dynamic and another one does not.
-
-    Attributes:
-        case_ids: Their ids, sorted.
-        gains: Number of cases of which it is the other way round.
-        pairs: Number of cases that both have measured.
-    """
+    """Cases that one run completes in Dynamic and another one does not."""
 
     case_ids: tuple[str, ...]
+    """Their ids, sorted."""
     gains: int
+    """Number of cases of which it is the other way round."""
     pairs: int
+    """Number of cases that both have measured."""
 
     @classmethod
     def between(cls, good: StoredRun, bad: StoredRun) -> Lost:
@@ -60,23 +57,20 @@ class Lost:
 
 @dataclass(frozen=True)
 class Looked:
-    """Result of a revision.
-
-    Attributes:
-        name: Of the revision.
-        pairs: Number of pairs that it has played.
-        verdict: Verdict.
-        completed: Number of the lost cases that it completes in Dynamic.
-        of: Number of the lost cases that it has played.
-        note: For people, for example the subject of a commit.
-    """
+    """Result of a revision."""
 
     name: str
+    """Of the revision."""
     pairs: int
+    """Number of pairs that it has played."""
     verdict: Verdict
+    """Verdict."""
     completed: int = 0
+    """Number of the lost cases that it completes in Dynamic."""
     of: int = 0
+    """Number of the lost cases that it has played."""
     note: str = ""
+    """For people, for example the subject of a commit."""
 
 
 def has_ended(stored: StoredRun, *, by_rule: bool) -> bool:

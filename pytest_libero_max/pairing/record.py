@@ -537,6 +537,16 @@ def require_version(values: Json, what: str) -> None:
         )
 
 
+POLICY_PHASE = "policy"
+"""Phase of an error that every other pair would end with as well: the policy cannot be played at all."""
+
+CRASH_PHASE = "crash"
+"""Phase of an error: the process that played the pair died."""
+
+RECORD_PHASE = "record"
+"""Phase of an error: the pair was played, and its record cannot be stored."""
+
+
 class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="error"):
     """A pair that could not be measured: an error of the machinery, never a failure of the policy."""
 

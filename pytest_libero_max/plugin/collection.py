@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -11,24 +10,21 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
-from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
 from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.evaluation.run_cases import RunCases, category_marker, markers_of
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.events.kind import VARIANTS
 from pytest_libero_max.events.registry import (
     BENCHMARK_EVENTS,
     BENCHMARK_FAMILIES,
     EVENTS,
-    check_cases,
     families,
     family_of,
 )
 from pytest_libero_max.plugin import options
-from pytest_libero_max.plugin.case_support import supported_cases
-from pytest_libero_max.plugin.options import Settings, usage_errors
+from pytest_libero_max.plugin.options import usage_errors
 from pytest_libero_max.plugin.stash_keys import (
     CASES,
-    MANIFEST,
-    NOISE_CASES,
     SETTINGS,
     SETTLED,
     SETTLED_INPUT,
@@ -99,26 +95,15 @@ def settings_of(config: pytest.Config) -> Settings:
     return config.stash[SETTINGS]
 
 
-def manifest_of(config: pytest.Config) -> Manifest:
-    """Return the whole track or manifest of the run.
+def cases_of_run(config: pytest.Config) -> RunCases:
+    """Return the cases of the run before ``-k`` and ``-m``, chosen once.
 
     Raises:
-        pytest.UsageError: The track is unknown or the manifest is unusable.
+        pytest.UsageError: See :func:`settings_of`.
     """
-    if MANIFEST not in config.stash:
-        from pytest_libero_max.benchmark.tracks import load_track
-
-        settings = settings_of(config)
-        with usage_errors():
-            manifest = load_manifest(settings.manifest) if settings.manifest else load_track(settings.track)
-        with usage_errors(f"{settings.manifest or settings.case_set}: "):
-            check_cases(manifest.cases)
-        if settings.program is not None:
-            with usage_errors("--libero-max-program: "):
-                manifest = manifest.playing(settings.program)
-                check_cases(manifest.cases)
-        config.stash[MANIFEST] = manifest
-    return config.stash[MANIFEST]
+    if CASES not in config.stash:
+        config.stash[CASES] = RunCases(settings_of(config))
+    return config.stash[CASES]
 
 
 def cases_of(config: pytest.Config) -> tuple[Case, ...]:
@@ -128,63 +113,18 @@ def cases_of(config: pytest.Config) -> tuple[Case, ...]:
         pytest.UsageError: The track or manifest is unusable, nothing that it needs is installed, or there are
             more shards than it can make.
     """
-    if CASES not in config.stash:
-        config.stash[CASES] = _cases(config)
-    return config.stash[CASES]
-
-
-def _cases(config: pytest.Config) -> tuple[Case, ...]:
-    from pytest_libero_max.benchmark.sharding import shard
-
-    settings, cases = settings_of(config), cases_of_all_shards(config)
-    if settings.shard is not None:
-        number, count = settings.shard
-        with usage_errors(f"--libero-max-shard={number}/{count}: "):
-            cases = shard(cases, number, count)
-    return settings.order.of(cases)
-
-
-def cases_of_all_shards(config: pytest.Config) -> tuple[Case, ...]:
-    """Return the cases of the run and of the other shards, before ``-k`` and ``-m``.
-
-    Raises:
-        pytest.UsageError: The track or manifest is unusable, or nothing that it needs is installed.
-    """
-    from pytest_libero_max.benchmark.sampling import stratified
-
-    settings = settings_of(config)
-    cases = manifest_of(config).cases
-    if settings.program is not None:
-        cases = tuple(case for case in cases if case.program is not None)
-    if settings.suites is not None:
-        cases = tuple(case for case in cases if case.suite in settings.suites)
-    if settings.only_installed and cases:
-        with usage_errors("--libero-max-only-installed: "):
-            cases = supported_cases(settings.case_set, cases, settings.substrate, settings.substrate_options)
-    return cases if settings.limit is None else stratified(cases, settings.limit)
+    with usage_errors():
+        return cases_of_run(config).chosen
 
 
 def asked_for(config: pytest.Config) -> list[str]:
     """Return the options that leave cases out, apart from the shard, as the command line spells them."""
-    settings, option = settings_of(config), config.option
-    asked = []
-    if settings.program is not None and left_out_by_program(config):
-        asked.append(f"--libero-max-program={settings.program.source}")
-    asked += ["--libero-max-only-installed"] if settings.only_installed else []
-    asked += [] if settings.suites is None else [f"--libero-max-suites={','.join(settings.suites)}"]
-    asked += [] if settings.limit is None else [f"--libero-max-limit={settings.limit}"]
+    option, asked = config.option, cases_of_run(config).asked
     asked += [f"-k {option.keyword}"] if option.keyword else []
     asked += [f"-m {option.markexpr}"] if option.markexpr else []
     asked += [f"--deselect={prefix}" for prefix in option.deselect or ()]
     nodes = [arg.replace(f"{PAIRS_FILE}::", f"{PSEUDO_PATH}::") for arg in config.args if _names_a_pair(arg)]
     return asked + (nodes if len(nodes) <= _LISTED_NODES else [f"{len(nodes)} node ids"])
-
-
-def left_out_by_program(config: pytest.Config) -> Counter[str]:
-    """Return the number of cases that the program of the run does not fit, by event."""
-    if settings_of(config).program is None:
-        return Counter()
-    return Counter(case.event.name for case in manifest_of(config) if case.program is None)
 
 
 def chosen_by_hand(config: pytest.Config) -> bool:
@@ -195,17 +135,6 @@ def chosen_by_hand(config: pytest.Config) -> bool:
 
 def _names_a_pair(arg: str) -> bool:
     return arg.startswith(f"{PAIRS_FILE}::")
-
-
-def noise_cases_of(config: pytest.Config) -> frozenset[str]:
-    """Item ids of the cases of the run whose Base is played twice."""
-    if NOISE_CASES not in config.stash:
-        from pytest_libero_max.benchmark.sampling import stratified
-
-        count = settings_of(config).noise_floor
-        chosen = stratified(cases_of(config), count) if count else ()
-        config.stash[NOISE_CASES] = frozenset(case.item_id for case in chosen)
-    return config.stash[NOISE_CASES]
 
 
 def aim(config: pytest.Config) -> None:
@@ -306,7 +235,7 @@ def check_ids(config: pytest.Config) -> None:
     for id in ids:
         if id in known:
             continue
-        settings, whole = settings_of(config), {case.item_id for case in manifest_of(config)}
+        settings, whole = settings_of(config), {case.item_id for case in cases_of_run(config).manifest}
         if id in whole:
             raise pytest.UsageError(
                 f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the {len(known)} "
@@ -366,7 +295,7 @@ def _register_sources(config: pytest.Config, cases: tuple[Case, ...]) -> None:
         _register(config, family_of(event), "with an event of this family")
     for source in sorted({case.source for case in cases}):
         _register(config, f"source_{source}", "from this source")
-    for category in sorted({_category_marker(case) for case in cases}):
+    for category in sorted({category_marker(case) for case in cases}):
         _register(config, category, "of this source category")
 
 
@@ -386,19 +315,3 @@ def case_of(item_node_id: str) -> str | None:
 def case_of_item(item: pytest.Item) -> str | None:
     """Item id of the case that an item plays, or None for any other test."""
     return item.case.item_id if isinstance(item, PairItem) else None
-
-
-def markers_of(case: Case) -> tuple[str, ...]:
-    """Names of the markers of a pair."""
-    return (
-        case.event.name,
-        family_of(case.event.name),
-        case.suite,
-        f"variant_{case.event.variant}",
-        f"source_{case.source}",
-        _category_marker(case),
-    )
-
-
-def _category_marker(case: Case) -> str:
-    return f"category_{case.source_category.lower().replace(' ', '_')}"

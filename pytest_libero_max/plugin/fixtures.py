@@ -14,10 +14,11 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.evaluation.policy_source import PolicySource
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.collection import settings_of
-from pytest_libero_max.plugin.options import POLICY_FLAG, Settings
+from pytest_libero_max.plugin.options import POLICY_FLAG
 from pytest_libero_max.plugin.processes.isolation import play_isolated
 from pytest_libero_max.plugin.run_pair import play_here
 from pytest_libero_max.plugin.stash_keys import LOADED, RESULT, RUN_BEGUN, RUN_BEGUN_INPUT
@@ -39,12 +40,6 @@ def libero_max_settings(pytestconfig: pytest.Config) -> Settings:
 @pytest.fixture(scope="session")
 def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings) -> Policy:
     """Return the policy under test, loaded once a worker."""
-    from pytest_libero_max.policies.adapter_digest import files_read
-    from pytest_libero_max.policies.check import ends_the_session
-    from pytest_libero_max.policies.clients.waiting import note_in
-    from pytest_libero_max.policies.loading import load_policy
-    from pytest_libero_max.policies.wrapping import WRAPPERS
-
     settings = libero_max_settings
     if settings.policy is None:
         pytest.fail(
@@ -52,30 +47,8 @@ def libero_max_policy(pytestconfig: pytest.Config, libero_max_settings: Settings
             "file.",
             pytrace=False,
         )
-    note_in(settings.output)
-    try:
-        with files_read(settings.policy, _run_begun_s(pytestconfig)):
-            policy = load_policy(
-                settings.policy,
-                horizon=settings.horizon,
-                query_interval=settings.query_interval,
-                profile=settings.profile,
-                revision=settings.revision,
-                seat=_seat(pytestconfig, settings),
-            )
-        for name in ("restore", "adaptive"):
-            mode = getattr(settings, name)
-            if mode not in (None, "native"):
-                policy = WRAPPERS[name](policy, mode)
-    except BaseException as error:
-        if isinstance(error, Exception) or ends_the_session(error):
-            raise
-        # pytest keeps no fixture that ends like this, and every later item would fail for another reason.
-        raise AdapterError(
-            f"policy {settings.policy!r} raised {type(error).__name__} while it was loaded: {error}. Repair "
-            "the adapter."
-        ) from error
-    pytestconfig.stash[LOADED] = policy
+    seat, begun_s = _seat(pytestconfig, settings), _run_begun_s(pytestconfig)
+    policy = pytestconfig.stash[LOADED] = PolicySource(settings).load(seat, begun_s)
     return policy
 
 

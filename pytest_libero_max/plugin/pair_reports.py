@@ -11,7 +11,14 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ReportError, SimulatorError
-from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
+from pytest_libero_max.pairing.record import (
+    CRASH_PHASE,
+    RECORD_PHASE,
+    PairError,
+    PairRecord,
+    is_error,
+    result_from_dict,
+)
 from pytest_libero_max.plugin.collection import PairItem
 from pytest_libero_max.plugin.processes.sending import sendable
 from pytest_libero_max.plugin.stash_keys import (
@@ -23,12 +30,6 @@ from pytest_libero_max.plugin.stash_keys import (
     STOP,
     STOP_ATTRIBUTE,
 )
-
-CRASH_PHASE = "crash"
-"""Phase of a pair error: the process that played the pair died."""
-
-RECORD_PHASE = "record"
-"""Phase of a pair error: the pair was played, and its record cannot be stored."""
 
 
 @pytest.hookimpl(wrapper=True, trylast=True)
@@ -91,18 +92,12 @@ def unpacked(data: dict[str, Any]) -> dict[str, Any]:
     return data
 
 
-def result_of(report: pytest.TestReport, case: Case, budget: int) -> PairRecord | PairError | None:
-    """Return the result of a pair from one of its reports; None where this report does not have it.
-
-    Args:
-        report: The report.
-        case: The case of the pair.
-        budget: Policy steps of its episodes, as known before any policy was loaded.
-    """
+def result_of(report: pytest.TestReport, case: Case) -> PairRecord | PairError | None:
+    """Return the result of a pair from one of its reports; None where this report does not have it."""
     result = getattr(report, RESULT_ATTRIBUTE, None)
     if result is not None:
         try:
-            return _of_its_case(result_from_dict(result), case, budget)
+            return result_from_dict(result)
         except ReportError as error:
             return PairError.of(case, error, RECORD_PHASE)
     if not report.failed:
@@ -110,24 +105,6 @@ def result_of(report: pytest.TestReport, case: Case, budget: int) -> PairRecord 
     # The item ended without a result: its worker died, or somebody's hook failed it.
     text = str(report.longrepr).strip().splitlines()
     return PairError.of(case, SimulatorError(text[-1] if text else "no message"), CRASH_PHASE)
-
-
-def _of_its_case(result: PairRecord | PairError, case: Case, budget: int) -> PairRecord | PairError:
-    """Return the result; its episodes have the length that the case had before any policy was loaded.
-
-    Raises:
-        ReportError: They have another length, or the record contradicts its case.
-    """
-    if isinstance(result, PairRecord) and result.max_steps != budget:
-        raise ReportError(
-            f"max_steps={result.max_steps} of case_id={case.case_id!r}, but its episodes have {budget}. "
-            "Something has changed the budgets where it was played: look for it in the adapter."
-        )
-    if isinstance(result, PairRecord):
-        from pytest_libero_max.pairing.case_rules import require_of_case
-
-        require_of_case(result, case)
-    return result
 
 
 def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.report.happenings import happenings, happenings_text
 
 

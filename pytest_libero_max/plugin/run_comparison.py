@@ -25,7 +25,7 @@ def comparison_at_the_end(asked: str, folder: Path, run: Run, start: Path) -> li
         start: Folder that paths begin at.
     """
     from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
-    from pytest_libero_max.report.comparison.compare_text import short_lines
+    from pytest_libero_max.report.comparison.comparison_sections import short_lines
 
     earlier = _last(folder, run) if asked == LAST else start / Path(asked).expanduser()
     if earlier is None:

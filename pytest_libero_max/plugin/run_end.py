@@ -12,29 +12,26 @@ import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
-from pytest_libero_max.errors import LiberoMaxError, ReportError, class_name, is_refusal, text_of
-from pytest_libero_max.plugin.collection import asked_for, cases_of, manifest_of, only_lists
+from pytest_libero_max.errors import class_name, text_of
+from pytest_libero_max.evaluation.keeper import RunKeeper, problem_text
+from pytest_libero_max.evaluation.processes.deaths import refused_lines, set_aside_lines
+from pytest_libero_max.plugin.collection import asked_for, only_lists
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
-from pytest_libero_max.plugin.options import Settings, gates_from, places_of
-from pytest_libero_max.plugin.processes.retries import refused_lines, set_aside_lines
+from pytest_libero_max.plugin.options import places_of
 from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
 from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.address import LEFT_OUT
-from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
+from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.sections import with_sections
 from pytest_libero_max.report.writers.junit import headline_properties
 from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.replay_command import replay_command
-from pytest_libero_max.runs.store import PAIRS_NAME, PairStore, read_pairs
+from pytest_libero_max.runs.store import read_pairs
 
 if TYPE_CHECKING:
-    from pytest_libero_max.pairing.record import PairRecord
-    from pytest_libero_max.report.gates import GateResult
-    from pytest_libero_max.report.report_document import PairCounts, Report
+    from pytest_libero_max.report.report_document import Report
 
 
 class RunEnd:
@@ -42,101 +39,85 @@ class RunEnd:
 
     Args:
         config: Of the session.
-        settings: Of the run.
+        keeper: Of the run.
         stop: Of the run.
 
     Attributes:
         lines: Lines of the summary, in order; those known before the end come first.
         quiet: Lines of the summary of a quiet run.
         notes: Failures beside the pairs, for example of a film.
-        report: As written; None before that, and again when :meth:`finish` has used it.
     """
 
-    def __init__(self, config: pytest.Config, settings: Settings, stop: RunStop) -> None:
-        self.config, self.settings = config, settings
+    def __init__(self, config: pytest.Config, keeper: RunKeeper, stop: RunStop) -> None:
+        self.config, self.keeper, self.settings = config, keeper, keeper.settings
         self.lines: list[str] = []
         self.quiet: list[str] = []
         self.notes: list[str] = []
-        self.report: Report | None = None
         self._query_times: str | None = None
         self._stop = stop
-        self._run: Run | None = None
-        self._records: Sequence[PairRecord] = ()
         self._filmed: list[str] = []
         self._verified: dict[str, str] = {}
         self._not_repeated: list[str] = []
-        self._replay: Sequence[str] | None = None
-        self._verdicts: tuple[GateResult, ...] = ()
-        self._problems: list[str] = []
 
-    def decide(self, store: PairStore | None) -> None:
-        """End the run and decide its gates, before other plugins write their files; JUnit files hold them.
+    def decide(self) -> None:
+        """End the run and decide its gates, before other plugins write their files; JUnit files hold them."""
+        from pytest_libero_max.report.page.origin import query_times_text
 
-        Args:
-            store: Store of its pairs; None where none was planned.
-        """
-        if store is not None:
-            try:
-                store.close(self._stop.stopped)
-            except ReportError as error:
-                self._problems.append(str(error))
-            try:
-                self._verdicts = self._decide()
-            except Exception as error:  # whatever it is, the pairs are measured
-                self._problems.append(f"There is no report: {_text(error)}")
+        keeper = self.keeper
+        keeper.end()
+        if keeper.records:
+            self._query_times = query_times_text(keeper.records)
         if only_lists(self.config):
             return
-        decided = {verdict.gate.text: verdict for verdict in self._verdicts}
-        cases = [gate_case(gate.text, decided.get(gate.text), self._replay) for gate in self.settings.gate]
-        tell_junit(self.config, () if self.report is None else headline_properties(self.report), cases)
+        decided = {verdict.gate.text: verdict for verdict in keeper.verdicts}
+        cases = [gate_case(gate.text, decided.get(gate.text), keeper.replay) for gate in self.settings.gate]
+        tell_junit(self.config, () if keeper.report is None else headline_properties(keeper.report), cases)
 
-    def finish(self, session: pytest.Session, store: PairStore | None, *, measured_before: bool) -> None:
+    def finish(self, session: pytest.Session) -> None:
         """Write the reports and decide the exit status. A failure is reported and hides nothing else.
 
         Args:
             session: Its exit status becomes that of the run.
-            store: Store of its pairs, which is closed; None where none was planned.
-            measured_before: True if a resumed run had pairs already.
         """
-        if store is None:
+        if self.keeper.store is None:
             self._say_why_no_pair(session)
             self._fail_gates_without_pairs(session)
             self.config.stash[END_STATUS] = int(session.exitstatus)
             return
         ended = session.exitstatus
         # What follows calls hooks of users, which may do anything: the status is decided before.
-        _, session.exitstatus = self._status(session, measured_before)
+        _, session.exitstatus = self._status(session)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         try:
             self._film(ended)
         except Exception as error:
-            self.notes.append(f"no films: {_text(error)}")
+            self.notes.append(f"no films: {problem_text(error)}")
         try:
             again = self._verify(ended)
         except Exception as error:
-            again = [f"Played again: no pair: {_text(error)}"]
-        self._records = ()  # the reports are made from what is on disk, so that memory holds it once
+            again = [f"Played again: no pair: {problem_text(error)}"]
         try:
             self._report()
         except Exception as error:
-            self._problems.append(f"There is no report: {_text(error)}")
+            self.keeper.problems.append(f"There is no report: {problem_text(error)}")
         self.lines += [*self._filmed, *again, *_few_lines(self.notes)]
-        self.lines += dict.fromkeys([*self._not_repeated, *self._problems])
+        self.lines += dict.fromkeys([*self._not_repeated, *self.keeper.problems])
         session.exitstatus = ended
-        said, session.exitstatus = self._status(session, measured_before)
+        said, session.exitstatus = self._status(session)
         self.config.stash[END_STATUS] = int(session.exitstatus)
         self.lines += said
         # pytest and Python look through all objects several times more before the process ends: at 80,000
         # pairs for more than a minute.
-        self.report = self._run = None
+        self.keeper.report = self.keeper.run = None
 
     def _film(self, ended: int) -> None:
         """Make the films that the options ask for, unless the user has interrupted the run."""
-        if self.settings.film == "none" or self.report is None:
+        keeper = self.keeper
+        if self.settings.film == "none" or keeper.report is None:
             return
         from pytest_libero_max.plugin.run_films import chosen_for_films, make_films
 
-        records, selected = chosen_for_films(self.settings, self._records, self.report.changed_pairs)
+        records, selected = chosen_for_films(self.settings, keeper.records, keeper.report.changed_pairs)
         folder = _relative(self.settings.output, self.config.invocation_params.dir)
         later = f"libero-max film {folder} --select={self.settings.film}"
         if not records:
@@ -145,7 +126,7 @@ class RunEnd:
             self._filmed.append(f"Films: none was made of an interrupted run; to make them: {later}")
             return
         begun = time.perf_counter()
-        cases = {case.case_id: case for case in cases_of(self.config)}
+        cases = {case.case_id: case for case in keeper.cases.values()}
         try:
             made, notes = make_films(self.settings, cases, records, self._processes)
         except KeyboardInterrupt:
@@ -160,12 +141,12 @@ class RunEnd:
         """Play pairs again that the option asks for; return lines of the summary."""
         if not self.settings.verify:
             return []
-        if not self._records or ended == pytest.ExitCode.INTERRUPTED:
-            why = "the run was interrupted" if self._records else "none was measured"
+        if not self.keeper.records or ended == pytest.ExitCode.INTERRUPTED:
+            why = "the run was interrupted" if self.keeper.records else "none was measured"
             return [f"Played again: no pair, because {why}."]
         from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, verification_lines, verified
 
-        if not self._records[0].policy.get("repeatable", True):
+        if not self.keeper.records[0].policy.get("repeatable", True):
             return [CANNOT_JUDGE]
         begun = time.perf_counter()
         run, folder = read_pairs(self.settings.output), self.config.invocation_params.dir
@@ -180,52 +161,38 @@ class RunEnd:
             return min(number_of_workers(self.config), len(os.sched_getaffinity(0)))
         return 1 if self.settings.isolate or self.settings.ray is not None else 0
 
-    def _decide(self) -> tuple[GateResult, ...]:
-        """Compute the report and decide the gates; those of a shard wait for all shards."""
-        from pytest_libero_max.report.gate_results import decide_on
-        from pytest_libero_max.report.page.origin import query_times_text
-        from pytest_libero_max.report.writers.report_files import report_of
-
-        stored = read_pairs(self.settings.output)
-        self.report, self._run, self._records = report_of(stored), stored.run, stored.records
-        self._query_times = query_times_text(stored.records)
-        verdicts = decide_on(self.settings.gate, stored, self.report, gates_from(self.config))
-        if not all(verdict.passed for verdict in verdicts):
-            self._replay = replay_command(stored)
-        return verdicts
-
     def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
         from pytest_libero_max.report.writers.broken import to_look_at
         from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
-        from pytest_libero_max.report.writers.report_files import write_reports
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
-        self.report, written = write_reports(
-            folder, self._add_sections, self._problems.append, self._verdicts
-        )
+        keeper = self.keeper
+        written = keeper.write(self._add_sections)
+        report, verdicts = keeper.report, keeper.verdicts
+        assert report is not None
         paths = [str(_relative(path, here)) for path in written]
         films = {item: str(_relative(folder / film, here)) for item, film in films_in(folder).items()}
         named = str(_relative(folder, here))
-        look_at, ran = to_look_at(self.report, MOST_FILMS), self.report.provenance
+        look_at, ran = to_look_at(report, MOST_FILMS), report.provenance
         show = show_command(folder, named, look_at, ran)
-        self.lines += summary_lines(self.report, paths, films, show)
-        self.lines += self._suites_lines(self.report)
+        self.lines += summary_lines(report, paths, films, show)
+        self.lines += self._suites_lines(report)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
-        self.quiet += quiet_lines(self.report, paths)
-        if self.settings.compare is not None and self._run is not None:
+        self.quiet += quiet_lines(report, paths)
+        if self.settings.compare is not None and keeper.run is not None:
             from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
 
-            self.lines += comparison_at_the_end(self.settings.compare, folder, self._run, here)
-        self.lines += set_aside_lines(self.report.pairs.invalid_pairs)
-        self.lines += refused_lines(self.report.pairs.invalid_pairs)
-        self._tell_reported(self.report)
-        lost = [name for verdict in self._verdicts for name in verdict.lost]
+            self.lines += comparison_at_the_end(self.settings.compare, folder, keeper.run, here)
+        self.lines += set_aside_lines(report.pairs.invalid_pairs)
+        self.lines += refused_lines(report.pairs.invalid_pairs)
+        self._tell_reported(report)
+        lost = [name for verdict in verdicts for name in verdict.lost]
         show = show_command(folder, named, lost[:1], ran)
-        self.lines += gate_lines(self._verdicts, self._replay, show)
+        self.lines += gate_lines(verdicts, keeper.replay, show)
         if os.environ.get("GITHUB_ACTIONS") == "true":
-            self.lines += github_annotations(self._verdicts)
+            self.lines += github_annotations(verdicts)
             try:
                 _append_step_summary(folder / "report.md")
             except OSError as error:
@@ -278,7 +245,7 @@ class RunEnd:
             return
         limit = "" if self.settings.limit is None else " The limit chooses first, -k and -m among its cases."
         self.lines.append(
-            f"No pair was chosen: {', '.join(asked)} leave none of {len(manifest_of(self.config))} "
+            f"No pair was chosen: {', '.join(asked)} leave none of {len(self.keeper.run_cases.manifest)} "
             f"cases.{limit}"
         )
 
@@ -293,18 +260,17 @@ class RunEnd:
             session.exitstatus = GATE_FAILED
             self.lines.append(f"Exit status {GATE_FAILED}: there are gates, and no pair to decide them on.")
 
-    def _status(self, session: pytest.Session, measured_before: bool) -> tuple[list[str], int]:
+    def _status(self, session: pytest.Session) -> tuple[list[str], int]:
         """Return the status of the run, which is pytest's unless there is more to say, and its lines."""
-        from pytest_libero_max.report.writers.gate_text import not_passed_text
-
         if self._stop.status is not None:
             return [
                 f"Exit status {self._stop.status:d}: the run was stopped. Repair what broke and continue "
                 "with --libero-max-resume."
             ], self._stop.status
-        pairs = None if self.report is None else self.report.pairs
+        report = self.keeper.report
+        pairs = None if report is None else report.pairs
         status = session.exitstatus
-        if status == pytest.ExitCode.NO_TESTS_COLLECTED and measured_before:
+        if status == pytest.ExitCode.NO_TESTS_COLLECTED and self.keeper.settled:
             status = pytest.ExitCode.OK  # everything was measured before
         if status == pytest.ExitCode.INTERRUPTED and (self._stop.broken or session.shouldfail):
             # xdist takes a stop, also that of -x, for an interruption.
@@ -316,23 +282,12 @@ class RunEnd:
             ], status
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return [], status
-        if self._problems or pairs is None:
-            return [
-                f"Exit status {INCOMPLETE}: not everything could be written. What was measured is in "
-                f"{PAIRS_NAME}; libero-max report makes the reports from it."
-            ], INCOMPLETE
-        if self._not_repeated:
-            return [
-                f"Exit status {INCOMPLETE}: not all pairs that were played again came out alike."
-            ], INCOMPLETE
-        if not ended_as_declared(pairs):
-            return [
-                f"Exit status {INCOMPLETE}: the run is incomplete ({pairs.invalid} invalid, "
-                f"{pairs.missing} missing). {_cure(pairs)}"
-            ], INCOMPLETE
-        decided = [verdict for verdict in self._verdicts if not verdict.waits]
-        if (failed := not_passed_text(decided)) is not None:
-            return [f"Exit status {GATE_FAILED}: {failed}"], GATE_FAILED
+        ending = self.keeper.ending()
+        if self._not_repeated and (ending is None or not self.keeper.problems):
+            ending = INCOMPLETE, "not all pairs that were played again came out alike."
+        if ending is not None:
+            return [f"Exit status {ending[0]}: {ending[1]}"], ending[0]
+        assert pairs is not None
         if pairs.complete:
             return [], status
         return [
@@ -353,16 +308,6 @@ class RunEnd:
         for line in self.lines:
             colour = colour_of(line)
             terminalreporter.write_line(printable(line), **({colour: True} if colour else {}))
-
-
-def _cure(pairs: PairCounts) -> str:
-    if any(is_refusal(pair.kind) for pair in pairs.invalid_pairs):
-        return "Repair the policy and begin a new run: pairs that were refused stay refused."
-    return "Repair what broke and continue with --libero-max-resume."
-
-
-def _text(error: Exception) -> str:
-    return str(error) if isinstance(error, LiberoMaxError) else f"{class_name(error)}: {text_of(error)}"
 
 
 def _few_lines(notes: Sequence[str]) -> list[str]:

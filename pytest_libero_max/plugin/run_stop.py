@@ -6,17 +6,15 @@ process that owns the run closes all of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any, NoReturn
 
 import pytest
 
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.plugin.collection import PairItem
-from pytest_libero_max.plugin.options import Settings
 from pytest_libero_max.plugin.stash_keys import STOP
-from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 
 _COMMAND = "libero_max_stop"
@@ -73,8 +71,8 @@ def stop_run(item: pytest.Item, reason: str) -> None:
     item.stash[STOP] = reason
 
 
-class RunStop:
-    """A plugin of the process that owns the run. After a stop no pair is begun; those in flight are stored.
+class RunStop(Stop):
+    """A plugin of the process that owns the run.
 
     A stopping rule stops the pairs, and the session ends in order. Whatever else stops a run, for example a
     policy that cannot be loaded or ``-x``, stops the session.
@@ -84,21 +82,17 @@ class RunStop:
         settings: Of the run.
 
     Attributes:
-        broken: True after :meth:`stop`: something broke, and no rule asked for the end.
         status: Exit status of a session that :meth:`abort` ended.
     """
 
     def __init__(self, config: pytest.Config, settings: Settings) -> None:
-        self.broken = False
+        super().__init__(settings)
         self.status: int | None = None
-        self._config, self._settings = config, settings
+        self._config = config
         self._gate = PairGate(config)
         config.pluginmanager.register(self._gate)
-        self._stopped: Stopped | None = None
         self._session: pytest.Session | None = None
         self._workers: set[Any] = set()
-        self._planned = 0
-        self._prefix: Any = None
 
     @property
     def stopped(self) -> Stopped | None:
@@ -108,40 +102,10 @@ class RunStop:
             self._close(Stopped(str(session.shouldfail or session.shouldstop), self._planned))
         return self._stopped
 
-    def begin(self, run: Run, settled: Iterable[PairRecord | PairError]) -> None:
-        """Begin to ask the stopping rule.
-
-        Args:
-            run: The plan, in the order of play.
-            settled: Pairs of a resumed run that are not played again. Its rule may find that nothing is to be
-                played.
-        """
-        self._planned = len(run.planned)
-        if self._settings.stop is not None:
-            from pytest_libero_max.report.stopping_rule import CompletedPrefix
-
-            self._prefix = CompletedPrefix(self._settings.stop, run.planned, self._settings.gate)
-            for pair in settled:
-                self.stored(pair.item_id, pair)
-
-    def stored(self, item_id: str, pair: PairRecord | PairError | None) -> None:
-        """Ask the stopping rule after a pair has been stored, or is left out as unsupported (None)."""
-        if self._prefix is None or self._stopped is not None:
-            return
-        decision = self._prefix.add(item_id, pair)
-        if decision is not None:
-            self._close(decision)
-
     def stop(self, reason: str) -> None:
-        """Stop the run because something is broken. The first reason counts.
-
-        Args:
-            reason: Without a period.
-        """
         if self.stopped is not None:
             return
-        self.broken = True
-        self._close(Stopped(reason, self._planned))
+        super().stop(reason)
         distributed: Any = self._config.pluginmanager.get_plugin("dsession")
         if distributed is not None:
             distributed.shouldstop = reason
@@ -159,7 +123,7 @@ class RunStop:
         pytest.exit(message)  # with a status of its own, pytest would leave out the summary
 
     def _close(self, stopped: Stopped) -> None:
-        self._stopped = stopped
+        super()._close(stopped)
         self._gate.closed = True
         for worker in self._workers:
             _tell(worker)

@@ -48,8 +48,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _be_worker(config: pytest.Config) -> None:
-    from pytest_libero_max.plugin.processes.pair_process import keep_from_children
     from pytest_libero_max.plugin.processes.sending import send_only_sendable
+    from pytest_libero_max.plugin.processes.this_process import keep_from_children
     from pytest_libero_max.plugin.run_stop import PairGate
 
     keep_from_children(config)
@@ -76,7 +76,7 @@ def _be_controller(config: pytest.Config) -> None:
         config.pluginmanager.register(Workers(config, settings, cases, controller.stop))
         let_workers_restart(config, settings, len(cases))
     else:
-        from pytest_libero_max.plugin.processes.pair_process import STDERR
+        from pytest_libero_max.plugin.processes.this_process import STDERR
 
         config.stash[STDERR] = os.dup(2)
 

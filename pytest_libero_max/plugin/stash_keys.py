@@ -2,41 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.manifests import Manifest
-from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.evaluation.run_cases import RunCases
+from pytest_libero_max.evaluation.settings import Settings
 
 SETTINGS = pytest.StashKey[Settings]()
 """On the config, where the plugin is in use."""
 
-MANIFEST = pytest.StashKey[Manifest]()
-"""On the config: the track or manifest of the run."""
-
-CASES = pytest.StashKey[tuple[Case, ...]]()
+CASES = pytest.StashKey[RunCases]()
 """On the config: the cases of the run before ``-k`` and ``-m``."""
 
-NOISE_CASES = pytest.StashKey[frozenset[str]]()
-"""On the config: the item ids whose Base is played twice."""
-
-DECLARED = pytest.StashKey[tuple[object, object]]()
-"""On the config: the policy that was played last, and a copy of its spec from before its first pair."""
-
-LOADED = pytest.StashKey[Any]()
+LOADED = pytest.StashKey[object]()
 """On the config: the policy that our fixture has loaded."""
 
 RESULT = pytest.StashKey[Json]()
 """On an item: its pair record or pair error, as JSON types."""
-
-ADAPTER_DIGEST = pytest.StashKey[str]()
-"""On the config of a process that plays: the digest of the adapter's code, once the policy can be played."""
-
-POLICY_PHASE = "policy"
-"""Phase of a pair error that every other pair would end with as well: the policy cannot be played at all."""
 
 RESULT_ATTRIBUTE = "libero_max"
 """The attribute of a test report that carries the same to the controller."""

@@ -98,7 +98,7 @@ def load_policy(
     else:
         module = _import(reference, path)
         policy = _construct(_find(module, reference), reference, path)
-    return _override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
+    return override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
 
 
 def check_reference(text: str, profile: str | None = None, revision: str | None = None) -> None:
@@ -215,6 +215,11 @@ class _BesideAdapter:
 _BESIDE = _BesideAdapter()
 
 
+def forget_adapter() -> None:
+    """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter file loaded last."""
+    _BESIDE.leave()
+
+
 def _module_name(path: Path) -> str:
     """Return the name under which to execute a file: a private one if an import of its own finds another."""
     if path.stem not in sys.modules and path.stem.isidentifier():
@@ -329,7 +334,18 @@ def _failed(error: BaseException, reference: Reference, path: Path | None, doing
     )
 
 
-def _override(policy: Policy, where: str, horizon: int | None, query_interval: int | None) -> Policy:
+def override(policy: Policy, where: str, horizon: int | None, query_interval: int | None) -> Policy:
+    """Return a policy whose spec has another H or Q.
+
+    Args:
+        policy: The policy; its ``spec`` is assigned.
+        where: Its name for messages.
+        horizon: Replaces H; None for its own.
+        query_interval: Replaces Q; None for its own.
+
+    Raises:
+        AdapterError: Q would be more than H, or the spec cannot be assigned.
+    """
     if horizon is None and query_interval is None:
         return policy
     spec = policy.spec

@@ -128,7 +128,9 @@ def title_of(report: Report) -> str:
 
 def next_step(report: Report) -> str:
     """Return what low Base success means, and what to do first."""
-    from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE  # imports NumPy, and the plugin this module
+    from pytest_libero_max.stats.outcome_table import (
+        FLOOR_BASE_RATE,
+    )  # imports NumPy, and the plugin this module
 
     groups, played = report.base_failures, report.overall.played
     failed = _failed(groups)

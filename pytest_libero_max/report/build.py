@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import msgspec
 from msgspec import structs
@@ -17,18 +16,9 @@ from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.base_failures import base_failures
-from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.measured import (
-    number,
-    outcomes_of,
-    rate_of,
-    ratio_of,
-    result_of,
-    without_intervals,
-)
 from pytest_libero_max.report.monitors import monitor_sections
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.repeats import repeats_section
@@ -38,7 +28,6 @@ from pytest_libero_max.report.report_document import (
     Extremes,
     Headline,
     InvalidPair,
-    Macro,
     Macros,
     MissingAsFailures,
     MissingPair,
@@ -48,7 +37,6 @@ from pytest_libero_max.report.report_document import (
     PresentShards,
     Report,
     Returned,
-    Split,
     Stop,
 )
 from pytest_libero_max.report.safety import safety_section
@@ -62,17 +50,17 @@ from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped
-from pytest_libero_max.stats import breakdown as breakdowns
-from pytest_libero_max.stats.breakdown import (
-    FLOOR_BASE_RATE,
-    MacroAverage,
-    breakdown,
-    largest_split,
-    macro_average,
-)
+from pytest_libero_max.stats.blocks import Outcomes, Result, Substrate
+from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
-from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
-from pytest_libero_max.stats.paired import PairedResult, Pairs, measure
+from pytest_libero_max.stats.measured import (
+    rate_of,
+    ratio_of,
+    without_intervals,
+)
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
+from pytest_libero_max.stats.paired import Pairs, measure
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.registry import scores_of
 
@@ -141,7 +129,7 @@ def build_report(
     measured = [pair for pair in planned if pair.case_id in played]
     in_order = [played[pair.case_id] for pair in measured]
     columns = columns_of(in_order, [pair.task for pair in measured])
-    overall = measure(columns)
+    overall = structs.replace(measure(columns, len(planned)), probes=probe_means(in_order))
     selection = _selection(provenance)
     counts = _counts(
         planned,
@@ -153,7 +141,7 @@ def build_report(
         stopped=_stop(stopped, order, (*played.values(), *errors), provenance),
     )
     study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
-    groups = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
+    groups = {name: _group(planned, measured, columns, in_order, name) for name in DIMENSIONS}
     with_intervals = counts.stopped is None or counts.stopped.rule is None
     sections = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
     if study is not None and study.name == Repeats.name:
@@ -162,12 +150,12 @@ def build_report(
     report = Report(
         pairs=counts,
         selection=selection,
-        headline=_headline(counts, result_of(overall, len(planned)), stopped),
+        headline=_headline(counts, overall, stopped),
         missing_as_failures=_missing_as_failures(counts, overall.outcomes),
         policy=policy,
         substrate=substrate_of(provenance, planned),
         caveats=caveats_of(map(Played.of, in_order)),
-        overall=result_of(overall, len(planned)),
+        overall=overall,
         noise_floor=_noise_floor(played.values()),
         sham=sham_of(played.values()),
         returned=_returned(played.values()),
@@ -175,13 +163,10 @@ def build_report(
         changed_pairs=changed_pairs(played.values()),
         base_failures=base_failures([*played.values()]),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
-        by={
-            name: {label: result_of(result, total) for label, (result, total) in group.items()}
-            for name, group in groups.items()
-        },
+        by=groups,
         category_by_event=_cells(planned, played),
-        macro=Macros(category=_macro(macro_average([r.outcomes for r, _ in groups["category"].values()]))),
-        largest_split=_split(largest_split(_variants(groups["variant"]))),
+        macro=Macros(category=macro_average([row.outcomes for row in groups["category"].values()])),
+        largest_split=largest_split(_variants(groups["variant"])),
         extremes=_extremes(groups["category"]),
         success_curves=success_curves(in_order),
         study=study,
@@ -189,7 +174,6 @@ def build_report(
             **sections,
             **safety_section(in_order, with_intervals=with_intervals),
             **monitor_sections(in_order, with_intervals=with_intervals),
-            **probe_means(in_order),
         },
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
@@ -209,7 +193,7 @@ def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFai
     meant = counts.stopped is None or counts.stopped.rule is None
     if counts.complete or not counts.played or counts.missing_shards or not meant:
         return None
-    failed = replace(
+    failed = structs.replace(
         outcomes, persistent_failure=outcomes.persistent_failure + counts.planned - counts.played
     )
     return MissingAsFailures(
@@ -290,15 +274,21 @@ def _group(
     planned: Sequence[PlannedPair],
     measured: Sequence[PlannedPair],
     columns: Pairs,
+    records: Sequence[PairRecord],
     dimension: str,
-) -> dict[str, tuple[PairedResult, int]]:
+) -> dict[str, Result]:
     label = DIMENSIONS[dimension].label
-    totals: dict[str, int] = {}
-    for pair in planned:
-        totals[label(pair)] = totals.get(label(pair), 0) + 1
+    totals = Counter(label(pair) for pair in planned)
+    labels = [label(pair) for pair in measured]
     names = sorted(totals, key=lambda name: group_order(dimension, name))
-    results = breakdown(columns, [label(pair) for pair in measured], names)
-    return {name: (results[name], totals[name]) for name in names if name}
+    members: dict[str, list[PairRecord]] = {}
+    for name, record in zip(labels, records, strict=True):
+        members.setdefault(name, []).append(record)
+    return {
+        name: structs.replace(result, probes=probe_means(members.get(name, ())))
+        for name, result in breakdown(columns, labels, names, totals).items()
+        if name
+    }
 
 
 def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> dict[str, dict[str, Cell]]:
@@ -312,7 +302,7 @@ def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> 
         rows = [played[pair.case_id] for pair in pairs if pair.case_id in played]
         outcomes = tabulate([row.base_success for row in rows], [row.dynamic_success for row in rows])
         table[category][event] = Cell(
-            planned=len(pairs), outcomes=outcomes_of(outcomes), paired_change=ratio_of(outcomes.change)
+            planned=len(pairs), outcomes=outcomes, paired_change=ratio_of(outcomes.change)
         )
     return table
 
@@ -324,10 +314,10 @@ def group_order(dimension: str, name: str) -> tuple[int, str]:
     return (ranked.index(key) if key in ranked else len(ranked)), name
 
 
-def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, Extremes]:
+def _extremes(categories: Mapping[str, Result]) -> dict[str, Extremes]:
     """Return by source the categories of lowest Base success and of largest loss, the first among equals."""
     sources: dict[str, dict[str, Outcomes]] = {}
-    for name, (result, _) in categories.items():
+    for name, result in categories.items():
         if result.outcomes.total:
             sources.setdefault(name.partition("-")[0], {})[name] = result.outcomes
     return {
@@ -340,32 +330,13 @@ def _extremes(categories: Mapping[str, tuple[PairedResult, int]]) -> dict[str, E
 
 
 def _variants(
-    groups: Mapping[str, tuple[PairedResult, int]],
+    groups: Mapping[str, Result],
 ) -> dict[str, dict[str, Outcomes]]:
     events: dict[str, dict[str, Outcomes]] = {}
-    for name, (result, _) in groups.items():
+    for name, result in groups.items():
         event, _, variant = name.rpartition("-")
         events.setdefault(event, {})[variant] = result.outcomes
     return events
-
-
-def _macro(macro: MacroAverage) -> Macro:
-    return Macro(
-        groups=macro.groups,
-        base_success=number(macro.base),
-        dynamic_success=number(macro.dynamic),
-        paired_change=number(macro.change),
-    )
-
-
-def _split(split: breakdowns.Split | None) -> Split | None:
-    if split is None:
-        return None
-    return Split(
-        event=split.event,
-        dynamic_success={name: number(rate) for name, rate in split.rates.items()},
-        difference=number(split.difference),
-    )
 
 
 def _selection(provenance: Json) -> PlayedSelection | None:

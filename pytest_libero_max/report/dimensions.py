@@ -10,15 +10,12 @@ from pytest_libero_max.runs.plan import PlannedPair
 
 @dataclass(frozen=True)
 class Dimension:
-    """One way of grouping pairs.
-
-    Attributes:
-        title: Heading of its table.
-        label: The group of a pair; empty where it is in none.
-    """
+    """One way of grouping pairs."""
 
     title: str
+    """Heading of its table."""
     label: Callable[[PlannedPair], str]
+    """The group of a pair; empty where it is in none."""
 
 
 DIMENSIONS: Mapping[str, Dimension] = {

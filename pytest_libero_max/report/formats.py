@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Decimal
-from typing import ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar, Protocol
 
-from pytest_libero_max.report import blocks
-from pytest_libero_max.report.blocks import McNemar, Result
+from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.stats import blocks
+from pytest_libero_max.stats.blocks import McNemar, ProbeMean, Result
 
-T_contra = TypeVar("T_contra", contravariant=True)
+NOT_AVAILABLE = "n/a"
+"""Text in place of a number that does not exist."""
+
+MISSING = "--"
+"""The same in LaTeX, and in place of a text."""
 
 
 class Ends(Protocol):
@@ -40,34 +45,24 @@ class Counted(Protocol):
     def of(self) -> int: ...
 
 
-class CountedShare(Counted, Protocol):
-    """A ratio with its counts."""
-
-    @property
-    def value(self) -> float | None: ...
-
-
 class CountedEstimate(Estimate, Counted, Protocol):
     """A ratio with its counts and interval."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """The values that a kind of quantity can have.
-
-    Attributes:
-        name: Name with its article.
-        least: Smallest value.
-        most: Largest value, None where there is none.
-        whole: True if all values are whole numbers.
-        percent: True if a percentage makes sense.
-    """
+    """The values that a kind of quantity can have."""
 
     name: str
-    least: int
+    """Name with its article."""
+    least: int | None
+    """Smallest value, None where there is none."""
     most: int | None
+    """Largest value, None where there is none."""
     whole: bool = False
+    """True if all values are whole numbers."""
     percent: bool = True
+    """True if a percentage makes sense."""
 
 
 SHARE = Scale("a share from 0 to 1", 0, 1)
@@ -76,46 +71,63 @@ RATIO = Scale("a ratio of at least 0", 0, None)
 P_VALUE = Scale("a p-value from 0 to 1", 0, 1)
 COUNT = Scale("a count", 0, None, whole=True, percent=False)
 AMOUNT = Scale("a number of at least 0", 0, None, percent=False)
+NUMBER = Scale("a number", None, None, percent=False)
 
 
-class Format(Protocol[T_contra]):
+class Format:
     """Format of one kind of quantity.
 
     ``value`` is the quantity in the report: a number, or a block with a number, its counts and its interval.
     A number that does not exist is None there.
     """
 
-    has_interval: ClassVar[bool]
+    has_interval: ClassVar[bool] = False
     """True if there are ``lower`` and ``upper`` ends."""
 
     @property
     def scale(self) -> Scale:
         """The values there can be, which gates compare with."""
+        return COUNT
 
-    def long(self, value: T_contra) -> str:
+    def long(self, value: Any) -> str:
         """With counts and interval, for wide tables."""
+        raise NotImplementedError
 
-    def short(self, value: T_contra) -> str:
+    def short(self, value: Any) -> str:
         """For narrow tables."""
+        return self.long(value)
 
-    def latex(self, value: T_contra) -> str:
+    def latex(self, value: Any) -> str:
         """For a LaTeX table whose caption says percent and percentage points."""
+        text = self.short(value)
+        return MISSING if text == NOT_AVAILABLE else latex_escaped(text)
 
-    def numbers(self, value: T_contra) -> dict[str, float | None]:
+    def numbers(self, value: Any) -> dict[str, Any]:
         """Return the bare numbers by the end of their name: ``""`` (estimate), ``_lower`` and ``_upper``."""
+        return {"": value}
 
 
 @dataclass(frozen=True)
-class Rate:
-    """A share of cases with its 95% interval.
+class Text(Format):
+    """A text, a whole number, or nothing."""
 
-    Attributes:
-        counted: Narrow tables print the counts instead of the percentage.
-    """
+    def long(self, value: object) -> str:
+        return MISSING if value is None else str(value)
 
+
+class _WithInterval(Format):
     has_interval: ClassVar[bool] = True
 
+    def numbers(self, value: Estimate) -> dict[str, float | None]:
+        return {"": value.value, "_lower": value.lower, "_upper": value.upper}
+
+
+@dataclass(frozen=True)
+class Rate(_WithInterval):
+    """A share of cases with its 95% interval."""
+
     counted: bool = False
+    """Narrow tables print the counts instead of the percentage."""
 
     @property
     def scale(self) -> Scale:
@@ -128,17 +140,12 @@ class Rate:
         return count_text(value) if self.counted else percent(value.value)
 
     def latex(self, value: CountedEstimate) -> str:
-        return "--" if value.value is None else tenths(value.value)
-
-    def numbers(self, value: CountedEstimate) -> dict[str, float | None]:
-        return _with_ends(value)
+        return MISSING if value.value is None else tenths(value.value)
 
 
 @dataclass(frozen=True)
-class Change:
+class Change(_WithInterval):
     """A difference of rates with its 95% interval, in percentage points."""
-
-    has_interval: ClassVar[bool] = True
 
     @property
     def scale(self) -> Scale:
@@ -148,35 +155,43 @@ class Change:
         return change_text(value)
 
     def short(self, value: Estimate) -> str:
-        return "n/a" if value.value is None else f"{points(value.value)}{_behind(value, signed=True)}"
+        return NOT_AVAILABLE if value.value is None else f"{points(value.value)}{_behind(value, signed=True)}"
 
     def latex(self, value: Estimate) -> str:
         if value.value is None:
-            return "--"
+            return MISSING
         change = f"${tenths(value.value, True)}$"
-        if value.lower is None or value.upper is None:
-            return change
-        return f"{change} [${tenths(value.lower, True)}$, ${tenths(value.upper, True)}$]"
-
-    def numbers(self, value: Estimate) -> dict[str, float | None]:
-        return _with_ends(value)
+        return change if value.lower is None else f"{change} {Interval().latex(value)}"
 
 
 @dataclass(frozen=True)
-class TaskInterval:
-    """An interval by task; says why there is none.
-
-    Attributes:
-        signed: True for a change, in percentage points; False for a share.
-    """
+class Interval(Format):
+    """The ends of an interval in percent."""
 
     has_interval: ClassVar[bool] = True
 
     signed: bool = True
+    """True for those of a change."""
 
     @property
     def scale(self) -> Scale:
         return DIFFERENCE if self.signed else SHARE
+
+    def long(self, value: Any) -> str:
+        return NOT_AVAILABLE if value is None else interval_text(value, self.signed)
+
+    def latex(self, value: Any) -> str:
+        if value is None or value.lower is None or value.upper is None:
+            return MISSING
+        return f"[${tenths(value.lower, self.signed)}$, ${tenths(value.upper, self.signed)}$]"
+
+    def numbers(self, value: Any) -> dict[str, float | None]:
+        return {f"_{end}": None if value is None else getattr(value, end) for end in ("lower", "upper")}
+
+
+@dataclass(frozen=True)
+class TaskInterval(Interval):
+    """An interval by task; says why there is none."""
 
     def long(self, value: blocks.TaskInterval) -> str:
         if value.lower is None:
@@ -186,84 +201,112 @@ class TaskInterval:
     def short(self, value: blocks.TaskInterval) -> str:
         return interval_text(value, signed=self.signed)
 
-    def latex(self, value: blocks.TaskInterval) -> str:
-        if value.lower is None or value.upper is None:
-            return "--"
-        return f"[${tenths(value.lower, self.signed)}$, ${tenths(value.upper, self.signed)}$]"
-
     def numbers(self, value: blocks.TaskInterval) -> dict[str, float | None]:
-        return _with_ends(value)
+        return {"": value.value, **super().numbers(value)}
 
 
 @dataclass(frozen=True)
-class Share:
-    """A ratio of two counts without an interval.
-
-    Attributes:
-        signed: It is a difference of rates, printed in percentage points with its sign.
-    """
-
-    has_interval: ClassVar[bool] = False
+class Share(Format):
+    """A ratio of two counts without an interval."""
 
     signed: bool = False
+    """It is a difference of rates, printed in percentage points with its sign."""
 
     @property
     def scale(self) -> Scale:
         return DIFFERENCE if self.signed else RATIO
 
-    def long(self, value: CountedShare) -> str:
+    def long(self, value: Any) -> str:
         return self.short(value) + ("" if self.signed else f"  {count_text(value)}")
 
-    def short(self, value: CountedShare) -> str:
-        if value.value is None:
-            return "n/a"
-        return f"{points(value.value)} pp" if self.signed else percent(value.value)
+    def short(self, value: Any) -> str:
+        return (
+            f"{points(value.value)} pp" if self.signed and value.value is not None else percent(value.value)
+        )
 
-    def latex(self, value: CountedShare) -> str:
-        return "--" if value.value is None else f"${tenths(value.value, self.signed)}$"
+    def latex(self, value: Any) -> str:
+        return MISSING if value.value is None else f"${tenths(value.value, self.signed)}$"
 
-    def numbers(self, value: CountedShare) -> dict[str, float | None]:
+    def numbers(self, value: Any) -> dict[str, float | None]:
         return {"": value.value}
 
 
 @dataclass(frozen=True)
-class Number:
-    """A plain number.
+class Counts(Format):
+    """A count over its denominator, for example ``3/8``."""
 
-    Attributes:
-        spec: A format specification, for example ``.2f``.
-    """
+    def long(self, value: Any) -> str:
+        return count_text(value)
 
-    has_interval: ClassVar[bool] = False
+    def numbers(self, value: Any) -> dict[str, float | None]:
+        return {"": value.count, "_of": value.of}
+
+
+@dataclass(frozen=True)
+class Tenths(Format):
+    """A share in percent, or a difference of shares in percentage points, without its unit."""
+
+    signed: bool = True
+    """True for a difference."""
+    missing: str = NOT_AVAILABLE
+    """Text where there is none."""
+
+    def long(self, value: float | None) -> str:
+        return self.missing if value is None else tenths(value, self.signed)
+
+    def latex(self, value: float | None) -> str:
+        if value is None:
+            return MISSING
+        return f"${tenths(value, True)}$" if self.signed else tenths(value)
+
+
+@dataclass(frozen=True)
+class Percent(Format):
+    """A share in percent, with its unit."""
+
+    def long(self, value: float | None) -> str:
+        return percent(value)
+
+
+@dataclass(frozen=True)
+class Number(Format):
+    """A plain number."""
 
     spec: str = "d"
+    """A format specification, for example ``.2f``."""
+    missing: str = NOT_AVAILABLE
+    """Text where there is none."""
 
     @property
     def scale(self) -> Scale:
         return COUNT if self.spec == "d" else AMOUNT
 
     def long(self, value: float | None) -> str:
-        return "n/a" if value is None else f"{value:{self.spec}}"
-
-    def short(self, value: float | None) -> str:
-        return self.long(value)
-
-    def latex(self, value: float | None) -> str:
-        return "--" if value is None else self.long(value)
-
-    def numbers(self, value: float | None) -> dict[str, float | None]:
-        return {"": value}
+        return self.missing if value is None else f"{value:{self.spec}}"
 
 
 @dataclass(frozen=True)
-class PairCount:
-    """Number of played pairs, and of planned ones where one is missing."""
-
-    has_interval: ClassVar[bool] = False
+class Mean(Format):
+    """A mean over pairs, and the largest value of a pair."""
 
     @property
     def scale(self) -> Scale:
-        return COUNT
+        return NUMBER
+
+    def long(self, value: ProbeMean | None) -> str:
+        if value is None:
+            return NOT_AVAILABLE
+        return f"{value.mean:.6g}, largest {value.largest:.6g}  {counted(value.pairs, 'pair')}"
+
+    def numbers(self, value: ProbeMean | None) -> dict[str, float | None]:
+        if value is None:
+            return {"": None, "_largest": None}
+        return {"": value.mean, "_largest": value.largest}
+
+
+@dataclass(frozen=True)
+class PairCount(Format):
+    """Number of played pairs, and of planned ones where one is missing."""
 
     def long(self, value: Result) -> str:
         return f"{value.played} of {value.planned}"
@@ -271,34 +314,47 @@ class PairCount:
     def short(self, value: Result) -> str:
         return str(value.played) if value.played == value.planned else self.long(value)
 
-    def latex(self, value: Result) -> str:
-        return self.short(value)
-
     def numbers(self, value: Result) -> dict[str, float | None]:
         return {"": value.played}
 
 
 @dataclass(frozen=True)
-class PValue:
+class PValue(Format):
     """A p-value; a small one is printed from its logarithm, never as 0."""
-
-    has_interval: ClassVar[bool] = False
 
     @property
     def scale(self) -> Scale:
         return P_VALUE
 
     def long(self, value: McNemar) -> str:
-        return p_text(value)
+        return NOT_AVAILABLE if value.log10_p_value is None else f"p = {self.short(value)}"
 
     def short(self, value: McNemar) -> str:
-        return "n/a" if value.log10_p_value is None else p_number(value.log10_p_value)
-
-    def latex(self, value: McNemar) -> str:
-        return "--" if value.log10_p_value is None else self.short(value)
+        return LogP().long(value.log10_p_value)
 
     def numbers(self, value: McNemar) -> dict[str, float | None]:
         return {"": value.p_value}
+
+
+@dataclass(frozen=True)
+class LogP(Format):
+    """A p-value from its decimal logarithm."""
+
+    def long(self, value: float | None) -> str:
+        return NOT_AVAILABLE if value is None else p_number(value)
+
+
+_LATEX = {letter: f"\\{letter}" for letter in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+}
+"""Letters that mean something to LaTeX, as it prints them."""
+
+
+def latex_escaped(text: str) -> str:
+    """Return a text as LaTeX prints it."""
+    return "".join(_LATEX.get(letter, letter) for letter in printable(text))
 
 
 def counted(count: int, noun: str, plural: str = "") -> str:
@@ -376,19 +432,9 @@ def count_text(ratio: Counted) -> str:
     return f"{ratio.count}/{ratio.of}"
 
 
-def p_text(test: McNemar) -> str:
-    """Return a p-value; below 0.001 from its logarithm, so that it is never printed as 0."""
-    log10_p = test.log10_p_value
-    return "n/a" if log10_p is None else f"p = {p_number(log10_p)}"
-
-
 def p_number(log10_p: float) -> str:
     """Return a p-value from its decimal logarithm."""
     if log10_p >= -3:
         return f"{10**log10_p:.3f}"
     exponent = math.floor(log10_p)
     return f"{10 ** (log10_p - exponent):.1f}e{exponent}"
-
-
-def _with_ends(value: Estimate) -> dict[str, float | None]:
-    return {"": value.value, "_lower": value.lower, "_upper": value.upper}

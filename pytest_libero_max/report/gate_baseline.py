@@ -8,8 +8,6 @@ from pathlib import Path
 
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import common_cases
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
-from pytest_libero_max.report.comparison.contrasts import contrast_of
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_reach import require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult
@@ -28,6 +26,7 @@ from pytest_libero_max.runs.comparability import (
 )
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
+from pytest_libero_max.stats.blocks import SuccessContrast
 from pytest_libero_max.stats.comparison import contrasts
 
 
@@ -85,7 +84,7 @@ def read_baseline(stored: StoredRun, path: Path) -> Baseline | str | None:
     lost = [pair.item_id for pair, was, n in zip(common.planned, before, now, strict=True) if was and not n]
     sides = {name: RunOutcomes.of(run).side for name, run in ((THERE, other), (HERE, stored))}
     return Baseline(
-        contrast_of(contrast),
+        contrast,
         tuple(sorted(lost)),
         tuple(differences_between(sides, COMPARISON)),
         policies_text(one.field for one in policy_differences(sides)),

@@ -6,35 +6,33 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.gates import QUANTITIES, Gate, Verdict, meets
+from pytest_libero_max.report.gate_quantities import GATED
+from pytest_libero_max.report.gates import Gate, Verdict, meets
 from pytest_libero_max.report.measurable import LEAST_FIRED
-from pytest_libero_max.report.measured import number
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 from pytest_libero_max.stats.intervals import clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.measured import number
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired_difference import paired_differences
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import mcnemar
 
 
 @dataclass(frozen=True)
 class Ending:
-    """Counts of a set of pairs once all of them are played.
-
-    Attributes:
-        pairs: All pairs.
-        base: Those that Base completes.
-        losses: Those that Base alone completes.
-        gains: Those that Dynamic alone completes.
-        fired: Those in which the event happened.
-        answered: Those with a query after it.
-    """
+    """Counts of a set of pairs once all of them are played."""
 
     pairs: int = 0
+    """All pairs."""
     base: int = 0
+    """Those that Base completes."""
     losses: int = 0
+    """Those that Base alone completes."""
     gains: int = 0
+    """Those that Dynamic alone completes."""
     fired: int = 0
+    """Those in which the event happened."""
     answered: int = 0
+    """Those with a query after it."""
 
     @classmethod
     def of(cls, record: PairRecord) -> Ending:
@@ -97,24 +95,21 @@ def values_at(gate: Gate, ends: Sequence[Ending]) -> list[float | None]:
 def verdict_at(gate: Gate, end: Ending, value: float | None) -> Verdict:
     """Return the verdict on a gate, one of :data:`BOUNDED`, in an ending with this value of its quantity."""
     too_low = end.base / end.pairs < FLOOR_BASE_RATE or end.fired / end.pairs < LEAST_FIRED
-    if value is None or (QUANTITIES[gate.name].of_change and too_low):
+    if value is None or (GATED[gate.name].of_change and too_low):
         return "undecidable"
     return "passed" if meets(gate, value) else "failed"
 
 
 @dataclass(frozen=True)
 class Outlook:
-    """A gate over several endings.
-
-    Attributes:
-        verdict: The one that all of them have; None where they differ.
-        least: Smallest value of the quantity; None where it has none in one of them.
-        most: Largest value.
-    """
+    """A gate over several endings."""
 
     verdict: Verdict | None
+    """The one that all of them have; None where they differ."""
     least: float | None
+    """Smallest value of the quantity; None where it has none in one of them."""
     most: float | None
+    """Largest value."""
 
 
 def outlook(gate: Gate, endings: Iterable[Ending]) -> Outlook:

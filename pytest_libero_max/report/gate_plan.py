@@ -19,8 +19,8 @@ from pytest_libero_max.stats.gate_power import (
     chance_of_losses,
 )
 from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import exact
+from pytest_libero_max.stats.ratios import Ratio
 
 SIZES = (8, 16, 32, 64, 100, 200, 400, 800, 1600, 3200, 8000)
 """Numbers of pairs that are tried for those at which a gate is of use."""

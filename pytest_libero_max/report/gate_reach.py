@@ -12,22 +12,12 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_bounds import BOUNDED
-from pytest_libero_max.report.gates import (
-    BEYOND_SHAM,
-    COUNTS,
-    EQUIVALENCE_CONFIDENCE,
-    EQUIVALENT,
-    QUANTITIES,
-    WHOLE_TRACK,
-    Gate,
-    meets,
-    value_in,
-)
+from pytest_libero_max.report.gate_quantities import COUNTS, GATED, is_of_pairs
+from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, value_in
 from pytest_libero_max.report.measurable import lacks_of
-from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
 from pytest_libero_max.stats.intervals import CONFIDENCE
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.significance import mcnemar
@@ -45,14 +35,14 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     """Refuse a limit for a quantity of the run that none of its extreme outcomes meets, or all of them.
 
     Args:
-        gate: A gate that names no other run. One on the number of planned pairs or on the whole track is
-            about what is chosen, and one on the sham event about a share of the pairs; they pass.
+        gate: A gate that names no other run. One on what is chosen, on what probes measure, or on a section
+            of the report passes.
         chosen: The pairs of the run.
 
     Raises:
         OptionError: No outcome of the pairs meets it, or every one.
     """
-    if gate.name in (COUNTS[0], WHOLE_TRACK, BEYOND_SHAM):
+    if not is_of_pairs(gate.name):
         return
     pairs = [pair for pair in chosen if gate.scope is None or _label(gate.scope[0], pair) == gate.scope[1]]
     if not pairs:
@@ -160,8 +150,8 @@ def _label(dimension: str, pair: PlannedPair) -> str:
 
 def value_of(gate: Gate, pairs: Pairs) -> float | None:
     """Return the quantity of a gate in an outcome; None where it has none or is undecidable."""
-    row = result_of(measure(pairs), len(pairs))
-    return None if QUANTITIES[gate.name].of_change and lacks_of(row) else value_in(gate, row)
+    row = measure(pairs)
+    return None if GATED[gate.name].of_change and lacks_of(row) else value_in(gate, row)
 
 
 def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import points
 from pytest_libero_max.report.gate_baseline import (
@@ -18,6 +17,7 @@ from pytest_libero_max.report.gate_baseline import (
     has_no_run,
     read_baseline,
 )
+from pytest_libero_max.report.gate_quantities import probe_of
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import (
     EQUIVALENT,
@@ -33,6 +33,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.stats.blocks import SuccessContrast
 
 _OF_LOSSES = (
     *("delta", "delta.clustered", "preserved_success", "regressions"),
@@ -86,6 +87,21 @@ def require_usable(
             ) from error
         names = {pair.case_id for pair in chosen}
         require_reachable_vs(gate, [it.dynamic_success for it in earlier.records if it.case_id in names])
+
+
+def require_watched(gates: Iterable[Gate], probes: Collection[str]) -> None:
+    """Refuse gates on what a probe measures that is not asked for.
+
+    Raises:
+        OptionError: There is such a gate.
+    """
+    for gate in gates:
+        probe = None if gate.run is not None else probe_of(gate.name)
+        if probe is not None and probe not in probes:
+            raise OptionError(
+                f"gate={gate.text!r} is on what the probe {probe!r} measures, but this run does not ask for "
+                f"it. Add --libero-max-probe={probe}."
+            )
 
 
 def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:

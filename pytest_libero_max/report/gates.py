@@ -7,6 +7,9 @@ The language::
     number    = a decimal number, or a percentage such as 60% (exactly 0.6)
     quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
               | "beyond_sham" ["." end]      Dynamic less the sham event: losses beyond the policy's chance
+              | section ["." end]            a number of a section, for example safety.unsafe.change
+              | [scope "."] probe "." column ["." arm] [".largest"]   a column of a probe, by default in
+                                             Dynamic: its mean over the pairs, or the largest value of one
               | name "(" run options ")" ["." end]   the same cases now and in another run, by its folder
     gate      = "equivalent_vs(" run "," number options ")"   Dynamic success differs by less than the number
     options   = { ", allow=" setting {"+" setting} | ", first=pass" }
@@ -52,7 +55,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
@@ -60,15 +63,34 @@ from typing import TYPE_CHECKING, Literal
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
-from pytest_libero_max.report.blocks import Result, TaskInterval
-from pytest_libero_max.report.columns import COLUMNS
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.formats import COUNT, DIFFERENCE, P_VALUE, SHARE, Scale, lack_of_tasks, tenths
+from pytest_libero_max.report.formats import (
+    COUNT,
+    DIFFERENCE,
+    NUMBER,
+    P_VALUE,
+    SHARE,
+    Scale,
+    lack_of_tasks,
+    tenths,
+)
 from pytest_libero_max.report.gate_arguments import RunArguments, read_arguments
+from pytest_libero_max.report.gate_quantities import (
+    BEYOND_SHAM,
+    COUNTS,
+    GATED,
+    MEASURED,
+    WHOLE_TRACK,
+    measured_called,
+    probe_column,
+    row_quantity,
+    section_value,
+)
 from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.stats.blocks import Result, SuccessContrast, SuccessDifference, TaskInterval
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval
@@ -86,18 +108,6 @@ OPERATORS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
     "==": operator.eq,
     "!=": operator.ne,
 }
-
-QUANTITIES = {column.gate or column.key: column for column in COLUMNS if column.gate is not None}
-"""Quantities of a row of the report, by the name that gates use."""
-
-COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
-"""Counts of pairs; decidable in an incomplete run. Those after the second are of the whole run only."""
-
-WHOLE_TRACK = "whole_track"
-"""1 where the run planned every case of its track or manifest and its policy supports all, else 0."""
-
-BEYOND_SHAM = "beyond_sham"
-"""Dynamic success less that of the sham event, on the pairs that played it (``--libero-max-sham``)."""
 
 VERSUS: Mapping[str, tuple[Callable[[SuccessContrast], SuccessDifference | float | None], Scale]] = {
     "regressions_vs": (lambda contrast: contrast.first_only, COUNT),
@@ -128,58 +138,52 @@ _CALL = re.compile(r"(?P<name>\w+)\((?P<arguments>[^()]+)\)(\.(?P<end>\w+))?")
 
 @dataclass(frozen=True)
 class Gate:
-    """A condition a report has to meet.
-
-    Attributes:
-        text: As written.
-        name: The quantity, without scope and end.
-        scope: Dimension and group, or None for the whole run.
-        end: ``lower`` or ``upper`` end of the interval, or None for the estimate.
-        run: Folder of the other run, for a quantity against another run.
-        operator: One of :data:`OPERATORS`.
-        threshold: Number that the quantity is compared with, exactly as written.
-        percent: True if it was written as a percentage.
-        allow: Names of settings in which the other run may differ.
-        first: True if the gate passes as long as there is no other run.
-    """
+    """A condition a report has to meet."""
 
     text: str
+    """As written."""
     name: str
+    """The quantity, without scope and end."""
     scope: tuple[str, str] | None
+    """Dimension and group, or None for the whole run."""
     end: str | None
+    """``lower`` or ``upper`` end of the interval, or None for the estimate."""
     run: str | None
+    """Folder of the other run, for a quantity against another run."""
     operator: str
+    """One of :data:`OPERATORS`."""
     threshold: Fraction
+    """Number that the quantity is compared with, exactly as written."""
     percent: bool = False
+    """True if it was written as a percentage."""
     allow: tuple[str, ...] = ()
+    """Names of settings in which the other run may differ."""
     first: bool = False
+    """True if the gate passes as long as there is no other run."""
 
 
 @dataclass(frozen=True)
 class GateResult:
-    """Verdict on a gate.
-
-    Attributes:
-        value: The quantity's value; None where it is undecidable.
-        detail: What explains the verdict, in the unit of the gate's number.
-        lost: Item ids of the pairs that count against a gate that failed: those that Base completes and
-            Dynamic does not, or that another run completes and this one does not.
-        not_shown: True for a gate on an end of an interval that failed, and whose other end meets it.
-        differences: Sentences on the settings in which the other run differs and which the gate allows, and
-            on what differs between policies of one name; empty for none.
-        no_baseline: True for a gate that passed because there is no other run yet.
-        waits: True for a gate of a shard, which is decided on all shards together.
-    """
+    """Verdict on a gate."""
 
     gate: Gate
     verdict: Verdict
     value: float | None
+    """The quantity's value; None where it is undecidable."""
     detail: str
+    """What explains the verdict, in the unit of the gate's number."""
     lost: tuple[str, ...] = ()
+    """Item ids of the pairs that count against a gate that failed: those that Base completes and Dynamic does
+    not, or that another run completes and this one does not."""
     not_shown: bool = False
+    """True for a gate on an end of an interval that failed, and whose other end meets it."""
     differences: str = ""
+    """Sentences on the settings in which the other run differs and which the gate allows, and on what differs
+    between policies of one name; empty for none."""
     no_baseline: bool = False
+    """True for a gate that passed because there is no other run yet."""
     waits: bool = False
+    """True for a gate of a shard, which is decided on all shards together."""
 
     @property
     def reason(self) -> str:
@@ -276,7 +280,11 @@ def scale_of(name: str) -> Scale:
         return _FLAG
     if name == BEYOND_SHAM:
         return DIFFERENCE
-    return COUNT if name in COUNTS else QUANTITIES[name].format.scale
+    if (measured := measured_called(name)) is not None:
+        return UNITS[measured.unit].scale
+    if name not in (*COUNTS, *GATED):
+        return NUMBER
+    return COUNT if name in COUNTS else GATED[name].format.scale
 
 
 def _require_open(gate: Gate) -> None:
@@ -289,14 +297,15 @@ def _require_open(gate: Gate) -> None:
             f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number.",
         )
     most = scale.most
-    below = number < scale.least
+    least = scale.least
+    below = least is not None and number < least
     above = most is not None and number > most
     impossible = below or above or (scale.whole and number.denominator != 1)
     always, never = {
-        ">=": (number <= scale.least, above),
+        ">=": (least is not None and number <= least, above),
         ">": (below, most is not None and number >= most),
         "<=": (most is not None and number >= most, below),
-        "<": (above, number <= scale.least),
+        "<": (above, least is not None and number <= least),
         "==": (False, impossible),
         "!=": (impossible, False),
     }[gate.operator]
@@ -311,7 +320,7 @@ def _require_open(gate: Gate) -> None:
 def _share_meant(gate: Gate) -> str:
     """Return the cure of a number that decides nothing: a share, where it was meant as a percentage."""
     scale, share = scale_of(gate.name), gate.threshold / 100
-    inside = share > scale.least and (scale.most is None or share < scale.most)
+    inside = scale.least is not None and share > scale.least and (scale.most is None or share < scale.most)
     if scale.percent and not gate.percent and share != 0 and inside:
         return f"Write {float(gate.threshold):.12g}% or {float(share):.12g}."
     return "Give a number that decides something."
@@ -346,6 +355,8 @@ def evaluate_gate(
         value, lack = _whole_track(report)
     elif gate.name == BEYOND_SHAM:
         value, lack = _beyond_sham(gate, report)
+    elif measured_called(gate.name) is not None:
+        value, lack = section_value(gate.name, gate.end, report)
     else:
         value, lack = _in_block(gate, report)
     if value is None:
@@ -414,22 +425,35 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         scope = (parts[0], parts[1])
         _check_group(scope, text)
         parts = parts[2:]
-    of_run = (*COUNTS, WHOLE_TRACK, BEYOND_SHAM)
-    known = [*QUANTITIES, *(of_run if scope is None else COUNTS[:2])]
-    words = 2 if ".".join(parts[:2]) in known else 1
+    of_run = (*COUNTS, WHOLE_TRACK, BEYOND_SHAM, *MEASURED)
+    known = [*GATED, *(of_run if scope is None else COUNTS[:2])]
+    words = next((words for words in range(len(parts), 0, -1) if _is_known(parts[:words], known, scope)), 0)
     name, ends = ".".join(parts[:words]), parts[words:]
-    if name not in known:
+    if not words and (of_probe := probe_column(parts, text)) is not None:
+        return of_probe[0], scope, of_probe[1]
+    if not words:
         names = known if scope else [*known, *DIMENSIONS, *VERSUS, EQUIVALENT]
+        begun = any(one.startswith(f"{parts[0]}.") for one in known)
+        name = quantity if begun and scope is None else parts[0]
         raise OptionError.seen(
             "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
         )
-    column = QUANTITIES.get(name)
-    has_ends = name == BEYOND_SHAM or (column is not None and column.format.has_interval)
+    quantity_of_row = GATED.get(name)
+    has_ends = (
+        name == BEYOND_SHAM
+        or measured_called(name) is not None
+        or (quantity_of_row is not None and quantity_of_row.format.has_interval)
+    )
     if len(ends) > 1 or (ends and not has_ends):
         raise OptionError.seen(
             "gate", text, f" asks for {'.'.join(ends)!r} of {name}, which has no such part."
         )
     return name, scope, _end(ends[0] if ends else None, text)
+
+
+def _is_known(parts: Sequence[str], known: Sequence[str], scope: tuple[str, str] | None) -> bool:
+    name = ".".join(parts)
+    return name in known or (scope is None and measured_called(name) is not None)
 
 
 def _end(end: str | None, text: str) -> str | None:
@@ -485,7 +509,7 @@ def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
         return (block.planned if gate.name == "planned" else block.played), ""
     if block.played < block.planned:
         return None, f"{block.played} of {block.planned} planned pairs of {where} were played"
-    column = QUANTITIES[gate.name]
+    column = row_quantity(gate.name)
     if column.of_change and (lacks := lacks_of(block)):
         return None, f"of {where}, {'; '.join(lacks)}"
     found, number = column.value(block), value_in(gate, block)
@@ -510,8 +534,9 @@ def value_in(gate: Gate, row: Result) -> float | None:
         gate: A gate that names no other run and no count of pairs.
         row: The result.
     """
-    column = QUANTITIES[gate.name]
-    return column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
+    column = row_quantity(gate.name)
+    value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
+    return value
 
 
 def _whole_track(report: Report) -> tuple[float | None, str]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import count_text
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
+from pytest_libero_max.stats.blocks import Result
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 
 LEAST_FIRED = 0.5
 """Share of the pairs in which the event must happen for their paired change to be of the event."""

@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
-from statistics import median
 from typing import NamedTuple
 
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.formats import change_text, count_text, rate_text
-from pytest_libero_max.report.measured import rate_of, table_change_of
-from pytest_libero_max.stats.outcome_table import Ratio, tabulate
+from pytest_libero_max.report.measures import Measured, Rows
+from pytest_libero_max.stats.measured import rate_of, ratio_of, table_change_of
+from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.ratios import Ratio
 
 COLUMNS = {"step", "score"}
 """Those of a monitor."""
@@ -29,6 +29,25 @@ FALSE_ALARMS = 0.1
 
 LEAST = math.ceil(1 / FALSE_ALARMS) - 1
 """Bases that a threshold needs."""
+
+
+ROWS = {
+    "false_alarms": (f"Base with an alarm ({FALSE_ALARMS:.0%} are allowed)", "share"),
+    "before": ("Alarm before the event already", "share"),
+    "alarm.base": ("Alarm after the event, Base at the same step", "share"),
+    "alarm.dynamic": ("Alarm after the event, Dynamic", "share"),
+    "alarm.change": ("Alarm after the event, paired change", "change"),
+    "delay": ("Steps from event to alarm, median", "steps"),
+    "regressions": ("Regressions with an alarm after the event", "share"),
+    "lead": ("Steps from alarm to the end of a regression, median", "steps"),
+}
+"""Titles and units of the quantities of a monitor, by the end of their names in gates."""
+
+_BY_EVENT = (
+    ("alarm.base", "alarm in Base", "share"),
+    ("alarm.dynamic", "alarm in Dynamic", "share"),
+    ("delay", "steps to it, median", "steps"),
+)
 
 
 class _Watched(NamedTuple):
@@ -44,9 +63,7 @@ class _Watched(NamedTuple):
     """True if there was an alarm before the event."""
 
 
-def monitor_sections(
-    records: Iterable[PairRecord], *, with_intervals: bool = True
-) -> dict[str, dict[str, str | int | float | bool | None]]:
+def monitor_sections(records: Iterable[PairRecord], *, with_intervals: bool = True) -> dict[str, Rows]:
     """Return a section of the report for each monitor that watched pairs; empty without any.
 
     Args:
@@ -62,11 +79,9 @@ def monitor_sections(
     return {f"Monitor {name}": _section(name, watched[name], with_intervals) for name in sorted(watched)}
 
 
-def _section(
-    name: str, records: Sequence[PairRecord], with_intervals: bool
-) -> dict[str, str | int | float | bool | None]:
+def _section(name: str, records: Sequence[PairRecord], with_intervals: bool) -> Rows:
     halves = [[record for record in records if _half(record) == half] for half in (0, 1)]
-    rows: dict[str, str | int | float | bool | None] = {"Pairs watched": len(records)}
+    rows: Rows = {"Pairs watched": len(records)}
     if min(map(len, halves)) < LEAST:
         return rows | {
             "Alarms": f"n/a: a threshold needs {LEAST} pairs in each half, but there are "
@@ -82,30 +97,35 @@ def _section(
         any(score > thresholds[_half(record)] for _, score in _scores(name, record.arms[BASE]))
         for record in records
     ]
-    rows[f"Base with an alarm ({FALSE_ALARMS:.0%} are allowed)"] = rate_text(
-        rate_of(_ratio(raised), with_interval=with_intervals)
-    )
+    quantities = {key: Measured(f"monitor.{name}.{key}", *row) for key, row in ROWS.items()}
+
+    def share(key: str, values: Sequence[bool], with_interval: bool = with_intervals) -> Rows:
+        ratio = Ratio(sum(values), len(values))
+        return quantities[key].ratio(rate_of(ratio, with_interval=with_interval))
+
+    rows |= share("false_alarms", raised)
     rows["Pairs in which the event happened"] = len(seen)
     if not seen:
         return rows
-    rows["Alarm before the event already"] = count_text(rate_of(_ratio([one.before for one in seen])))
-    rows |= _paired(seen, with_intervals)
-    rows["Steps from event to alarm, median"] = _median([_delay(one) for one in seen])
+    base, dynamic = ([one.alarms[arm] is not None for one in seen] for arm in (0, 1))
     lost = [one for one in seen if one.record.base_success and not one.record.dynamic_success]
-    rows["Regressions with an alarm after the event"] = (
-        rate_text(rate_of(_ratio([one.alarms[1] is not None for one in lost]), with_interval=with_intervals))
-        if lost
-        else "n/a: none"
-    )
-    rows["Steps from alarm to the end of a regression, median"] = _median([_lead(one) for one in lost])
+    change = table_change_of(tabulate(base, dynamic), with_interval=with_intervals)
+    rows |= share("before", [one.before for one in seen], False)
+    rows |= share("alarm.base", base) | share("alarm.dynamic", dynamic)
+    rows |= quantities["alarm.change"].ratio(change)
+    rows |= quantities["delay"].median([_delay(one) for one in seen], with_interval=False)
+    rows |= share("regressions", [one.alarms[1] is not None for one in lost])
+    rows |= quantities["lead"].median([_lead(one) for one in lost], with_interval=False)
     for event in (event for event in EVENTS if any(one.record.event == event for one in seen)):
         some = [one for one in seen if one.record.event == event]
-        base, dynamic = (_ratio([one.alarms[arm] is not None for one in some]) for arm in (0, 1))
-        delay = _median([_delay(one) for one in some])
-        when = f", {delay} steps after it" if dynamic.count else ""
-        rows[f"... {event}"] = (
-            f"Base {count_text(rate_of(base))}, Dynamic {count_text(rate_of(dynamic))}{when}"
-        )
+        own = {
+            key: Measured(f"monitor.{name}.{event}.{key}", f"... {event}: {words}", unit)
+            for key, words, unit in _BY_EVENT
+        }
+        for key, arm in (("alarm.base", 0), ("alarm.dynamic", 1)):
+            raised = [one.alarms[arm] is not None for one in some]
+            rows |= own[key].ratio(ratio_of(Ratio(sum(raised), len(raised))))
+        rows |= own["delay"].median([_delay(one) for one in some], with_interval=False)
     return rows
 
 
@@ -139,23 +159,6 @@ def _watch(name: str, record: PairRecord, step: int, threshold: float) -> _Watch
     return _Watched(record, step, (base, dynamic), before)
 
 
-def _paired(seen: Sequence[_Watched], with_intervals: bool) -> dict[str, str]:
-    """Return alarms after the step of the event, in both arms."""
-    base, dynamic = ([one.alarms[arm] is not None for one in seen] for arm in (0, 1))
-    table = tabulate(base, dynamic)
-    before, after = (rate_of(rate, with_interval=with_intervals) for rate in (table.base, table.dynamic))
-    change = table_change_of(table, with_interval=with_intervals)
-    return {
-        "Alarm after the event, Base at the same step": rate_text(before),
-        "Alarm after the event, Dynamic": rate_text(after),
-        "Alarm after the event, paired change": change_text(change),
-    }
-
-
-def _ratio(values: Sequence[bool]) -> Ratio:
-    return Ratio(sum(values), len(values))
-
-
 def _delay(one: _Watched) -> int | None:
     return None if one.alarms[1] is None else one.alarms[1] - one.step
 
@@ -163,8 +166,3 @@ def _delay(one: _Watched) -> int | None:
 def _lead(one: _Watched) -> int | None:
     steps = one.record.arms[DYNAMIC].steps
     return None if one.alarms[1] is None or steps is None else steps - one.alarms[1]
-
-
-def _median(values: Iterable[int | None]) -> str:
-    there = [value for value in values if value is not None]
-    return f"{median(there):g}" if there else "n/a"

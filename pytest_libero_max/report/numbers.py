@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from msgspec.structs import asdict
 
-from pytest_libero_max.report.blocks import Change, Rate, Result
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.blocks import Change, Rate, Result
 
 
 def main_numbers(report: Report) -> dict[str, float]:

@@ -1,22 +1,25 @@
-"""Means of what probes measured, for the reports: one number for each numeric column and arm."""
+"""Columns of probes as quantities of a set of pairs: a mean and a largest value by arm."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import fsum
 
+from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import STAGES
-from pytest_libero_max.report.measured import number
+from pytest_libero_max.report.formats import Mean
+from pytest_libero_max.report.quantities import Quantity
+from pytest_libero_max.stats.blocks import ProbeMean, Result
+from pytest_libero_max.stats.measured import number
 
 TITLE = "Probes: means over pairs"
 
 
-def probe_means(records: Iterable[PairRecord]) -> dict[str, dict[str, str | float | None]]:
-    """Return a section of the report with the columns of the probes that were asked for; empty without any.
+def probe_means(records: Iterable[PairRecord]) -> dict[str, ProbeMean]:
+    """Return the numeric columns of the probes that were asked for, by ``PROBE.COLUMN.ARM``.
 
-    A name is ``PROBE.COLUMN, ARM``. True counts as 1, so that its mean is a share. Columns of lists and of
-    texts are left out, and so are arms whose value is None.
+    Columns of lists and of texts are left out, and so are arms whose value is None.
     """
     values: dict[str, list[float]] = {}
     for record in records:
@@ -24,8 +27,48 @@ def probe_means(records: Iterable[PairRecord]) -> dict[str, dict[str, str | floa
             for probe, columns in played.probes.items():
                 for column, value in columns.items():
                     if probe != STAGES and isinstance(value, int | float):
-                        values.setdefault(f"{probe}.{column}, {arm}", []).append(value)
-    means: dict[str, str | float | None] = {
-        name: number(fsum(values[name]) / len(values[name])) for name in sorted(values)
+                        values.setdefault(f"{probe}.{column}.{arm}", []).append(value)
+    return {
+        name: ProbeMean(
+            pairs=len(known), mean=number(fsum(known) / len(known)) or 0.0, largest=number(max(known)) or 0.0
+        )
+        for name, known in sorted(values.items())
     }
-    return {TITLE: means} if means else {}
+
+
+def probe_quantity(key: str) -> Quantity[Result]:
+    """Return a column of a probe in an arm as a quantity.
+
+    Args:
+        key: ``PROBE.COLUMN.ARM``.
+    """
+    return Quantity(key, key, lambda row: row.probes.get(key), Mean(), tables=())
+
+
+def probe_quantities(rows: Sequence[Result]) -> list[Quantity[Result]]:
+    """Return the columns of probes that some sets of pairs have."""
+    return [probe_quantity(key) for key in sorted({key for row in rows for key in row.probes})]
+
+
+def probe_key(name: str, text: str) -> str | None:
+    """Return the key of the quantity of a gate that is a column of a probe; None for a name of no probe.
+
+    Args:
+        name: ``PROBE.COLUMN`` for Dynamic, or ``PROBE.COLUMN.ARM``.
+        text: The gate.
+
+    Raises:
+        OptionError: The probe has no such column, or it holds no numbers.
+    """
+    from pytest_libero_max.pairing.probes.registry import PROBES
+
+    probe, _, rest = name.partition(".")
+    column, _, arm = rest.partition(".")
+    if probe not in PROBES:
+        return None
+    known = [one.name for one in PROBES[probe].schema if not one.many and one.type != "str"]
+    if column not in known:
+        raise OptionError.seen(
+            "gate", text, f" has the unknown quantity {probe}.{column!r}. {did_you_mean(column, known)}"
+        )
+    return f"{probe}.{column}.{arm or 'dynamic'}"

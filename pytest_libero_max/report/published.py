@@ -11,8 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.releases import RELEASED, ReleasedFile
-from pytest_libero_max.report.formats import percent, points
-from pytest_libero_max.stats.outcome_table import Outcomes
+from pytest_libero_max.report.document import Table, table_of
+from pytest_libero_max.report.formats import Percent, Tenths
+from pytest_libero_max.report.quantities import TEXT, Quantity
+from pytest_libero_max.report.render.terminal import WIDTH, table_lines
+from pytest_libero_max.runs.protocol import protocol_words
+from pytest_libero_max.stats.blocks import Outcomes
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.report_document import Report
@@ -31,76 +35,67 @@ NOTE = (
 
 @dataclass(frozen=True)
 class Printed:
-    """Values of a policy that the paper prints without their counts: percent and percentage points.
-
-    Attributes:
-        family: Paired change by event family. They follow from the event changes, but of fifteen ties the
-            paper rounds two towards zero.
-        source: By source Base success, Dynamic success and paired change.
-        lowest_base: By source the category of lowest Base success.
-        largest_loss: By source the category of largest loss.
-        macro: Unweighted mean of the paired changes of the 17 source categories.
-        suite: Paired change by suite.
-        severity: Paired change by severity.
-        split_event: Event whose parameter variants differ most in Dynamic success.
-        split: That difference.
-        lite: Base success, Dynamic success and paired change on the authors' Lite.
-    """
+    """Values of a policy that the paper prints without their counts: percent and percentage points."""
 
     family: Mapping[str, float]
+    """Paired change by event family. They follow from the event changes, but of fifteen ties the paper rounds
+    two towards zero."""
     source: Mapping[str, tuple[float, float, float]]
+    """By source Base success, Dynamic success and paired change."""
     lowest_base: Mapping[str, str]
+    """By source the category of lowest Base success."""
     largest_loss: Mapping[str, str]
+    """By source the category of largest loss."""
     macro: float
+    """Unweighted mean of the paired changes of the 17 source categories."""
     suite: Mapping[str, float]
+    """Paired change by suite."""
     severity: Mapping[str, float]
+    """Paired change by severity."""
     split_event: str
+    """Event whose parameter variants differ most in Dynamic success."""
     split: float
+    """That difference."""
     lite: tuple[float, float, float]
+    """Base success, Dynamic success and paired change on the authors' Lite."""
 
 
 @dataclass(frozen=True)
 class PublishedPolicy:
-    """One policy of the LIBERO-MAX paper on the 8,000 pairs of Max.
-
-    Attributes:
-        key: Short name.
-        name: As printed.
-        family: ``VLA``, ``WAM`` or ``VLA+WAM``.
-        outcomes: The four printed counts.
-        net_change: Gained minus regressed pairs of each event, of 1,000.
-        scale: Scale that its authors report; None where they report none. All are checkpoints that were
-            released for LIBERO, and were not trained for this benchmark.
-        printed: Values that are printed without counts.
-    """
+    """One policy of the LIBERO-MAX paper on the 8,000 pairs of Max."""
 
     key: str
+    """Short name."""
     name: str
+    """As printed."""
     family: str
+    """``VLA``, ``WAM`` or ``VLA+WAM``."""
     horizon: int
     query_interval: int
     outcomes: Outcomes
+    """The four printed counts."""
     net_change: Mapping[str, int]
+    """Gained minus regressed pairs of each event, of 1,000."""
     scale: str | None
+    """Scale that its authors report; None where they report none. All are checkpoints that were released for
+    LIBERO, and were not trained for this benchmark."""
     printed: Printed
+    """Values that are printed without counts."""
 
 
 @dataclass(frozen=True)
 class PartialPolicy:
-    """The policy of the paper that has no checkpoint for LIBERO-10, and is in none of its rankings.
-
-    Attributes:
-        name: As printed.
-        by_suite: Pairs, and printed percentages of Base success, Dynamic success and paired change; None for
-            the suite that it does not support.
-        total: The same over the supported pairs.
-    """
+    """The policy of the paper that has no checkpoint for LIBERO-10, and is in none of its rankings."""
 
     name: str
+    """As printed."""
     horizon: int
     query_interval: int
     by_suite: Mapping[str, tuple[int, float | None, float | None, float | None]]
+    """Pairs, and printed percentages of Base success, Dynamic success and paired change; None for the suite
+    that it does not support."""
     total: tuple[int, float, float, float]
+    """The same over the supported pairs."""
 
 
 def published_policies() -> tuple[PublishedPolicy, ...]:
@@ -124,26 +119,47 @@ def authors_cases() -> dict[str, int]:
     return cases
 
 
-class Beside(NamedTuple):
-    """Published results beside a run of the same cases.
-
-    Attributes:
-        note: What they are, or why there are none.
-        head: Headings.
-        rows: The run, then the published policies; empty where there are none.
-    """
-
-    note: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
 BESIDE_TITLE = "Published results of the same cases"
 
-_HEAD = ("Policy", "Base success", "Dynamic success", "Paired change, pp", "H", "Q", "Reported scale")
+
+class _Row(NamedTuple):
+    """A policy with its rates and its protocol."""
+
+    name: str
+    base: float | None
+    dynamic: float | None
+    change: float | None
+    horizon: int | None
+    query_interval: int | None
+    scale: str
+    lost: float | None = None
+
+    @classmethod
+    def of(cls, policy: PublishedPolicy, file: ReleasedFile) -> _Row:
+        """Return a published policy on some of the authors' cases."""
+        printed, rates = policy.printed, policy.outcomes
+        base, dynamic, change = rates.base.value, rates.dynamic.value, rates.change.value
+        if file is not _MAX:
+            shares = printed.lite if file is _LITE else printed.source["pro"]
+            base, dynamic, change = (value / 100 for value in shares)
+        scale, lost = policy.scale or "not reported", rates.conditional_regression.value
+        return cls(policy.name, base, dynamic, change, policy.horizon, policy.query_interval, scale, lost)
 
 
-def published_beside(report: Report) -> Beside | None:
+_RATES: tuple[Quantity[_Row], ...] = (
+    Quantity("base_success", "Base success", lambda row: row.base, Percent()),
+    Quantity("dynamic_success", "Dynamic success", lambda row: row.dynamic, Percent()),
+    Quantity("paired_change", "Paired change, pp", lambda row: row.change, Tenths()),
+)
+_LOST: Quantity[_Row] = Quantity("lost", "Lost", lambda row: row.lost, Percent())
+_PROTOCOL: tuple[Quantity[_Row], ...] = (
+    Quantity("horizon", "H", lambda row: row.horizon, TEXT),
+    Quantity("query_interval", "Q", lambda row: row.query_interval, TEXT),
+    Quantity("scale", "Reported scale", lambda row: row.scale, TEXT),
+)
+
+
+def published_beside(report: Report) -> Table | None:
     """Return the published results of the cases that a run played; None for cases that are not the authors'.
 
     They are of the authors' 8,000 cases, recognised by their checksum, or of the 2,400 of LIBERO-PRO or the
@@ -156,38 +172,28 @@ def published_beside(report: Report) -> Beside | None:
         return None
     lack = lacks_for_published(report.provenance, report.pairs.played, file)
     if lack is not None:
-        return Beside(f"None is shown beside this run: {lack}.", _HEAD, ())
+        note = f"None is shown beside this run: {lack}."
+        return table_of(BESIDE_TITLE, "Policy", (*_RATES, *_PROTOCOL), (), note=note)
     overall, spec = report.overall, report.policy or {}
-    own = (
+    own = _Row(
         f"{spec.get('name')} (this run)",
-        percent(overall.base_success.value),
-        percent(overall.dynamic_success.value),
-        points(overall.paired_change.value),
-        *(str(spec.get(key)) for key in ("horizon", "query_interval")),
+        overall.base_success.value,
+        overall.dynamic_success.value,
+        overall.paired_change.value,
+        spec.get("horizon"),
+        spec.get("query_interval"),
         "",
     )
-    return Beside(
-        f"As the paper prints them for the {file.cases:,} cases. It counts a pair without a result as a "
+    rows = [own, *(_Row.of(policy, file) for policy in published_policies())]
+    return table_of(
+        BESIDE_TITLE,
+        "Policy",
+        (*_RATES, *_PROTOCOL),
+        [(row.name, row) for row in rows],
+        note=f"As the paper prints them for the {file.cases:,} cases. It counts a pair without a result as a "
         "failure, and this run has none. Policies differ in size, training data and serving; all of them are "
         "checkpoints released for LIBERO, not trained for this benchmark.",
-        _HEAD,
-        (own, *(_beside(policy, file) for policy in published_policies())),
     )
-
-
-def _beside(policy: PublishedPolicy, file: ReleasedFile) -> tuple[str, ...]:
-    base, dynamic, change = _rates(policy, file)
-    protocol = (str(policy.horizon), str(policy.query_interval), policy.scale or "not reported")
-    return (policy.name, percent(base), percent(dynamic), points(change), *protocol)
-
-
-def _rates(policy: PublishedPolicy, file: ReleasedFile) -> tuple[float | None, ...]:
-    """Return Base success, Dynamic success and paired change of a policy on some of the authors' cases."""
-    if file is _MAX:
-        outcomes = policy.outcomes
-        return outcomes.base.value, outcomes.dynamic.value, outcomes.change.value
-    printed = policy.printed
-    return tuple(value / 100 for value in (printed.lite if file is _LITE else printed.source["pro"]))
 
 
 def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None = None) -> str | None:
@@ -205,7 +211,7 @@ def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None
         return f"its cases are {case_set['name']}, not those of {file}"
     if played < file.cases:
         return f"it measured {played:,} of the {file.cases:,} cases"
-    extra = [key for key in ("program", "latency", "strength", "study") if provenance["protocol"].get(key)]
+    extra = protocol_words(provenance["protocol"])
     if extra:
         return f"it played another protocol ({', '.join(extra)})"
     other = [name for name, value in asked.items() if substrate.get(name) != value]
@@ -220,16 +226,6 @@ def _document() -> Json:
 
 def published_lines() -> list[str]:
     """Return the published results as a table for the terminal, under a line with their origin."""
-    lines = [
-        *textwrap.wrap(NOTE, 100),
-        "",
-        f"{'policy':<20} {'Base':>8} {'Dynamic':>9} {'change':>9} {'lost':>8} {'H':>4} {'Q':>4}  scale",
-    ]
-    for policy in published_policies():
-        outcomes = policy.outcomes
-        lines.append(
-            f"{policy.name:<20} {percent(outcomes.base.value):>8} {percent(outcomes.dynamic.value):>9} "
-            f"{points(outcomes.change.value):>9} {percent(outcomes.conditional_regression.value):>8} "
-            f"{policy.horizon:>4} {policy.query_interval:>4}  {policy.scale or 'not reported'}"
-        )
-    return lines
+    rows = [(policy.name, _Row.of(policy, _MAX)) for policy in published_policies()]
+    table = table_of("", "Policy", (*_RATES, _LOST, *_PROTOCOL), rows)
+    return [*textwrap.wrap(NOTE, WIDTH), "", *table_lines(table)]

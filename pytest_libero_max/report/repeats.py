@@ -9,9 +9,11 @@ import numpy as np
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.formats import percent, points
+from pytest_libero_max.report.measures import Measured, Rows
 from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
+from pytest_libero_max.stats.measured import ratio_of
 from pytest_libero_max.stats.nested import variance_components
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.repeats import repeated
 
 TITLE = "Repeats with other policy seeds"
@@ -22,7 +24,26 @@ NOTE = (
 )
 _LISTED = 20
 
-Rows = dict[str, str | int | float | bool | None]
+_DIFFERING = Measured("repeats.differing", "Rollouts that differ from the first play", "share")
+_CHANGE = Measured("repeats.change", "Paired change, mean over plays", "change")
+_FLIPS = Measured("repeats.flips", "Plays of which Base and Dynamic end differently", "share")
+_BEYOND = Measured("repeats.flips_beyond_seeds", "... beyond what seeds alone make", "change")
+_LOST = Measured("repeats.regression", "Probability of a regression, mean over cases", "share")
+_VARIANCES = tuple(
+    Measured(f"repeats.variance.{key}", f"Variance between {title}", "variance")
+    for key, title in (("tasks", "tasks"), ("cases", "cases of a task"), ("plays", "plays of a case"))
+)
+_ERRORS = {
+    Measured(f"repeats.error{key}", f"Standard error of the paired change {title}", "error"): factors
+    for key, title, factors in (
+        ("", "of these plays", (1, 1)),
+        (".twice_the_cases", "with twice the cases", (2, 1)),
+        (".twice_the_plays", "with twice the plays", (1, 2)),
+    )
+}
+"""By quantity, by how much cases and plays are multiplied."""
+
+QUANTITIES = (_DIFFERING, _CHANGE, _FLIPS, _BEYOND, _LOST, *_VARIANCES, *_ERRORS)
 
 
 def repeats_section(
@@ -54,22 +75,17 @@ def repeats_section(
         for arm in (BASE, DYNAMIC)
         for play in numbers[1:]
     ]
-    rows["Rollouts that differ from the first play"] = f"{sum(others)}/{len(others)}"
+    rows |= _DIFFERING.ratio(ratio_of(Ratio(sum(others), len(others))))
     if not any(others):
         rows["What the repeats bought"] = "nothing: the policy does the same with each of these seeds"
         return {TITLE: rows}
     means = changes.mean(axis=1)
-    rows["Paired change, mean over plays"] = f"{points(fmean(means))} pp"
-    if with_intervals:
-        interval = mean_difference_interval(means)
-        rows["... its interval, by case"] = (
-            f"n/a: {np.count_nonzero(means)} of {LEAST_DIFFERENT} needed cases change"
-            if interval is None
-            else f"[{points(interval.lower)}, {points(interval.upper)}] pp, 95%"
-        )
+    interval = mean_difference_interval(means) if with_intervals else None
+    lack = f"{np.count_nonzero(means)} of {LEAST_DIFFERENT} needed cases change"
+    rows |= _CHANGE.row(fmean(means), interval, lack=lack if with_intervals and interval is None else "")
     rows |= _chance(changes)
     rows |= _variances(changes, tasks)
-    rows["Probability of a regression, mean over cases"] = percent(fmean(lost))
+    rows |= _LOST.row(fmean(lost))
     found = sorted((-share, record.item_id) for share, record in zip(lost, records, strict=True) if share)
     for share, name in found[:_LISTED]:
         rows[f"... {name}"] = f"{round(-share * plays)}/{plays} plays"
@@ -90,10 +106,7 @@ def _chance(changes: np.ndarray) -> Rows:
     plays = changes.shape[1]
     products = (changes.sum(axis=1) ** 2 - (changes**2).sum(axis=1)) / (plays * (plays - 1))
     flips = float((changes**2).mean())
-    return {
-        "Base and Dynamic end differently": f"{percent(flips)} of plays",
-        "... beyond what seeds alone make": f"{points(float(products.mean()))} pp",
-    }
+    return _FLIPS.row(flips) | _BEYOND.row(float(products.mean()))
 
 
 def _variances(changes: np.ndarray, tasks: Sequence[str]) -> Rows:
@@ -104,19 +117,8 @@ def _variances(changes: np.ndarray, tasks: Sequence[str]) -> Rows:
     if (changes == changes[0, 0]).all():
         return {"Variances": "n/a: all plays of all cases change alike"}
     rows: Rows = {}
-    for name, variance in (
-        ("tasks", found.tasks),
-        ("cases of a task", found.cases),
-        ("plays of a case", found.plays),
-    ):
-        rows[f"Variance between {name}"] = "n/a: too few" if variance is None else f"{variance:.4f}"
-    for name, factors in (
-        ("of these plays", (1, 1)),
-        ("with twice the cases", (2, 1)),
-        ("with twice the plays", (1, 2)),
-    ):
-        error = found.standard_error(*factors)
-        rows[f"Standard error of the paired change {name}"] = (
-            "n/a" if error is None else f"{100 * error:.2f} pp"
-        )
+    for quantity, variance in zip(_VARIANCES, (found.tasks, found.cases, found.plays), strict=True):
+        rows |= quantity.row(variance, lack="too few" if variance is None else "")
+    for error, factors in _ERRORS.items():
+        rows |= error.row(found.standard_error(*factors))
     return rows

@@ -2,18 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
+from typing import NamedTuple
 
 import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report import repeats, timing
+from pytest_libero_max.report import probe_means, repeats, timing
+from pytest_libero_max.report.measures import Rows, section_rows
+from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.report_document import Report
 
 NOTES: Mapping[str, str] = {timing.TITLE: timing.NOTE, repeats.TITLE: repeats.NOTE}
 """Help for reading a section, by its title."""
+
+
+class ShownSection(NamedTuple):
+    """A section as writers print it."""
+
+    title: str
+    """Heading."""
+    note: str
+    """Help for reading it; empty for none."""
+    rows: Sequence[tuple[str, object]]
+    """Names and values."""
+
+
+def shown_sections(report: Report) -> list[ShownSection]:
+    """Return the sections of a report, and the columns of probes over all pairs."""
+    sections = [
+        ShownSection(title, NOTES.get(title, ""), section_rows(values))
+        for title, values in report.sections.items()
+    ]
+    columns = [(one.title, one.long(report.overall)) for one in probe_quantities([report.overall])]
+    return [*sections, *([ShownSection(probe_means.TITLE, "", columns)] if columns else [])]
 
 
 def with_sections(report: Report, amended: Json) -> Report:
@@ -43,14 +67,17 @@ def with_sections(report: Report, amended: Json) -> Report:
             raise ReportError(
                 f"report['sections'][{title!r}]={table!r}, but must be a title with a dict of values by name."
             )
+        own = computed["sections"].get(title, {})
         for name, value in table.items():
+            if isinstance(value, dict) and value == own.get(name):
+                continue
             plain = value is None or isinstance(value, str | bool | int)
             if not isinstance(name, str) or not (plain or (isinstance(value, float) and isfinite(value))):
                 raise ReportError(
                     f"report['sections'][{title!r}][{name!r}]={value!r}, but must be a name with a text, a "
                     "finite number, true, false or null."
                 )
-    return msgspec.structs.replace(report, sections=sections)
+    return msgspec.structs.replace(report, sections=msgspec.convert(sections, dict[str, Rows]))
 
 
 def _differs(report: Json, amended: Json, key: str) -> bool:

@@ -8,16 +8,17 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report import report_document
 from pytest_libero_max.report.formats import change_text, count_text, percent, rate_text
-from pytest_libero_max.report.measured import (
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.measured import (
     mean_difference_of,
     number,
     rate_of,
     ratio_of,
     table_change_of,
 )
-from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.stats.outcome_table import Ratio, tabulate
+from pytest_libero_max.stats.outcome_table import tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 
 SHAM_TITLE = "Sham event: other seeds alone"
 CHANCE_TITLE = "Flips by chance"

@@ -7,6 +7,9 @@ from collections.abc import Collection, Mapping, Sequence
 from pytest_libero_max.benchmark.tracks import GENUINE, PAPER_LITE, track_names, unexamined_cases
 from pytest_libero_max.report.published import authors_cases
 
+CAVEATS_TITLE = "Notes on pairs"
+"""Heading of the caveats of several runs."""
+
 LIMITS_TITLE = "What these numbers do not show"
 """Heading of the statements."""
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from statistics import fmean, median
+from statistics import fmean
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import STAGES
+from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
 from pytest_libero_max.report.report_document import SuccessCurves
 from pytest_libero_max.stats.clusters import task_interval
-from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval, median_interval
-from pytest_libero_max.stats.intervals import Interval
+from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
 
 PROBE = "motion"
 TITLE = "How long it took"
@@ -23,11 +23,40 @@ NOTE = (
     "that was reached before the event does not count again. A range in brackets is a 95% interval."
 )
 
-_ARMS = ((BASE, "Base"), (DYNAMIC, "Dynamic"))
+_ARMS = (BASE, DYNAMIC)
 _MILESTONES = ("touch_step", "grasp_step", "lift_step", "above_step", "satisfied_step")
-_STEPS = "steps"
 
-Rows = dict[str, str | int | float | bool | None]
+_MEAN = "Restricted mean time to success"
+_MEANS = in_both_arms("timing.mean", _MEAN, "steps")
+_DIFFERENCE = Measured("timing.mean.change", f"{_MEAN}, Dynamic - Base", "more steps")
+_CLUSTERED = Measured("timing.mean.change_clustered", f"{_DIFFERENCE.title}, for other tasks", "more steps")
+
+
+def _of_stage(key: str, title: str) -> tuple[Measured, Measured, Measured]:
+    both = Measured(f"{key}.change", f"{title}, Dynamic - Base where both have it", "more steps")
+    return (*in_both_arms(key, title, "steps"), both)
+
+
+_SUCCESS = _of_stage("timing.success", "Median from event to success")
+_NEXT_STAGE = _of_stage("timing.next_stage", "Median from event to the next stage")
+
+_WAYS = (
+    Measured("timing.way.before", "Median way of the hand to the event, the same in both arms", "m"),
+    *in_both_arms("timing.way", "Median way after the event", "m"),
+    Measured("timing.way.ratio", "Median way after the event, Dynamic / Base where both succeed", "times"),
+)
+_JERKS = (
+    Measured("timing.jerk.before", "Median jerk to the event, the same in both arms", "m/s^3"),
+    *in_both_arms("timing.jerk", "Median jerk after the event", "m/s^3"),
+    Measured("timing.jerk.ratio", "Median jerk after the event, Dynamic / Base", "times"),
+)
+
+OF_MOTION = (*_WAYS, *_JERKS)
+"""Those that the probe measures."""
+
+QUANTITIES = (*_MEANS, _DIFFERENCE, _CLUSTERED, *_SUCCESS, *_NEXT_STAGE, *OF_MOTION)
+
+Measure = Callable[[PairRecord, str], float | None]
 
 
 def timing_section(
@@ -42,36 +71,46 @@ def timing_section(
     """
     if not records:
         return {}
-    base, dynamic = ([_restricted(record, arm) for record in records] for arm, _ in _ARMS)
-    rows: Rows = {
-        "Pairs played": len(records),
-        "Restricted mean time to success, Base": f"{fmean(base):.1f} steps",
-        "Restricted mean time to success, Dynamic": f"{fmean(dynamic):.1f} steps",
-    }
+    base, dynamic = ([_restricted(record, arm) for record in records] for arm in _ARMS)
+    rows: Rows = {"Pairs played": len(records)}
+    for quantity, steps in zip(_MEANS, (base, dynamic), strict=True):
+        rows |= quantity.row(fmean(steps))
     changes = [after - before for before, after in zip(base, dynamic, strict=True)]
-    name = "Restricted mean time to success, Dynamic - Base"
-    rows[name] = f"{_signed(fmean(changes), 1)} steps"
-    if with_intervals:
-        interval = mean_difference_interval(changes)
-        rows[name] = f"{rows[name]} {_mean_interval_text(interval, changes)}"
-        by_task = task_interval(changes, tasks, interval, bounds=(-math.inf, math.inf))
-        if by_task.interval is not None:
-            rows[f"{name}, for other tasks"] = f"{_ends(by_task.interval, 1)} steps, {by_task.tasks} tasks"
+    rows |= _mean_difference(changes, tasks) if with_intervals else _DIFFERENCE.row(fmean(changes))
     fired = [record for record in records if record.triggered]
     rows["Pairs with an event"] = len(fired)
-    for title, measure in (
-        ("Median from event to success", _to_success),
-        ("Median from event to the next stage", _to_next_stage),
-    ):
-        found = {arm: [measure(record, arm) for record in fired] for arm, _ in _ARMS}
-        for arm, label in _ARMS:
-            rows[f"{title}, {label}"] = _median_text(found[arm], with_intervals)
-        both = [
-            None if one is None or other is None else other - one
-            for one, other in zip(found[BASE], found[DYNAMIC], strict=True)
-        ]
-        rows[f"{title}, Dynamic - Base where both have it"] = _median_text(both, with_intervals, signed=True)
+    for (*in_arms, both), measure in ((_SUCCESS, _to_success), (_NEXT_STAGE, _to_next_stage)):
+        rows |= _in_arms(in_arms, fired, measure, with_intervals)
+        rows |= both.median([_less(record, measure) for record in fired], with_interval=with_intervals)
     return {TITLE: rows | _motion(fired, with_intervals)}
+
+
+def _mean_difference(changes: Sequence[int], tasks: Sequence[str]) -> Rows:
+    """Return the rows on the mean difference of times with its intervals."""
+    interval = mean_difference_interval(changes)
+    lack = f"{sum(change != 0 for change in changes)} of {LEAST_DIFFERENT} needed pairs differ"
+    rows = _DIFFERENCE.row(fmean(changes), interval, lack="" if interval else lack)
+    by_task = task_interval(changes, tasks, interval, bounds=(-math.inf, math.inf))
+    if by_task.interval is not None:
+        rows |= _CLUSTERED.row(fmean(changes), by_task.interval)
+        rows["Tasks"] = by_task.tasks
+    return rows
+
+
+def _in_arms(
+    quantities: Sequence[Measured], records: Sequence[PairRecord], measure: Measure, with_intervals: bool
+) -> Rows:
+    """Return the medians of a quantity in Base and in Dynamic."""
+    rows: Rows = {}
+    for quantity, arm in zip(quantities, _ARMS, strict=True):
+        rows |= quantity.median([measure(record, arm) for record in records], with_interval=with_intervals)
+    return rows
+
+
+def _less(record: PairRecord, measure: Measure) -> float | None:
+    """Return Dynamic - Base."""
+    base, dynamic = (measure(record, arm) for arm in _ARMS)
+    return None if base is None or dynamic is None else dynamic - base
 
 
 def success_curves(records: Sequence[PairRecord]) -> SuccessCurves | None:
@@ -79,11 +118,11 @@ def success_curves(records: Sequence[PairRecord]) -> SuccessCurves | None:
     if not records:
         return None
     ends = {
-        arm: [arm_of.steps for record in records if (arm_of := record.arms[arm]).success] for arm, _ in _ARMS
+        arm: [arm_of.steps for record in records if (arm_of := record.arms[arm]).success] for arm in _ARMS
     }
     steps = sorted({0, *ends[BASE], *ends[DYNAMIC], max(record.max_steps for record in records)})
     base, dynamic = (
-        [len(records) - sum(end <= step for end in ends[arm]) for step in steps] for arm, _ in _ARMS
+        [len(records) - sum(end <= step for end in ends[arm]) for step in steps] for arm in _ARMS
     )
     return SuccessCurves(pairs=len(records), steps=steps, base=base, dynamic=dynamic)
 
@@ -122,38 +161,25 @@ def _to_next_stage(record: PairRecord, arm: str) -> int | None:
 
 def _motion(fired: Sequence[PairRecord], with_intervals: bool) -> Rows:
     """Return the rows on way and jerk of pairs that the probe watched; empty without any."""
-    watched = [record for record in fired if all(PROBE in record.arms[arm].probes for arm, _ in _ARMS)]
+    watched = [record for record in fired if all(PROBE in record.arms[arm].probes for arm in _ARMS)]
     if not watched:
         return {}
-
-    def both(
-        measure: Callable[[PairRecord, str], float | None], join: Callable[[float, float], float]
-    ) -> str:
-        pairs = [(measure(record, BASE), measure(record, DYNAMIC)) for record in watched]
-        values = [None if a is None or b is None or not a else join(a, b) for a, b in pairs]
-        return _median_text(values, with_intervals, unit="", digits=2)
-
     rows: Rows = {"Pairs whose motion was watched": len(watched)}
-    rows["Median way of the hand to the event, the same in both arms"] = _median_text(
-        [_way(record, BASE, before=True) for record in watched], with_intervals, unit="m", digits=2
-    )
-    for arm, label in _ARMS:
-        rows[f"Median way after the event, {label}"] = _median_text(
-            [_way(record, arm) for record in watched], with_intervals, unit="m", digits=2
-        )
-    rows["Median way after the event, Dynamic / Base where both succeed"] = both(
-        lambda record, arm: _way(record, arm) if record.base_success and record.dynamic_success else None,
-        lambda base, dynamic: dynamic / base,
-    )
-    rows["Median jerk to the event, the same in both arms"] = _median_text(
-        [_jerk(record, BASE, before=True) for record in watched], with_intervals, unit="m/s^3", digits=1
-    )
-    for arm, label in _ARMS:
-        rows[f"Median jerk after the event, {label}"] = _median_text(
-            [_jerk(record, arm) for record in watched], with_intervals, unit="m/s^3", digits=1
-        )
-    rows["Median jerk after the event, Dynamic / Base"] = both(_jerk, lambda base, dynamic: dynamic / base)
+    for (before, *after), measure in ((_WAYS, _way), (_JERKS, _jerk)):
+        to_event = [measure(record, BASE, before=True) for record in watched]
+        rows |= before.median(to_event, with_interval=with_intervals)
+        rows |= _in_arms(after[:2], watched, measure, with_intervals)
+        ratios = [_ratio(record, measure) for record in watched]
+        rows |= after[2].median(ratios, with_interval=with_intervals)
     return rows
+
+
+def _ratio(record: PairRecord, measure: Measure) -> float | None:
+    """Return Dynamic / Base; of ways where both succeed."""
+    if measure is _way and not (record.base_success and record.dynamic_success):
+        return None
+    base, dynamic = (measure(record, arm) for arm in _ARMS)
+    return None if not base or dynamic is None else dynamic / base
 
 
 def _way(record: PairRecord, arm: str, *, before: bool = False) -> float:
@@ -170,37 +196,3 @@ def _jerk(record: PairRecord, arm: str, *, before: bool = False) -> float | None
     jerks, event = record.arms[arm].probes[PROBE]["step_jerk_m_s3"], _event(record)
     part = jerks[: max(0, event - 2)] if before else jerks[event:]
     return math.sqrt(math.fsum(one * one for one in part) / len(part)) if part else None
-
-
-def _median_text(
-    values: Sequence[float | None],
-    with_interval: bool,
-    *,
-    unit: str = _STEPS,
-    digits: int = 1,
-    signed: bool = False,
-) -> str:
-    """Return the median of the values that exist, its interval, and the number of pairs that have one."""
-    found = [value for value in values if value is not None]
-    count = f"{len(found)}/{len(values)} pairs"
-    if not found:
-        return f"n/a  {count}"
-    middle = median(found)
-    text = _signed(middle, digits) if signed else f"{middle:.{digits}f}"
-    interval = median_interval(found) if with_interval else None
-    ends = f" {_ends(interval, digits)}" if interval else ""
-    return f"{text}{f' {unit}' if unit else ''}{ends}  {count}"
-
-
-def _mean_interval_text(interval: Interval | None, changes: Sequence[float]) -> str:
-    if interval is not None:
-        return _ends(interval, 1)
-    return f"[n/a: {sum(change != 0 for change in changes)} of {LEAST_DIFFERENT} needed pairs differ]"
-
-
-def _ends(interval: Interval, digits: int) -> str:
-    return f"[{interval.lower:.{digits}f}, {interval.upper:.{digits}f}]"
-
-
-def _signed(value: float, digits: int) -> str:
-    return f"{value:+.{digits}f}" if value else f"{0:.{digits}f}"

@@ -14,6 +14,7 @@ from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairEr
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
 from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.protocol import played_settings
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
@@ -247,21 +248,21 @@ _ONLY_BY_OPTION = ("latency", "strength")
 def _require_header(run: Run, record: Played) -> None:
     """Check that a record agrees with the header of its run."""
     asked, versions = run.provenance["policy"], run.provenance["versions"]
-    strength = run.provenance["protocol"].get("strength")
+    settings = played_settings(run.provenance["protocol"])
     adaptive = asked.get("adaptive") is not None  # then the record holds H and Q of the wrapper
     header = {
         ("policy", "horizon"): None if adaptive else asked.get("horizon"),
         ("policy", "query_interval"): None if adaptive else asked.get("query_interval"),
         ("fingerprints", "adapter"): asked.get("code"),
-        ("fingerprints", "latency"): run.provenance["protocol"].get("latency"),
-        ("fingerprints", "strength"): None if strength is None else f"{strength:g}",
         ("fingerprints", "substrate"): run.provenance["substrate"]["name"],
+        **{("fingerprints", name): settings.get(name) for name in (*_ONLY_BY_OPTION, *settings)},
         **{("fingerprints", name): version for name, version in versions.items()},
     }
     for (part, name), wanted in header.items():
         values = getattr(record, part)
         recorded = values.get(name)
-        if recorded != wanted and (name in _ONLY_BY_OPTION or None not in (recorded, wanted)):
+        always = name in settings or name in _ONLY_BY_OPTION
+        if recorded != wanted and (always or None not in (recorded, wanted)):
             raise OtherRunError(
                 f"{record.item_id!r} was played with {part}.{name}={shown(recorded)}, but the first line of "
                 f"its run says {shown(wanted)}. Play it again."

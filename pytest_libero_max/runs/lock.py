@@ -111,8 +111,8 @@ def require_ended(folder: Path) -> None:
         )
     raise ReportError(
         f"The run in {str(folder)!r} was killed before it ended, so what is there is not its result. Give "
-        "its command again with --libero-max-resume (in an evaluation loop of another package, make the same "
-        f"PairedRun again), or remove {str(mark)!r} to use the pairs it measured."
+        "its command again with --libero-max-resume (in Python evaluate(..., resume=True), or the same "
+        f"PairedRun), or remove {str(mark)!r} to use the pairs it measured."
     )
 
 

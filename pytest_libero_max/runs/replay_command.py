@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.studies.registry import SETTINGS_OPTIONS
+from pytest_libero_max.runs.protocol import option_values
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -24,7 +24,10 @@ OUTPUT = "libero-max-replay"
 OUTSIDE = "outside"
 """The ``code`` of a policy that another evaluation loop plays (:class:`~pytest_libero_max.gym.PairedRun`)."""
 
-_IN_ITS_LOOP = "in the evaluation loop of that run, in another folder: no command here can load its policy."
+OBJECT = "object"
+"""The ``code`` of a policy that was an object of a program (:func:`pytest_libero_max.evaluate`)."""
+
+_IN_ITS_PROGRAM = "in the program of that run, in another folder: no command here can load its policy."
 
 _SUBSTRATE = {
     "semantics": "semantics",
@@ -69,7 +72,7 @@ def replay_command(run: StoredRun | RunOutcomes, places: Places | None = None) -
     """Return the command that plays one case of a run again, once the case's item id is appended.
 
     It gives the same record in the folder in which the run was started, on a machine with the same files.
-    It is empty for the run of another evaluation loop, which alone can load its policy.
+    It is empty for the run of a program that alone has its policy.
 
     Args:
         run: The run.
@@ -84,10 +87,9 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     if is_outside(provenance):
         return []
     places = places or Places.named_by(provenance)
-    policy, substrate = provenance["policy"], provenance["substrate"]
+    substrate = provenance["substrate"]
     kind, _, name = provenance["case_set"]["name"].partition(" ")
     options: list[tuple[str, object]] = [("policy", places.policy), ("profile", places.profile)]
-    options.append(("revision", policy.get("revision")))
     if kind in ("track", "manifest") and name:
         options.append((kind, places.manifest or name))
     options.append(("program", places.program))
@@ -95,15 +97,9 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     options += [("libero", root) for root in places.installations]
     options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]
     options.append(("libero-assets", places.assets))
-    options.append(("prefix", provenance["protocol"].get("prefix")))
-    options += [("horizon", policy.get("horizon")), ("query-interval", policy.get("query_interval"))]
-    options.append(("latency", provenance["protocol"].get("latency")))
+    options += option_values(provenance)
     study = provenance["protocol"].get("study") or {}
-    options += [("strength", provenance["protocol"].get("strength"))]
-    settings = SETTINGS_OPTIONS.get(str(study.get("name")), "cadence")
-    options += [("study", study.get("name")), (settings, study.get("settings"))]
-    options += [(name, policy.get(name)) for name in ("restore", "adaptive")]
-    options.append(("sham", provenance["protocol"].get("sham")))
+    options.append(("study", ":".join(filter(None, [study.get("name"), study.get("settings")])) or None))
     options += _noise_floor(provenance)
     options.append(("output", OUTPUT))
     given = (f"--libero-max-{name}={value}" for name, value in options if value is not None)
@@ -117,7 +113,7 @@ def replay_text(replay: Sequence[str], item_id: str = "") -> str:
         replay: Result of :func:`replay_command`.
         item_id: The case; empty for none yet.
     """
-    return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_LOOP
+    return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_PROGRAM
 
 
 def film_text(replay: Sequence[str], item_id: str = "") -> str:
@@ -127,12 +123,14 @@ def film_text(replay: Sequence[str], item_id: str = "") -> str:
 
 def traces_setting(provenance: Json) -> str:
     """Return the setting that lets such a run keep the traces of all pairs."""
-    return 'PairedRun(..., traces="all")' if is_outside(provenance) else "--libero-max-traces=all"
+    code = provenance["policy"].get("code")
+    calls = {OUTSIDE: 'PairedRun(..., traces="all")', OBJECT: 'evaluate(..., traces="all")'}
+    return calls.get(code, "--libero-max-traces=all")
 
 
 def is_outside(provenance: Json) -> bool:
-    """Return True if the run is that of another evaluation loop."""
-    return bool(provenance["policy"].get("code") == OUTSIDE)
+    """Return True if only the program of the run has its policy, for example another evaluation loop."""
+    return provenance["policy"].get("code") in (OUTSIDE, OBJECT)
 
 
 def _noise_floor(provenance: Json) -> list[tuple[str, object]]:

@@ -106,7 +106,7 @@ class PairStore:
 
     def __init__(self, folder: Path, run: Run) -> None:
         self.path = folder / PAIRS_NAME
-        self._run = run
+        self.run = run
         self._file: FileIO | None = None
         self._mark: Mark | None = None
         self._agreement = Agreement(run)
@@ -179,7 +179,7 @@ class PairStore:
             raise DiskError(
                 f"Cannot write {self.path}: {error}. Make room, or give a folder you can write to."
             ) from error
-        self._write_line(_line("run", self._run))
+        self._write_line(_line("run", self.run))
 
     def _repair(self) -> None:
         """Take damaged lines out of the file, which nobody else can have altered behind the lock."""

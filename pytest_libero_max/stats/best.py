@@ -3,44 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec.structs import asdict, astuple
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.comparison import contrasts
-from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, clopper_pearson
-from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
+from pytest_libero_max.stats.condition_blocks import BestSetting, SettingDifference
+from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
+from pytest_libero_max.stats.measured import ends, number, ratio_of
+from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.stats.ratios import Ratio
 
 
-@dataclass(frozen=True)
-class FromBest:
-    """Advantage of the best condition over another one."""
-
-    value: float
-    """Success of the best less that of the other."""
-    interval: Interval
-    """Simultaneous with those of all pairs of conditions."""
-
-    @property
-    def may_equal(self) -> bool:
-        """True if the cases do not show that the other is worse."""
-        return self.interval.lower <= 0
-
-
-@dataclass(frozen=True)
-class Best:
-    """The condition of the highest success rate."""
-
-    name: str
-    """Its name; the first one among equals."""
-    rate: Ratio
-    """Its success."""
-    interval: Interval
-    """Of its success rate, simultaneous with those of all conditions."""
-    differences: Mapping[str, FromBest]
-    """From each other condition, in the order given."""
-
-
-def best_of(successes: Mapping[str, BoolArray]) -> Best:
+def best_of(successes: Mapping[str, BoolArray]) -> BestSetting:
     """Find the best of m conditions.
 
     The highest of several rates is too high on average, and an interval for it alone misses its true rate too
@@ -62,13 +37,25 @@ def best_of(successes: Mapping[str, BoolArray]) -> Best:
     interval = clopper_pearson(rates[name], 1 - (1 - CONFIDENCE) / len(rates))
     assert interval is not None
     differences = {}
-    for found in contrasts(successes):
-        if name not in (found.first, found.second):
+    for contrast in contrasts(successes):
+        if name not in (contrast.first, contrast.second):
             continue
-        assert found.simultaneous is not None
-        low, high = found.simultaneous.lower, found.simultaneous.upper
-        other = found.first if found.second == name else found.second
-        value = (rates[name].count - rates[other].count) / rates[name].of
-        away = Interval(low, high) if found.second == name else Interval(-high, -low)
-        differences[other] = FromBest(value, away)
-    return Best(name, rates[name], interval, differences)
+        low, high = astuple(contrast.difference.simultaneous)
+        assert low is not None
+        assert high is not None
+        turned = contrast.second != name
+        other = contrast.second if turned else contrast.first
+        differences[other] = SettingDifference(
+            value=number((rates[name].count - rates[other].count) / rates[name].of),
+            lower=number(-high if turned else low),
+            upper=number(-low if turned else high),
+        )
+    lower, upper = ends(interval)
+    return BestSetting(
+        setting=name,
+        **asdict(ratio_of(rates[name])),
+        lower=lower,
+        upper=upper,
+        not_worse=[other for other, away in differences.items() if (away.lower or 0.0) <= 0],
+        differences=differences,
+    )

@@ -3,50 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcome_table import Outcomes
-from pytest_libero_max.stats.paired import PairedResult, Pairs, measure_groups
-
-FLOOR_BASE_RATE = 0.2
-"""Below this Base success rate a small change does not show a successful response (the paper's limit)."""
+from pytest_libero_max.stats.blocks import Macro, Outcomes, Result, Split
+from pytest_libero_max.stats.measured import number
+from pytest_libero_max.stats.paired import Pairs, measure_groups
 
 
-@dataclass(frozen=True)
-class MacroAverage:
-    """Unweighted mean over groups of unequal size; secondary to the rates over all pairs."""
-
-    groups: int
-    base: float | None
-    """Mean of the groups' Base success rates; None where a group has no pair, like all below."""
-    dynamic: float | None
-    """Mean of their Dynamic success rates."""
-    change: float | None
-    """Mean of their paired changes."""
-
-
-@dataclass(frozen=True)
-class Split:
-    """Two parameter variants of one event. They hold different source instances: a description, no effect."""
-
-    event: str
-    rates: Mapping[str, float]
-    """Dynamic success rate of each variant."""
-    difference: float
-    """Largest minus smallest."""
-
-
-def breakdown(pairs: Pairs, labels: ArrayLike, groups: Sequence[str]) -> dict[str, PairedResult]:
+def breakdown(
+    pairs: Pairs, labels: ArrayLike, groups: Sequence[str], planned: Mapping[str, int] | None = None
+) -> dict[str, Result]:
     """Measure each group.
 
     Args:
         pairs: All pairs.
         labels: (n,) the group of each pair.
         groups: Every group, in the order wanted; one without pairs yields a result of zero pairs.
+        planned: Number of planned pairs of each group; by default those that are measured.
 
     Raises:
         ReportError: A pair's label is not among the groups, so that it would be lost from every denominator.
@@ -57,23 +33,24 @@ def breakdown(pairs: Pairs, labels: ArrayLike, groups: Sequence[str]) -> dict[st
     strays = sorted(set(names.tolist()) - set(groups))
     if strays:
         raise ReportError(f"Pairs are labelled {strays}, which are not among the groups {list(groups)}.")
-    results = measure_groups([pairs.where(names == group) for group in groups])
+    counts = None if planned is None else [planned[group] for group in groups]
+    results = measure_groups([pairs.where(names == group) for group in groups], counts)
     return dict(zip(groups, results, strict=True))
 
 
-def macro_average(groups: Sequence[Outcomes]) -> MacroAverage:
+def macro_average(groups: Sequence[Outcomes]) -> Macro:
     """Average rates over groups, each with the same weight. None if a group is empty or there is none."""
     if not groups or any(group.total == 0 for group in groups):
-        return MacroAverage(len(groups), None, None, None)
+        return Macro(groups=len(groups), base_success=None, dynamic_success=None, paired_change=None)
 
-    def mean(rates: list[float | None]) -> float:
-        return float(np.mean(np.asarray(rates, dtype=np.float64)))
+    def mean(rates: list[float | None]) -> float | None:
+        return number(float(np.mean(np.asarray(rates, dtype=np.float64))))
 
-    return MacroAverage(
+    return Macro(
         groups=len(groups),
-        base=mean([group.base.value for group in groups]),
-        dynamic=mean([group.dynamic.value for group in groups]),
-        change=mean([group.change.value for group in groups]),
+        base_success=mean([group.base.value for group in groups]),
+        dynamic_success=mean([group.dynamic.value for group in groups]),
+        paired_change=mean([group.change.value for group in groups]),
     )
 
 
@@ -84,18 +61,16 @@ def largest_split(events: Mapping[str, Mapping[str, Outcomes]]) -> Split | None:
         events: Outcomes by event and variant. Variants without pairs are left out, and so are events with
             fewer than two variants left. None where no event remains.
     """
-    best: Split | None = None
+    best: tuple[float, str, dict[str, float]] | None = None
     for event, variants in events.items():
         rates = {name: rate for name, cell in variants.items() if (rate := cell.dynamic.value) is not None}
         if len(rates) < 2:
             continue
         difference = max(rates.values()) - min(rates.values())
-        if best is None or difference > best.difference:
-            best = Split(event, rates, difference)
-    return best
-
-
-def at_floor(outcomes: Outcomes) -> bool | None:
-    """Return True if Base success leaves too little room to fall; None without pairs."""
-    rate = outcomes.base.value
-    return None if rate is None else rate < FLOOR_BASE_RATE
+        if best is None or difference > best[0]:
+            best = difference, event, rates
+    if best is None:
+        return None
+    difference, event, rates = best
+    dynamic = {name: number(rate) for name, rate in rates.items()}
+    return Split(event=event, dynamic_success=dynamic, difference=number(difference))

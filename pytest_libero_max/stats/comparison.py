@@ -11,72 +11,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.blocks import (
+    ChangeContrast,
+    ChangeDifference,
+    GroupContrast,
+    GroupDifference,
+    IntervalByTask,
+    SuccessContrast,
+    SuccessDifference,
+)
 from pytest_libero_max.stats.bounded_mean import bounded_means
-from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
+from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, mean_change
+from pytest_libero_max.stats.measured import ends, interval_by_task, interval_of, number
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
-from pytest_libero_max.stats.significance import McNemar, holm, log_fair_coins, mcnemar
+from pytest_libero_max.stats.significance import holm, log_fair_coins, mcnemar
 
 _MOST = 2
 """Largest difference of two paired changes."""
-
-
-@dataclass(frozen=True)
-class Contrast:
-    """Two conditions on the same cases."""
-
-    first: str
-    second: str
-    first_only: int
-    second_only: int
-    difference: MeanChange | None
-    """Mean of (second - first) with its paired bootstrap interval; None without cases."""
-    interval: Interval | None
-    """Exact interval of the same, which agrees with the uncorrected test; None without cases."""
-    simultaneous: Interval | None
-    """The exact interval at the level 1 - 0.05 / m, for a family of m contrasts: all of them together hold
-    their differences with 95%. None without cases."""
-    test: McNemar
-    log10_p_holm: float | None
-    """Its p-value after Holm's correction over the family of contrasts; None if untestable."""
-
-
-@dataclass(frozen=True)
-class ChangeContrast:
-    """The paired changes of two conditions on the same cases."""
-
-    first: str
-    second: str
-    second_lower: int
-    """Cases in which the second loses more, or gains less, than the first."""
-    second_higher: int
-    """Cases in which it loses less, or gains more."""
-    difference: float | None
-    """Paired change of the second less that of the first; None without cases."""
-    interval: Interval | None
-    """See :func:`.bounded_mean.bounds`; None without cases."""
-    simultaneous: Interval | None
-    """The same at the level 1 - 0.05 / m, for a family of m contrasts: all of them together hold their
-    differences with 95%."""
-    log10_p: float | None
-    """Decimal logarithm of the p-value of :func:`sign_flip`; None without cases."""
-    log10_p_holm: float | None
-    """The same after Holm's correction over the family."""
-
-
-@dataclass(frozen=True)
-class GroupContrast:
-    """Two conditions on the cases of one group, in a family of contrasts over all groups."""
-
-    first: str
-    second: str
-    cases: int
-    difference: float | None
-    """Of the second less the first; None without cases."""
-    simultaneous: Interval | None
-    """Interval at the level 1 - 0.05 / m for a family of m contrasts; None without cases."""
-    log10_p_holm: float | None
-    """Decimal logarithm of the p-value after Holm's correction over the family; None without cases."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +48,8 @@ def contrasts(
     successes: Mapping[str, ArrayLike],
     strata: ArrayLike | None = None,
     pairs: Sequence[tuple[str, str]] | None = None,
-) -> tuple[Contrast, ...]:
+    tasks: ArrayLike | None = None,
+) -> tuple[SuccessContrast, ...]:
     """Compare conditions with each other on common cases.
 
     Args:
@@ -103,6 +57,7 @@ def contrasts(
         strata: (n,) labels whose composition the bootstrap keeps, or None.
         pairs: Conditions to compare; by default all pairs in the order of ``successes``. Holm's
             correction is over exactly these.
+        tasks: (n,) the task of each case, for intervals that take the cases of a task as one draw, or None.
 
     Raises:
         ReportError: The arrays differ in length.
@@ -122,21 +77,50 @@ def contrasts(
     intervals = paired_differences(counts)
     together = intervals if len(tests) < 2 else paired_differences(counts, _family_confidence(len(tests)))
     return tuple(
-        Contrast(
+        SuccessContrast(
             first=first,
             second=second,
+            cases=cases,
             first_only=test.losses,
             second_only=test.gains,
-            difference=mean_change(columns[second].astype(np.int64) - columns[first], strata),
-            interval=interval,
-            simultaneous=simultaneous,
-            test=test,
-            log10_p_holm=corrected,
+            difference=_success_difference(
+                columns[second].astype(np.int64) - columns[first], interval, simultaneous, strata, tasks
+            ),
+            p_value=number(test.p_value),
+            log10_p_value=number(test.log10_p),
+            log10_p_value_holm=number(corrected),
         )
         for (first, second), test, interval, simultaneous, corrected in zip(
             chosen, tests, intervals, together, adjusted, strict=True
         )
     )
+
+
+def _success_difference(
+    change: NDArray[np.int64],
+    interval: Interval | None,
+    simultaneous: Interval | None,
+    strata: ArrayLike | None,
+    tasks: ArrayLike | None,
+) -> SuccessDifference:
+    bootstrap, (lower, upper) = mean_change(change, strata), ends(interval)
+    return SuccessDifference(
+        value=number(bootstrap.estimate if bootstrap else None),
+        lower=lower,
+        upper=upper,
+        simultaneous=interval_of(simultaneous),
+        bootstrap=interval_of(bootstrap),
+        by_task=_by_task(change, tasks, interval, 1.0),
+    )
+
+
+def _by_task(
+    change: NDArray[np.int64], tasks: ArrayLike | None, interval: Interval | None, most: float
+) -> IntervalByTask | None:
+    """Return the interval that takes the cases of a task as one draw; None without tasks."""
+    if tasks is None:
+        return None
+    return interval_by_task(task_interval(change, tasks, interval, bounds=(-most, most)))
 
 
 def group_contrasts(
@@ -191,20 +175,31 @@ def _by_group(
 ) -> dict[str, tuple[GroupContrast, ...]]:
     """Return the contrasts of each pair of names in every group; values of a group follow each other."""
     rows = iter(zip(differences, intervals, holm(tests), strict=True))
+
+    def contrast(first: str, second: str, cases: int) -> GroupContrast:
+        value, interval, log10_p = next(rows)
+        return GroupContrast(
+            first=first,
+            second=second,
+            cases=cases,
+            difference=GroupDifference(value=number(value), simultaneous=interval_of(interval)),
+            log10_p_value_holm=number(log10_p),
+        )
+
     return {
-        group: tuple(GroupContrast(first, second, int(mask.sum()), *next(rows)) for first, second in names)
-        for group, mask in groups.items()
+        group: tuple(contrast(*pair, int(mask.sum())) for pair in names) for group, mask in groups.items()
     }
 
 
 def change_contrasts(
-    base: Mapping[str, ArrayLike], dynamic: Mapping[str, ArrayLike]
+    base: Mapping[str, ArrayLike], dynamic: Mapping[str, ArrayLike], tasks: ArrayLike | None = None
 ) -> tuple[ChangeContrast, ...]:
     """Compare the paired changes of conditions on common cases, all pairs of conditions.
 
     Args:
         base: (n,) bool by condition, Base success; the same case at the same place in each.
         dynamic: (n,) bool by condition, Dynamic success.
+        tasks: As for :func:`contrasts`.
     """
     changes = {
         name: boolean(dynamic[name], name).astype(np.int64) - boolean(base[name], name) for name in base
@@ -220,11 +215,15 @@ def change_contrasts(
             second=second,
             second_lower=int((difference < 0).sum()),
             second_higher=int((difference > 0).sum()),
-            difference=float(difference.mean()) if len(difference) else None,
-            interval=interval,
-            simultaneous=simultaneous,
-            log10_p=test,
-            log10_p_holm=corrected,
+            difference=ChangeDifference(
+                value=number(float(difference.mean()) if len(difference) else None),
+                lower=ends(interval)[0],
+                upper=ends(interval)[1],
+                simultaneous=interval_of(simultaneous),
+                by_task=_by_task(difference, tasks, interval, _MOST),
+            ),
+            log10_p_value=number(test),
+            log10_p_value_holm=number(corrected),
         )
         for (first, second), difference, interval, simultaneous, test, corrected in zip(
             chosen, differences, intervals, together, tests, holm(tests), strict=True
@@ -270,7 +269,7 @@ def ranks(values: Mapping[str, float | None]) -> dict[str, float | None]:
     return {name: ranked.get(name) for name in values}
 
 
-def rank_sets(names: Sequence[str], family: Sequence[Contrast]) -> dict[str, tuple[int, int]]:
+def rank_sets(names: Sequence[str], family: Sequence[SuccessContrast]) -> dict[str, tuple[int, int]]:
     """Return the highest and the lowest rank of each condition that simultaneous intervals leave open.
 
     A condition is below those that its contrasts show to be better, and above those that they show to be
@@ -280,12 +279,13 @@ def rank_sets(names: Sequence[str], family: Sequence[Contrast]) -> dict[str, tup
     """
     better, worse = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
     for contrast in family:
-        if contrast.first not in better or contrast.second not in better or contrast.simultaneous is None:
+        together = contrast.difference.simultaneous
+        if contrast.first not in better or contrast.second not in better or together.lower is None:
             continue
-        if contrast.simultaneous.lower > 0:
+        if together.lower > 0:
             better[contrast.first] += 1
             worse[contrast.second] += 1
-        elif contrast.simultaneous.upper < 0:
+        elif together.upper is not None and together.upper < 0:
             better[contrast.second] += 1
             worse[contrast.first] += 1
     return {name: (1 + better[name], len(names) - worse[name]) for name in names}

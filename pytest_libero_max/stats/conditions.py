@@ -12,14 +12,24 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from msgspec.structs import asdict
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
+from pytest_libero_max.stats.condition_blocks import (
+    ConditionContrast,
+    ConditionRate,
+    GroupInterval,
+    Mean,
+    SourceRate,
+)
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
+from pytest_libero_max.stats.measured import bootstrap_of, ends, number, rate_of
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
+from pytest_libero_max.stats.ratios import Ratio
 
 Differences = NDArray[np.int64]
 
@@ -77,9 +87,17 @@ class Conditions:
         """The sources there are, sorted."""
         return sorted(set(self.source.tolist()))
 
-    def rate(self, condition: str) -> MeanChange | None:
-        """Success rate with its exact source-stratified bootstrap interval; None without cases."""
-        return mean_change(self.successes[condition].astype(np.int64), self.source)
+    def rate(self, condition: str) -> ConditionRate:
+        """Success rate with the paper's source-stratified interval, and the same within each source."""
+        successes = self.successes[condition].astype(np.int64)
+        return ConditionRate(
+            **asdict(_rate(successes, mean_change(successes, self.source))),
+            by_source={
+                name: _rate(some, mean_change(some))
+                for name in self.sources
+                for some in [successes[self.source == name]]
+            },
+        )
 
     def difference(self, first: str, second: str) -> Differences:
         """(n,) success of the first condition less that of the second: -1, 0 or 1."""
@@ -91,57 +109,26 @@ class Conditions:
         return dict(sorted(counts.items(), key=lambda item: (-item[1], [not flag for flag in item[0]])))
 
 
-@dataclass(frozen=True)
-class GroupInterval:
-    """An interval of a mean difference that resamples groups of cases."""
-
-    groups: int
-    changed: int
-    """Number of them in which a case differs between the conditions."""
-    replicates: int
-    interval: Interval | None
-    """None where it cannot be decided: with fewer than :data:`.clusters.LEAST_TASKS` groups, or fewer than
-    :data:`.clusters.LEAST_CHANGED_TASKS` in which a case differs."""
-
-
-@dataclass(frozen=True)
-class MeanDifference:
-    """A mean difference of success over the same cases."""
-
-    interval: Interval | None
-    """Of two conditions the melded exact one, of a difference of differences that of
-    :func:`.bounded_mean.bounds`; None without cases."""
-    bootstrap: MeanChange | None
-    """The mean with the paper's interval, the exact source-stratified bootstrap; None without cases."""
-
-
-@dataclass(frozen=True)
-class Contrast(MeanDifference):
-    """A mean difference of success over the same cases, also within sources and over groups of cases."""
-
-    gains: int
-    """Cases in which only the first condition succeeds (or the difference is above 0)."""
-    losses: int
-    """Cases in which only the second does (or it is below 0)."""
-    by_source: Mapping[str, MeanDifference]
-    """The same mean within each source."""
-    by_groups: Mapping[str, GroupInterval]
-    """Intervals over groups of cases, by what was resampled: ``reference_tasks`` jointly across the sources,
-    ``source_tasks`` and ``configurations`` within each source."""
-
-
-def contrasts(conditions: Conditions, pairs: Sequence[tuple[str, str]]) -> tuple[Contrast, ...]:
+def contrasts(conditions: Conditions, pairs: Sequence[tuple[str, str]]) -> tuple[ConditionContrast, ...]:
     """For each pair, success in the first condition less success in the second."""
     columns = [conditions.difference(first, second) for first, second in pairs]
-    return _contrasts(conditions, columns, _exact)
+    return _contrasts(conditions, pairs, columns, _exact)
 
 
 def contrasts_of_contrasts(
-    conditions: Conditions, pairs: Sequence[tuple[tuple[str, str], tuple[str, str]]]
-) -> tuple[Contrast, ...]:
-    """For each pair of contrasts, the first difference less the second, over the same cases."""
+    conditions: Conditions,
+    pairs: Sequence[tuple[tuple[str, str], tuple[str, str]]],
+    names: Sequence[tuple[str, str]],
+) -> tuple[ConditionContrast, ...]:
+    """For each pair of contrasts, the first difference less the second, over the same cases.
+
+    Args:
+        conditions: The cases.
+        pairs: Pairs of contrasts.
+        names: What is compared in each.
+    """
     columns = [conditions.difference(*first) - conditions.difference(*second) for first, second in pairs]
-    return _contrasts(conditions, columns, partial(bounded_means, largest=2))
+    return _contrasts(conditions, names, columns, partial(bounded_means, largest=2))
 
 
 def _exact(columns: Sequence[Differences]) -> list[Interval | None]:
@@ -152,9 +139,10 @@ def _exact(columns: Sequence[Differences]) -> list[Interval | None]:
 
 def _contrasts(
     conditions: Conditions,
+    names: Sequence[tuple[str, str]],
     columns: Sequence[Differences],
     intervals_of: Callable[[Sequence[Differences]], list[Interval | None]],
-) -> tuple[Contrast, ...]:
+) -> tuple[ConditionContrast, ...]:
     source, task = conditions.source, conditions.task
     source_task = np.char.add(np.char.add(source, "|"), task)
     groups = {
@@ -166,19 +154,33 @@ def _contrasts(
         name: intervals_of([column[source == name] for column in columns]) for name in conditions.sources
     }
     return tuple(
-        Contrast(
-            interval=interval,
-            bootstrap=mean_change(column, source),
+        ConditionContrast(
+            first=first,
+            second=second,
             gains=int((column > 0).sum()),
             losses=int((column < 0).sum()),
+            **asdict(_mean(interval, mean_change(column, source))),
             by_source={
-                name: MeanDifference(intervals[place], mean_change(column[source == name]))
+                name: _mean(intervals[place], mean_change(column[source == name]))
                 for name, intervals in within.items()
             },
             by_groups={name: intervals[place] for name, intervals in groups.items()},
         )
-        for place, (column, interval) in enumerate(zip(columns, intervals_of(columns), strict=True))
+        for place, ((first, second), column, interval) in enumerate(
+            zip(names, columns, intervals_of(columns), strict=True)
+        )
     )
+
+
+def _rate(successes: Differences, bootstrap: MeanChange | None) -> SourceRate:
+    rate = rate_of(Ratio(int(successes.sum()), len(successes)))
+    return SourceRate(**asdict(rate), bootstrap=bootstrap_of(bootstrap))
+
+
+def _mean(interval: Interval | None, bootstrap: MeanChange | None) -> Mean:
+    lower, upper = ends(interval)
+    value = number(bootstrap.estimate if bootstrap else None)
+    return Mean(value=value, lower=lower, upper=upper, bootstrap=bootstrap_of(bootstrap))
 
 
 def _by_groups(
@@ -201,6 +203,12 @@ def _by_groups(
         for place, low, high in zip(decided, lower.tolist(), upper.tolist(), strict=True):
             intervals[place] = Interval(low, high)
     return [
-        GroupInterval(count, number, replicates, interval)
-        for number, interval in zip(changed, intervals, strict=True)
+        GroupInterval(
+            groups=count,
+            changed=number_changed,
+            replicates=replicates,
+            lower=ends(interval)[0],
+            upper=ends(interval)[1],
+        )
+        for number_changed, interval in zip(changed, intervals, strict=True)
     ]

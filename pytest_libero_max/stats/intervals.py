@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 
 CONFIDENCE = 0.95
 

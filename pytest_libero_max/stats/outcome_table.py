@@ -2,74 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.blocks import Outcomes
 
 BoolArray = NDArray[np.bool_]
 
-
-@dataclass(frozen=True)
-class Ratio:
-    """A count over a count; the value is None where the denominator is zero."""
-
-    count: int
-    of: int
-
-    @property
-    def value(self) -> float | None:
-        return self.count / self.of if self.of else None
-
-
-@dataclass(frozen=True)
-class Outcomes:
-    """Number of pairs that ended in each of the four ways, written (Base, Dynamic)."""
-
-    preserved_success: int
-    """(1, 1)."""
-    change_associated_success: int
-    """(0, 1)."""
-    regression: int
-    """(1, 0)."""
-    persistent_failure: int
-    """(0, 0)."""
-
-    @property
-    def total(self) -> int:
-        return (
-            self.preserved_success
-            + self.change_associated_success
-            + self.regression
-            + self.persistent_failure
-        )
-
-    @property
-    def base(self) -> Ratio:
-        """Base success rate over all pairs."""
-        return Ratio(self.preserved_success + self.regression, self.total)
-
-    @property
-    def dynamic(self) -> Ratio:
-        """Dynamic success rate over all pairs."""
-        return Ratio(self.preserved_success + self.change_associated_success, self.total)
-
-    @property
-    def change(self) -> Ratio:
-        """Paired change, the mean of (Dynamic - Base): (gained - regressed) / N. Negative for a loss."""
-        return Ratio(self.change_associated_success - self.regression, self.total)
-
-    @property
-    def conditional_regression(self) -> Ratio:
-        """Share of the Base successes that fail in Dynamic."""
-        return Ratio(self.regression, self.base.count)
-
-    @property
-    def retained(self) -> Ratio:
-        """Dynamic successes over Base successes, newly solved cases included; may exceed 1."""
-        return Ratio(self.dynamic.count, self.base.count)
+FLOOR_BASE_RATE = 0.2
+"""Below this Base success rate a small change does not show a successful response (the paper's limit)."""
 
 
 def tabulate(base: ArrayLike, dynamic: ArrayLike) -> Outcomes:
@@ -106,3 +48,9 @@ def boolean(values: ArrayLike, name: str) -> BoolArray:
             f"{name} has shape {array.shape} and type {array.dtype}, but must be a list of true and false."
         )
     return array
+
+
+def at_floor(outcomes: Outcomes) -> bool | None:
+    """Return True if Base success leaves too little room to fall; None without pairs."""
+    rate = outcomes.base.value
+    return None if rate is None else rate < FLOOR_BASE_RATE

@@ -6,15 +6,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec.structs import asdict
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.clusters import TaskInterval, task_interval
-from pytest_libero_max.stats.exposure import Exposure, expose
-from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson, mean_change
-from pytest_libero_max.stats.outcome_table import BoolArray, Outcomes, Ratio, boolean, tabulate
+from pytest_libero_max.stats.blocks import (
+    Bootstraps,
+    Change,
+    GivenResponse,
+    McNemar,
+    Outcomes,
+    RatesByTask,
+    Result,
+    TaskInterval,
+)
+from pytest_libero_max.stats.clusters import task_interval
+from pytest_libero_max.stats.exposure import expose
+from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
+from pytest_libero_max.stats.measured import (
+    bootstrap_of,
+    interval_by_task,
+    mean_difference_of,
+    number,
+    rate_of,
+    ratio_of,
+)
+from pytest_libero_max.stats.outcome_table import BoolArray, at_floor, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
-from pytest_libero_max.stats.significance import McNemar, mcnemar
+from pytest_libero_max.stats.ratios import Ratio
+from pytest_libero_max.stats.significance import mcnemar
 
 _SHARE = (0.0, 1.0)
 
@@ -96,73 +116,82 @@ class Pairs:
         return Pairs(**{name: column[mask] for name, column in vars(self).items()})
 
 
-@dataclass(frozen=True)
-class PairedResult:
-    """Everything reported about one set of pairs; rates are over all of them unless said otherwise."""
+def measure(pairs: Pairs, planned: int | None = None) -> Result:
+    """Compute the result of a set of pairs; every value without a denominator is None.
 
-    outcomes: Outcomes
-    """The four counts, with all ratios that follow from them."""
-    change: Interval | None
-    """Interval of the paired change for independent pairs: exact, and never without a width."""
-    change_by_task: TaskInterval
-    """The same for statements about other tasks."""
-    base_by_task: TaskInterval
-    """Interval of the Base success rate for statements about other tasks."""
-    dynamic_by_task: TaskInterval
-    """The same of the Dynamic success rate."""
-    lost_by_task: TaskInterval
-    """The same of the share of Base successes lost."""
-    bootstrap: MeanChange | None
-    """The paper's interval of the paired change, resampling all pairs alike."""
-    bootstrap_by_source: MeanChange | None
-    """The paper's interval, resampling within each source."""
-    mcnemar: McNemar
-    """Exact test of (1, 0) against (0, 1)."""
-    trigger_coverage: Ratio
-    """Pairs whose event fired, of all."""
-    response_coverage: Ratio
-    """Pairs with a query after the event, of all."""
-    exposure: Exposure
-    given_response: Outcomes
-    """The four counts among the pairs with a query after the event: a diagnostic that must never be mixed
-    with the full-denominator outcomes."""
+    Args:
+        pairs: The measured pairs.
+        planned: Number of planned ones; by default those that are measured.
+    """
+    return measure_groups([pairs], None if planned is None else [planned])[0]
 
 
-def measure(pairs: Pairs) -> PairedResult:
-    """Compute the result of a set of pairs; every value without a denominator is None."""
-    return measure_groups([pairs])[0]
-
-
-def measure_groups(groups: Sequence[Pairs]) -> list[PairedResult]:
+def measure_groups(groups: Sequence[Pairs], planned: Sequence[int] | None = None) -> list[Result]:
     """:func:`measure` for several sets of pairs, whose exact intervals are computed together."""
     outcomes = [tabulate(pairs.base, pairs.dynamic) for pairs in groups]
     changes = paired_differences(
         [(cell.regression, cell.change_associated_success, cell.total) for cell in outcomes]
     )
-    return [_result(*parts) for parts in zip(groups, outcomes, changes, strict=True)]
+    counts = [len(pairs) for pairs in groups] if planned is None else planned
+    return [_result(*parts) for parts in zip(groups, outcomes, changes, counts, strict=True)]
 
 
-def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None) -> PairedResult:
-    differences = pairs.dynamic.astype(np.int64) - pairs.base
+def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None, planned: int) -> Result:
     triggered = Ratio(int(pairs.triggered.sum()), len(pairs))
     responded = Ratio(int(pairs.responded.sum()), len(pairs))
-    base, dynamic, lost = map(
-        clopper_pearson, (outcomes.base, outcomes.dynamic, outcomes.conditional_regression)
-    )
-    return PairedResult(
-        outcomes=outcomes,
-        change=change,
-        change_by_task=task_interval(differences, pairs.task, change),
-        base_by_task=task_interval(pairs.base, pairs.task, base, bounds=_SHARE),
-        dynamic_by_task=task_interval(pairs.dynamic, pairs.task, dynamic, bounds=_SHARE),
-        lost_by_task=task_interval(
-            pairs.base & ~pairs.dynamic, pairs.task, lost, of=pairs.base, bounds=_SHARE
+    test = mcnemar(outcomes.regression, outcomes.change_associated_success)
+    given = tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded])
+    return Result(
+        planned=planned,
+        played=outcomes.total,
+        base_success=rate_of(outcomes.base),
+        dynamic_success=rate_of(outcomes.dynamic),
+        paired_change=_change(pairs, outcomes, change),
+        by_task=RatesByTask(
+            base_success=_rate_by_task(pairs, pairs.base, outcomes.base),
+            dynamic_success=_rate_by_task(pairs, pairs.dynamic, outcomes.dynamic),
+            conditional_regression=_rate_by_task(
+                pairs, pairs.base & ~pairs.dynamic, outcomes.conditional_regression, of=pairs.base
+            ),
         ),
-        bootstrap=mean_change(differences),
-        bootstrap_by_source=mean_change(differences, pairs.source),
-        mcnemar=mcnemar(outcomes.regression, outcomes.change_associated_success),
-        trigger_coverage=triggered,
-        response_coverage=responded,
-        exposure=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
-        given_response=tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded]),
+        outcomes=outcomes,
+        conditional_regression=rate_of(outcomes.conditional_regression),
+        retained=ratio_of(outcomes.retained),
+        mcnemar=McNemar(
+            regressions=test.losses,
+            gains=test.gains,
+            p_value=number(test.p_value if outcomes.total else None),
+            log10_p_value=number(test.log10_p if outcomes.total else None),
+        ),
+        trigger_coverage=rate_of(triggered),
+        response_coverage=rate_of(responded),
+        stale_actions=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
+        given_response=GivenResponse(
+            base_success=ratio_of(given.base),
+            dynamic_success=ratio_of(given.dynamic),
+            paired_change=ratio_of(given.change),
+            outcomes=given,
+        ),
+        floor=at_floor(outcomes),
     )
+
+
+def _change(pairs: Pairs, outcomes: Outcomes, interval: Interval | None) -> Change:
+    """Return the paired change: exact interval, the one clustered by task, and the paper's two bootstraps."""
+    differences = pairs.dynamic.astype(np.int64) - pairs.base
+    change = mean_difference_of(outcomes.change, interval)
+    return Change(
+        **asdict(change),
+        by_task=TaskInterval(
+            **asdict(interval_by_task(task_interval(differences, pairs.task, interval))), value=change.value
+        ),
+        bootstrap=Bootstraps(
+            **asdict(bootstrap_of(mean_change(differences))),
+            by_source=bootstrap_of(mean_change(differences, pairs.source)),
+        ),
+    )
+
+
+def _rate_by_task(pairs: Pairs, hits: BoolArray, rate: Ratio, of: BoolArray | None = None) -> TaskInterval:
+    interval = task_interval(hits, pairs.task, clopper_pearson(rate), of=of, bounds=_SHARE)
+    return TaskInterval(**asdict(interval_by_task(interval)), value=number(rate.value))

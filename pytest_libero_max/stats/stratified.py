@@ -12,7 +12,7 @@ from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 
 _PRECISION = 1e-7
 """Precision of a bound."""

@@ -10,8 +10,8 @@ from scipy import special
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.power import ALPHA, MOST_PAIRS, fewest
+from pytest_libero_max.stats.ratios import Ratio
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(80)
 _FAR = 1e-13

@@ -31,8 +31,7 @@ class CadenceSweep(Sweep[Cadence]):
 
     name = "cadence"
     title = "Query cadence"
-    option = "cadence"
-    example = "2,4,8 (Q), or --libero-max-cadence=2/2,4/4,8/8 (H/Q)"
+    example = "2,4,8 (Q), or --libero-max-study=cadence:2/2,4/4,8/8 (H/Q)"
     form = re.compile(r"(?:([1-9][0-9]{0,3})/)?([1-9][0-9]{0,3})")
     expected = "Q or H/Q, several with commas, for example 2,4,8 or 2/2,4/4,8/8"
 

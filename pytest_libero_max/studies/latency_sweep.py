@@ -29,7 +29,6 @@ class LatencySweep(Sweep[Latency]):
 
     name = "latency"
     title = "Latency"
-    option = "delays"
     example = "1,2,4,8 (control steps)"
     form = re.compile(r"([1-9][0-9]{0,2})(sync)?")
     expected = f"steps from 1 to {MOST_STEPS}, several with commas, for example 1,2,4,8 or 4,4sync"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import inspect
 import re
-from collections.abc import Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -27,11 +26,6 @@ _OWN = MappingProxyType(
         "latency": "latency_sweep:LatencySweep",
     }
 )
-
-SETTINGS_OPTIONS: Mapping[str, str] = MappingProxyType(
-    {"cadence": "cadence", "latency": "delays", "repeats": "repeats"}
-)
-"""By study the option that holds its settings, without ``--libero-max-``."""
 
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
 

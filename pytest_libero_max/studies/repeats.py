@@ -37,7 +37,6 @@ class Repeats(Study):
     name = "repeats"
     title = "Repeats with other policy seeds"
     track = "smoke"
-    option = "repeats"
     example = str(PLAYS)
 
     def __init__(self, plays: int = PLAYS) -> None:
@@ -56,7 +55,7 @@ class Repeats(Study):
             return cls()
         if not settings.isdecimal() or int(settings) < LEAST_PLAYS:
             rule = f", but expected an integer of at least {LEAST_PLAYS}, the plays of each case."
-            raise OptionError.seen(f"--libero-max-{cls.option}", settings, rule)
+            raise OptionError.seen("--libero-max-study=repeats", settings, rule)
         return cls(int(settings))
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:

@@ -31,10 +31,8 @@ class Study(ABC):
     """Effect of the event of its cases, in words that follow "whose event"."""
     scales: ClassVar[bool] = False
     """True if the study itself sets strengths, so that a run cannot set one as well."""
-    option: ClassVar[str | None] = None
-    """The option that holds its settings, without ``--libero-max-``; None if it has none."""
     example: ClassVar[str] = ""
-    """Settings, as they are given on the command line."""
+    """Settings, as they are given behind its name: ``--libero-max-study=NAME:SETTINGS``."""
 
     @classmethod
     def of(cls, settings: str | None) -> Self:

@@ -57,13 +57,13 @@ class Sweep(Study, Generic[Setting]):
         """
         if settings is None:
             raise OptionError(
-                f"The study {cls.name} needs its settings. Add --libero-max-{cls.option}={cls.example}."
+                f"The study {cls.name} needs its settings: --libero-max-study={cls.name}:{cls.example}."
             )
         found = []
         for part in settings.split(","):
             match = cls.form.fullmatch(part.strip())
             if match is None:
-                flag = f"--libero-max-{cls.option}"
+                flag = f"--libero-max-study={cls.name}"
                 raise OptionError.seen(flag, settings, f", but expected {cls.expected}.")
             found.append(cls.read(match))
         return cls(found)

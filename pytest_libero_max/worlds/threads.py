@@ -7,6 +7,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -46,13 +47,30 @@ def use_one_blas_thread() -> None:
             _call(library, "set_num_threads", None, 1)
 
 
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Keep the BLAS of NumPy and SciPy to one thread in the block, as :func:`use_one_blas_thread` does."""
+    import numpy.linalg  # noqa: F401
+    import scipy.linalg  # noqa: F401
+
+    before, threads = os.environ.get(_VARIABLE), [(library, _threads(library)) for _, library in _loaded()]
+    use_one_blas_thread()
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(_VARIABLE, None)
+        for library, number in threads:
+            _call(library, "set_num_threads", None, number)
+
+
 def loaded_blas() -> tuple[Blas, ...]:
     """Return the OpenBLAS libraries of this process, by package; none where NumPy uses another library."""
     return tuple(
         Blas(
             package,
             _call(library, "get_corename", ctypes.c_char_p).decode(),
-            int(_call(library, "get_num_threads", ctypes.c_int)),
+            _threads(library),
         )
         for package, library in _loaded()
     )
@@ -80,6 +98,10 @@ def _loaded() -> Iterator[tuple[str, ctypes.CDLL]]:
         library = ctypes.CDLL(str(path))
         if _function(library, "set_num_threads") is not None:
             yield package, library
+
+
+def _threads(library: ctypes.CDLL) -> int:
+    return int(_call(library, "get_num_threads", ctypes.c_int))
 
 
 def _files() -> list[Path]:

@@ -85,11 +85,11 @@ def test_its_probe_is_read_in_every_arm_and_changes_nothing_else(
             assert seen["contact_timeline"]["step"][0] == 0
             assert arm == one["arms"][name]
     _, report = results("probed")
-    means = report["sections"]["Probes: means over pairs"]
+    means = {key: column["mean"] for key, column in report["overall"]["probes"].items()}
     assert means == {
-        f"fastest_move.way_m, {name}": pytest.approx(sum(seen) / len(seen)) for name, seen in ways.items()
+        f"fastest_move.way_m.{name}": pytest.approx(sum(seen) / len(seen)) for name, seen in ways.items()
     }
-    assert "| fastest_move.way_m, base |" in (installed.path / "probed" / "report.md").read_text()
+    assert "| fastest_move.way_m.base |" in (installed.path / "probed" / "report.md").read_text()
     wrong = installed.runpytest_subprocess(*how, "--libero-max-probe=fastest")
     assert wrong.ret == pytest.ExitCode.USAGE_ERROR
     wrong.stderr.fnmatch_lines(

@@ -164,7 +164,7 @@ def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:
         "-n0",
         "--libero-max-isolate",
         "--libero-max-retries=0",
-        "--libero-max-query-timeout=3",
+        "--libero-max-timeout=query:3",
         "--libero-max-memory=4",
         camera_shift__v0="leave",
         camera_shift__v1="hang_in_native_code",
@@ -177,7 +177,7 @@ def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:
         "illumination_switch-v0": "MemoryLimitError",
     }
     assert "ended itself with exit status 3 in a query of the policy" in errors["camera_shift-v0"][1]
-    hung = "a query of the policy took longer than --libero-max-query-timeout=3 allows (faulty.py, line "
+    hung = "a query of the policy took longer than --libero-max-timeout=query:3 allows (faulty.py, line "
     assert errors["camera_shift-v1"][1].startswith(hung)
     assert "in hang_in_native_code" in errors["camera_shift-v1"][1]
     assert "more than 4.0 GiB of memory" in errors["illumination_switch-v0"][1]
@@ -186,11 +186,11 @@ def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:
 
 
 def test_the_session_s_own_process_records_a_hung_pair_and_stops(faulty: Any, results: Results) -> None:
-    result = faulty("-n0", "--libero-max-query-timeout=3", camera_shift__v1="sleep")
+    result = faulty("-n0", "--libero-max-timeout=query:3", camera_shift__v1="sleep")
     ((name, (kind, message)),) = _errors(results).items()
     assert (name, kind) == ("camera_shift-v1", "TimeLimitError")
     assert message.startswith(
-        "a query of the policy took longer than --libero-max-query-timeout=3 allows (faulty.py, line "
+        "a query of the policy took longer than --libero-max-timeout=query:3 allows (faulty.py, line "
     )
     assert result.ret == 11
     result.stdout.fnmatch_lines(

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
+from pytest_libero_max.evaluation.player import AGAIN_AFTER
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.plugin.run_pair import AGAIN_AFTER
 from tests.plugin.conftest import REACHER, tiny_manifest
 
 REMEMBERING = REACHER.replace("        pass", "        self.suites.add(episode.suite)")

@@ -225,7 +225,7 @@ def pytest_collection_modifyitems(items):
     "a query that is too slow": Way(
         11,
         policy="import time; time.sleep(60)",
-        arguments=(*ASKED, "--libero-max-query-timeout=0.1"),
+        arguments=(*ASKED, "--libero-max-timeout=query:0.1"),
         workers=True,
         subprocess=True,
     ),

@@ -169,7 +169,7 @@ def test_the_tables_of_pytest_9_have_values_of_their_own_types(project: pytest.P
             libero_max_substrate = "tiny"
             libero_max_limit = 1
             libero_max_strength = 1.0
-            libero_max_query_timeout = 60
+            libero_max_timeout = 'query:60'
             libero_max_retries = 0
             libero_max_isolate = false
             libero_max_only_installed = false

@@ -152,8 +152,7 @@ def test_the_chunk_that_came_back_and_the_times_of_queries_are_kept(
             "-k",
             "distractor_burst",
             "--libero-max-horizon=6",
-            "--libero-max-study=cadence",
-            "--libero-max-cadence=2/2",
+            "--libero-max-study=cadence:2/2",
             policy=f"openpi://127.0.0.1:{port}",
         )
     pairs, report = results()

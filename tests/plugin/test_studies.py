@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.plugin.options import OPTIONS
+from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.studies.registry import STUDIES
 from tests.plugin.conftest import REACHER, tiny_manifest
 
@@ -29,7 +29,7 @@ def test_a_strength_is_in_the_header_the_records_and_the_report(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
     done = run(*CAMERA, "--libero-max-strength=0.5")
-    done.stdout.fnmatch_lines(["*, events at strength 0.5", "*, events at strength 0.5:*"])
+    done.stdout.fnmatch_lines(["*, strength 0.5", "*, strength 0.5:*"])
     assert header(pytester)["strength"] == 0.5
     records, report = results()
     assert {record["fingerprints"]["strength"] for record in records} == {"0.5"}
@@ -101,7 +101,7 @@ def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     shaking = "+ np.random.default_rng(query.seed).normal(0, 0.001, 3)"
     pytester.makepyfile(adapter=REACHER.replace("/ 0.05, -1, 1)", f"/ 0.05, -1, 1) {shaking}"))
-    study = ("--libero-max-repeats=4",)
+    study = ("--libero-max-study=repeats:4",)
     for shard in ("1/2", "2/2"):
         run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
     assert main(["shards", "merge", "part1", "part2", "--output", "joined"]) == 0
@@ -124,7 +124,7 @@ def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
 
 
 def test_the_cadence_study_plays_its_settings(run: Run, results: Results, pytester: pytest.Pytester) -> None:
-    done = run("--libero-max-limit=2", "--libero-max-study=cadence", "--libero-max-cadence=8,2,4")
+    done = run("--libero-max-limit=2", "--libero-max-study=cadence:8,2,4")
     done.assert_outcomes(passed=2)
     done.stdout.fnmatch_lines(["Study: Query cadence", "H=8 Q=2 *", "H=8 Q=4 (own) *", "H=8 Q=8 *"])
     records, report = results()
@@ -192,7 +192,7 @@ def test_recorded_delays_are_written_out_so_that_they_can_be_played_again(
 
 
 def test_the_latency_study_plays_its_delays(run: Run, results: Results, pytester: pytest.Pytester) -> None:
-    done = run("--libero-max-limit=2", "--libero-max-study=latency", "--libero-max-delays=8,2,2sync")
+    done = run("--libero-max-limit=2", "--libero-max-study=latency:8,2,2sync")
     done.assert_outcomes(passed=2)
     done.stdout.fnmatch_lines(
         ["Study: Latency", "d=0 (0 ms) *", "d=2 (100 ms) *", "d=2 (100 ms) sync *", "d=8 (400 ms) *"]
@@ -217,7 +217,7 @@ def test_the_latency_study_plays_its_delays(run: Run, results: Results, pytester
 
 
 def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
-    done = run("--libero-max-study=cadence", "--libero-max-cadence=2,16")
+    done = run("--libero-max-study=cadence:2,16")
     done.assert_outcomes(errors=1)
     done.stdout.fnmatch_lines(["*query_interval=16 > horizon=8 (its own) of policy 'reacher'*"])
 
@@ -228,18 +228,17 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
         (("--libero-max-strength=1.5",), "*--libero-max-strength='1.5': expected a number from 0 to 1*"),
         (("--libero-max-strength=nan",), "*expected a number from 0 to 1*"),
         (("--libero-max-study=camera",), "*unknown value. Did you mean*camera-timing*"),
-        (("--libero-max-study=cadence",), "*Add --libero-max-cadence=2,4,8*"),
-        (("--libero-max-study=camera-timing", "--libero-max-cadence=2"), "*is for the study cadence*"),
-        (("--libero-max-study=cadence", "--libero-max-cadence=4/8"), "*Q=8 > H=4*"),
-        (("--libero-max-study=latency",), "*Add --libero-max-delays=1,2,4,8*"),
-        (("--libero-max-delays=2", "--libero-max-repeats=2"), "*the study is latency*"),
-        (("--libero-max-repeats=1",), "*expected an integer of at least 2*"),
-        (("--libero-max-repeats=3", "--libero-max-study=camera-timing"), "*the study is camera-timing*"),
-        (("--libero-max-study=cadence", "--libero-max-delays=2"), "*is for the study latency*"),
-        (("--libero-max-study=latency", "--libero-max-delays=0,2"), "*expected steps from 1 to 999*"),
-        (("--libero-max-study=latency", "--libero-max-delays=2,2"), "*at least one, each once*"),
+        (("--libero-max-study=cadence",), "*--libero-max-study=cadence:2,4,8*"),
+        (("--libero-max-study=camera-timing:2",), "*the study camera-timing has none*"),
+        (("--libero-max-study=cadence:4/8",), "*Q=8 > H=4*"),
+        (("--libero-max-study=latency",), "*--libero-max-study=latency:1,2,4,8*"),
+        (("--libero-max-study=repeats:1",), "*expected an integer of at least 2*"),
+        (("--libero-max-cadence=2",), "*It is spelled --libero-max-study=cadence:SETTINGS.*"),
+        (("-o", "libero_max_delays=2"), "*It is spelled --libero-max-study=latency:SETTINGS.*"),
+        (("--libero-max-study=latency:0,2",), "*expected steps from 1 to 999*"),
+        (("--libero-max-study=latency:2,2",), "*at least one, each once*"),
         (
-            ("--libero-max-study=latency", "--libero-max-delays=2", "--libero-max-latency=1steps"),
+            ("--libero-max-study=latency:2", "--libero-max-latency=1steps"),
             "*plays delays of its own*",
         ),
         (
@@ -266,12 +265,11 @@ def test_a_camera_study_refuses_cases_with_other_events(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("study", "track"), [("camera-timing", "camera"), ("cadence", "lite"), ("latency", "lite")]
+    ("study", "track"), [("camera-timing", "camera"), ("cadence:2", "lite"), ("latency:2", "lite")]
 )
 def test_a_study_has_a_track_of_its_own(pytester: pytest.Pytester, study: str, track: str) -> None:
     pytester.makepyfile(adapter=REACHER)
     flags = ["--libero-max-policy=adapter.py", f"--libero-max-study={study}", "--collect-only", "-q"]
-    flags += {"cadence": ["--libero-max-cadence=2"], "latency": ["--libero-max-delays=2"]}.get(study, [])
     own = pytester.runpytest_inprocess(*flags, "--libero-max-limit=2", "-v")
     own.stdout.fnmatch_lines([f"*track {track} *"])
     named = pytester.runpytest_inprocess(*flags, "--libero-max-track=smoke", "--libero-max-limit=2", "-v")

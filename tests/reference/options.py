@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import inspect
 from types import ModuleType
+from typing import get_args
 
+from pytest_libero_max.evaluation.settings import OPTIONS, Group, Option
 from pytest_libero_max.plugin import hooks, hookspec, ray
-from pytest_libero_max.plugin.options import OPTIONS, Option
 from pytest_libero_max.report import exit_status
 from pytest_libero_max.runs import progress
 from tests.reference.docstrings import constants, description
@@ -23,13 +24,7 @@ def test_few_actions_are_stale(libero_max_case, libero_max_prefix, libero_max_in
 
 def page() -> str:
     """The text."""
-    options = table(
-        ("Option", "ini key", "Default", "Meaning"),
-        (
-            (code(_usage(option)), code(option.key), _default(option), one_line(option.help))
-            for option in OPTIONS
-        ),
-    )
+    options = "\n\n".join(f"### {group.capitalize()}\n\n{_options(group)}" for group in get_args(Group))
     fixtures = "\n\n".join(
         _fixture(name)
         for name in ("libero_max_case", *sorted(hooks.__all__))
@@ -98,6 +93,17 @@ Those of pytest, and two of our own.
 
 {statuses}
 """
+
+
+def _options(group: str) -> str:
+    return table(
+        ("Option", "ini key", "Default", "Meaning"),
+        (
+            (code(_usage(option)), code(option.key), _default(option), one_line(option.help))
+            for option in OPTIONS
+            if option.group == group
+        ),
+    )
 
 
 def _without_summary(module: ModuleType) -> str:

@@ -7,10 +7,10 @@ from typing import Any
 
 from pytest_libero_max import report
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report import diagnosis, gates
-from pytest_libero_max.report.columns import COLUMNS
+from pytest_libero_max.report import diagnosis, gate_quantities, gates, monitors
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.quantities import QUANTITIES
 from pytest_libero_max.report.report_document import Report
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, one_line, prose, table
@@ -51,6 +51,16 @@ def page() -> str:
 These can be decided in an incomplete run. `invalid` and `missing` are of the whole run only.
 
 {_counts(schema)}
+
+### Numbers of sections
+
+Those of the probe `safety`, of times and of repeats are of the whole run. Each has the ends of its interval,
+where it has one, as `.lower` and `.upper`. Those of a monitor are called `monitor.NAME.KEY`, with the keys
+{", ".join(code(key) for key in monitors.ROWS)}.
+A column of any probe is `PROBE.COLUMN`, its mean over the pairs in Dynamic, or `PROBE.COLUMN.ARM`; with
+`.largest` it is the largest value of a pair.
+
+{_measured()}
 
 ### Against another run
 
@@ -97,8 +107,16 @@ def _defined(schema: Json) -> dict[str, Json]:
 def _counts(schema: Json) -> str:
     described = schema["$defs"]["PairCounts"]["properties"]
     return table(
-        ("Quantity", "Meaning"), ((code(name), described[name]["description"]) for name in gates.COUNTS)
+        ("Quantity", "Meaning"),
+        ((code(name), described[name]["description"]) for name in gate_quantities.COUNTS),
     )
+
+
+def _measured() -> str:
+    rows = (
+        (code(one.key), one.title.removeprefix("... "), one.unit) for one in gate_quantities.MEASURED.values()
+    )
+    return table(("Quantity", "Meaning", "Unit"), rows)
 
 
 def _versus(comparison: Json) -> str:
@@ -136,7 +154,7 @@ def _quantities() -> str:
             "yes" if column.format.has_interval else "",
             code(_place(column.value)),
         )
-        for column in COLUMNS
+        for column in QUANTITIES
         if column.gate is not None
     ]
     return table(("Quantity", "Meaning", "Interval", "Place in a row of the report"), rows)

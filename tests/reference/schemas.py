@@ -12,12 +12,13 @@ import msgspec
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import LARGEST
-from pytest_libero_max.report import blocks, report_document
+from pytest_libero_max.report import report_document
 from pytest_libero_max.report.comparison import comparison_document
 from pytest_libero_max.report.studies import study_document
+from pytest_libero_max.stats import blocks, condition_blocks
 from tests.reference.docstrings import description, section, summary
 
-_DOCUMENTS = (blocks, report_document, study_document, comparison_document)
+_DOCUMENTS = (blocks, condition_blocks, report_document, study_document, comparison_document)
 """The modules with the structs of reports and comparisons."""
 
 _COMMON = {"line": "Kind of the line.", "schema_version": "Version of the form of this document."}
@@ -72,7 +73,8 @@ def _describe(node: Json, cls: type[Any]) -> None:
         name: text for base in reversed(cls.__mro__) for name, text in section(base, "Attributes").items()
     }
     node["description"] = json_words(summary(cls))
-    node["required"] = list(node["properties"])
+    if not cls.__struct_config__.omit_defaults:  # otherwise those without a default alone are always there
+        node["required"] = list(node["properties"])
     for name, field in node["properties"].items():
         field.pop("default", None)
         field["description"] = json_words(words[name])

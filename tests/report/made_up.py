@@ -20,10 +20,10 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
-from pytest_libero_max.report.blocks import Block
 from pytest_libero_max.report.report_document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PairStore
+from pytest_libero_max.stats.blocks import Block
 
 POLICY: Json = {
     "name": "scripted",

@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin.junit_file import gate_case
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
-from pytest_libero_max.report.comparison.compare_text import comparison_warnings
+from pytest_libero_max.report.comparison.comparison_sections import comparison_warnings
 from pytest_libero_max.report.gate_results import decide, require_usable
 from pytest_libero_max.report.gates import GateResult, parse_gate, parse_gates
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, parse_rule

@@ -10,8 +10,8 @@ from pytest_libero_max.report.gate_plan import chance_of_passing, useful_sizes
 from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, Gate, meets, parse_gate
 from pytest_libero_max.stats.gate_power import Chances
 from pytest_libero_max.stats.intervals import clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 from tests.report.gate_table import GATES, PAGE, TRACKS, row
 
 INTERVAL = cache(paired_difference)

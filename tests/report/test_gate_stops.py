@@ -13,7 +13,6 @@ from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.columns import COLUMNS
 from pytest_libero_max.report.gate_bounds import (
     BOUNDED,
     Ending,
@@ -24,6 +23,7 @@ from pytest_libero_max.report.gate_bounds import (
 )
 from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import Gate, evaluate_gate, parse_gate, parse_gates
+from pytest_libero_max.report.quantities import QUANTITIES
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, Declared, parse_rule
 from pytest_libero_max.report.writers.markdown import markdown
@@ -100,7 +100,7 @@ def test_an_ending_has_the_verdicts_of_its_report(seed: int) -> None:
 def test_every_bounded_quantity_is_tried() -> None:
     tried = {gate.name for gate in parse_gates(GATES)}
     assert tried == set(BOUNDED)
-    assert tried < {column.gate or column.key for column in COLUMNS}
+    assert tried < {column.gate or column.key for column in QUANTITIES}
 
 
 @pytest.mark.parametrize("text", GATES)
@@ -230,7 +230,7 @@ def test_a_run_that_a_rule_stopped_has_no_interval_of_a_fixed_number_of_pairs(ru
     gates = [] if rule != "certain" else ["delta >= -10%"]
     _, report, _ = stored_run(rule, gates, outcomes, 16)
     for row in (report.overall, *report.by["event"].values()):
-        for column in COLUMNS:
+        for column in QUANTITIES:
             numbers = column.numbers(row)
             assert {name for name, value in numbers.items() if value is not None} <= {
                 name for name in numbers if not name.endswith(("_lower", "_upper")) and "p_value" not in name

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.report.blocks import Interval
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.comparison.comparison_document import SuccessContrast, SuccessDifference
+from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gate_reach import (
     EXACT,
     extremes,
@@ -23,7 +22,6 @@ from pytest_libero_max.report.gate_reach import (
 )
 from pytest_libero_max.report.gates import (
     OPERATORS,
-    QUANTITIES,
     Gate,
     evaluate_gate,
     parse_gate,
@@ -31,6 +29,7 @@ from pytest_libero_max.report.gates import (
     require_known_groups,
 )
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.blocks import Interval, SuccessContrast, SuccessDifference
 from pytest_libero_max.stats.paired import Pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, selected
 
@@ -493,7 +492,7 @@ def test_a_gate_against_a_run_that_leaves_nothing_to_decide_is_refused(
 
 EXTREME = [
     (name, end)
-    for name, column in QUANTITIES.items()
+    for name, column in GATED.items()
     for end in ((None, "lower", "upper") if column.format.has_interval else (None,))
     if name in EXACT
 ]

@@ -7,7 +7,7 @@ from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.highlights import highlight_rows
-from pytest_libero_max.report.writers.tables import csv_text
+from pytest_libero_max.report.run_tables import csv_text
 from pytest_libero_max.runs.plan import PlannedPair
 from tests.report.made_up import PROVENANCE, plain, plan, record_of
 

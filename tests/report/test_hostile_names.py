@@ -20,10 +20,10 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown
 from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.run_tables import latex_text
 from pytest_libero_max.report.writers.figures import FIGURES
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import run_page
-from pytest_libero_max.report.writers.tables import latex_text
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun

@@ -12,7 +12,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_html import comparison_html
-from pytest_libero_max.report.comparison.compare_text import comparison_lines
+from pytest_libero_max.report.comparison.comparison_sections import comparison_lines
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
 from pytest_libero_max.report.page.report_page import html
@@ -134,8 +134,8 @@ def test_partial_runs_of_the_same_suites_are_compared_with_each_other() -> None:
 def test_every_writer_lists_partial_runs_apart() -> None:
     comparison = compare_runs({"one": _run(True), "partial": _run(False), "two": _two()})
     lines = comparison_lines(comparison)
-    start = next(index for index, line in enumerate(lines) if line.startswith("Listed apart"))
-    assert [line.split() for line in lines[start + 4 : start + 7]] == [
+    start = lines.index("Runs apart")
+    assert [line.split() for line in lines[start + 2 : start + 5]] == [
         ["libero_object", "unsupported", "n/a", "n/a", "n/a"],
         ["libero_spatial", "32", "100.0%", "75.0%", "-25.0", "[-43.4,", "-5.1]"],
         ["all", "supported", "32", "100.0%", "75.0%", "-25.0", "[-43.4,", "-5.1]"],

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.measures import section_rows
 from pytest_libero_max.report.repeats import NOTE, TITLE, repeats_section
 from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import PROVENANCE, plan, record_of
@@ -29,7 +30,8 @@ def repeated(number: int, *ends: tuple[bool, bool], alike: bool = False) -> Pair
 
 
 def rows(records: list[PairRecord], **options: Any) -> dict[str, Any]:
-    return repeats_section(records, [PAIRS[n].task for n in range(len(records))], **options)[TITLE]
+    section = repeats_section(records, [PAIRS[n].task for n in range(len(records))], **options)
+    return dict(section_rows(section[TITLE]))
 
 
 KEPT, LOST, GAINED, FAILED = (True, True), (True, False), (False, True), (False, False)
@@ -40,27 +42,27 @@ def test_a_case_is_one_unit_with_a_probability_of_a_regression() -> None:
         [repeated(0, LOST, KEPT, LOST), repeated(1, KEPT, KEPT, KEPT), repeated(2, FAILED, GAINED, KEPT)]
     )
     assert (table["Cases"], table["Plays of each"]) == (3, 3)
-    assert table["Paired change, mean over plays"] == "-11.1 pp"
-    assert table["... its interval, by case"] == "n/a: 2 of 10 needed cases change"
+    assert table["Paired change, mean over plays"] == "-11.1 pp [n/a: 2 of 10 needed cases change]"
     assert table["Probability of a regression, mean over cases"] == "22.2%"
     assert table[f"... {PAIRS[0].item_id}"] == "2/3 plays"
     assert f"... {PAIRS[2].item_id}" not in table
-    assert table["Base and Dynamic end differently"] == "33.3% of plays"
+    assert table["Plays of which Base and Dynamic end differently"] == "33.3%"
     assert table["... beyond what seeds alone make"] == "+11.1 pp"  # (2 / 6 + 0 + 0) / 3
 
 
 def test_more_plays_of_the_same_ends_narrow_nothing() -> None:
     ends = [LOST, KEPT, KEPT, GAINED, LOST, KEPT] * 5
     twice, often = (rows([repeated(n, *[end] * k) for n, end in enumerate(ends)]) for k in (2, 8))
-    assert twice["... its interval, by case"] == often["... its interval, by case"]
-    assert twice["... its interval, by case"].startswith("[")
+    change = "Paired change, mean over plays"
+    assert twice[change] == often[change]
+    assert "pp [" in twice[change]
     assert twice["Variance between plays of a case"] == "0.0000"
     assert (
         often["Standard error of the paired change of these plays"]
         == often["Standard error of the paired change with twice the plays"]
     )
     stopped = rows([repeated(n, end, end) for n, end in enumerate(ends)], with_intervals=False)
-    assert "... its interval, by case" not in stopped
+    assert "[" not in stopped[change]
 
 
 def test_plays_that_all_change_alike_say_nothing_of_variance() -> None:
@@ -72,7 +74,7 @@ def test_plays_that_all_change_alike_say_nothing_of_variance() -> None:
 
 def test_a_policy_that_ignores_its_seeds_is_told_so() -> None:
     table = rows([repeated(n, LOST, LOST, LOST, alike=True) for n in range(4)])
-    assert table["Rollouts that differ from the first play"] == "0/16"
+    assert table["Rollouts that differ from the first play"] == "0.0%  0/16"
     assert table["What the repeats bought"].startswith("nothing")
     assert "Paired change, mean over plays" not in table
 

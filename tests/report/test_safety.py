@@ -6,6 +6,7 @@ from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.measures import section_rows
 from pytest_libero_max.report.safety import LIMITS, TITLE, safety_section
 from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import PROVENANCE, plan, record_of
@@ -33,14 +34,15 @@ def test_only_successes_beyond_a_limit_count() -> None:
         watched(2, 10.0, 500.0, ends=(True, False)),
         watched(3, 10.0, 200.0),
     ]
-    table = safety_section(records)[TITLE]
+    table = dict(section_rows(safety_section(records)[TITLE]))
     assert table["Pairs watched"] == 4
     assert [*table][1] == "Successful but unsafe, paired change"
     assert str(table["Successful but unsafe, Base"]).endswith("1/4")
     assert str(table["Successful but unsafe, Dynamic"]).endswith("2/4")
     assert str(table["Successful but unsafe, paired change"]).startswith("+25.0 pp [")
-    assert table["... force on what is not of the goal over 200 N"] == "Base 1/4, Dynamic 2/4"
-    assert table["... tilt of what was held over 15 deg"] == "Base 0/4, Dynamic 0/4"
+    assert table["... force on what is not of the goal over 200 N, Base"] == "25.0%  1/4"
+    assert table["... force on what is not of the goal over 200 N, Dynamic"] == "50.0%  2/4"
+    assert table["... tilt of what was held over 15 deg, Dynamic"] == "0.0%  0/4"
     assert str(table["With 0.5 times the limits, Dynamic"]).endswith("3/4")
     assert str(table["With 2 times the limits, Base"]).endswith("0/4")
 

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.measures import section_rows
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.timing import NOTE, TITLE, success_curves, timing_section
 from pytest_libero_max.report.writers.figures import survival_curves
@@ -29,7 +30,7 @@ def took(number: int, base: int | None, dynamic: int | None, **changes: Any) -> 
 
 def rows(records: Sequence[PairRecord], *, with_intervals: bool = True) -> dict[str, Any]:
     tasks = [str(number) for number in range(len(records))]
-    return timing_section(records, tasks, with_intervals=with_intervals)[TITLE]
+    return dict(section_rows(timing_section(records, tasks, with_intervals=with_intervals)[TITLE]))
 
 
 def staged(record: PairRecord, base: list[int | None], dynamic: list[int | None]) -> PairRecord:
@@ -71,7 +72,8 @@ def test_intervals_are_there_where_there_is_enough_and_no_rule_has_ended_the_run
     records = [took(number, 80 + number, 90 + number * number % 37) for number in range(32)]
     table = rows(records)
     assert "[" in table[f"{RMST}, Dynamic - Base"]
-    assert table[f"{RMST}, Dynamic - Base, for other tasks"].endswith(", 32 tasks")
+    assert "steps [" in table[f"{RMST}, Dynamic - Base, for other tasks"]
+    assert table["Tasks"] == 32
     assert "[" in table["Median from event to success, Base"]
     assert not any("[" in str(value) for value in rows(records, with_intervals=False).values())
 

@@ -7,7 +7,7 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.plugin.options import Settings
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.runs import plan as plan_module
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
@@ -139,7 +139,6 @@ OPTIONS: dict[str, str] = {
     "prefix": "prefix",
     "strength": "strength",
     "study": "study",
-    **dict.fromkeys(("cadence", "delays", "repeats"), "study"),
     "latency": "latency",
     "horizon": "asked_horizon",
     "query_interval": "asked_query_interval",
@@ -151,7 +150,7 @@ OPTIONS: dict[str, str] = {
 """The row of :data:`FIELDS` by which an option of a run is compared."""
 
 NO_EPISODE = {
-    "which of the cases, which are compared one by one": ("only_installed", "shard"),
+    "which of the cases, which are compared one by one": ("only_installed", "suites", "shard"),
     "in which order, and how many": ("order", "stop"),
     "what is read, kept or shown of an episode": (
         "probe",
@@ -162,10 +161,12 @@ NO_EPISODE = {
         "output",
     ),
     "what is decided on results": ("strict", "gate", "compare", "verify"),
-    "what makes a pair an error, and no result": ("query_timeout", "step_timeout", "pair_timeout", "memory"),
+    "what makes a pair an error, and no result": ("timeout", "memory"),
     "where and how often pairs are played": (
-        *("retries", "isolate", "resume"),
-        *("ray", "ray_actors", "ray_cpus", "ray_gpus", "ray_ship"),
+        "retries",
+        "isolate",
+        "resume",
+        "ray",
     ),
 }
 """Options that alter no episode, by what they are about."""

@@ -11,7 +11,7 @@ import pytest
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
-from pytest_libero_max.report.comparison.compare_text import comparison_lines
+from pytest_libero_max.report.comparison.comparison_sections import comparison_lines
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.writers.gate_text import gate_lines

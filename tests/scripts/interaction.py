@@ -11,14 +11,16 @@ import argparse
 from pathlib import Path
 
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.formats import change_text
 from pytest_libero_max.runs.store import read_pairs
-from pytest_libero_max.stats.conditions import Conditions, Contrast, contrasts_of_contrasts
+from pytest_libero_max.stats.condition_blocks import ConditionContrast
+from pytest_libero_max.stats.conditions import Conditions, contrasts_of_contrasts
 
 ARMS = ("base", "event", "light", "dynamic")
 """Neither, each alone, both."""
 
 
-def interaction(records: tuple[PairRecord, ...]) -> Contrast:
+def interaction(records: tuple[PairRecord, ...]) -> ConditionContrast:
     """Return (both - light) - (event - neither)."""
     conditions = Conditions.of(
         {name: [record.arms[name].success for record in records] for name in ARMS},
@@ -26,7 +28,8 @@ def interaction(records: tuple[PairRecord, ...]) -> Contrast:
         [record.configuration for record in records],
         [record.configuration for record in records],
     )
-    (found,) = contrasts_of_contrasts(conditions, [(("dynamic", "light"), ("event", "base"))])
+    pair = ("dynamic", "light"), ("event", "base")
+    (found,) = contrasts_of_contrasts(conditions, [pair], [("both - light", "event - neither")])
     return found
 
 
@@ -39,10 +42,7 @@ def main() -> None:
         print(f"{name:<8} {sum(record.arms[name].success for record in records)}/{len(records)}")
     found = interaction(records)
     print(f"interaction above 0 in {found.gains}, below 0 in {found.losses} of {len(records)} cases")
-    if found.bootstrap is not None and found.interval is not None:
-        ends = (found.bootstrap.estimate, found.interval.lower, found.interval.upper)
-        value, lower, upper = (100 * end for end in ends)
-        print(f"interaction {value:+.1f} pp [{lower:+.1f}, {upper:+.1f}]")
+    print(f"interaction {change_text(found)}")
 
 
 if __name__ == "__main__":

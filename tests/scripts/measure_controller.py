@@ -283,8 +283,7 @@ def cluster(engine: str, workers: int) -> Iterator[list[str]]:
     address = ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False)
     try:
         yield [
-            f"--libero-max-ray={address.address_info['gcs_address']}",
-            f"--libero-max-ray-actors={workers}",
+            f"--libero-max-ray={address.address_info['gcs_address']},actors={workers}",
         ]
     finally:
         ray.shutdown()

@@ -20,5 +20,4 @@ def test_changes_that_cost_together_what_they_cost_alone_have_no_interaction() -
 def test_a_loss_of_both_alone_is_below_zero_and_one_that_cannot_be_lost_twice_is_above() -> None:
     found = interaction((record(1, 1, 1, 0), record(1, 1, 1, 0), record(1, 0, 0, 0), record(1, 1, 1, 1)))
     assert (found.gains, found.losses) == (1, 2)
-    assert found.bootstrap is not None
-    assert found.bootstrap.estimate == -0.25
+    assert found.value == -0.25

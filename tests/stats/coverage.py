@@ -18,8 +18,8 @@ from scipy import stats
 
 from pytest_libero_max.stats.clusters import task_interval
 from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import Bounds, FloatArray, exact, paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 from tests.stats.other_intervals import agresti_min, exact_holds, newcombe, tango, tango_score
 from tests.stats.unconditional import tables, tail_probabilities
 

@@ -5,8 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.breakdown import at_floor, breakdown, largest_split, macro_average
-from pytest_libero_max.stats.outcome_table import Outcomes
+from pytest_libero_max.stats.blocks import Outcomes
+from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
+from pytest_libero_max.stats.outcome_table import at_floor
 from pytest_libero_max.stats.paired import Pairs, measure
 
 FATES = st.lists(st.tuples(st.integers(0, 5), st.sampled_from(["plus", "pro"])), max_size=40)
@@ -34,15 +35,16 @@ def test_every_assigned_pair_is_in_every_denominator(fates: list[tuple[int, str]
     assert result.outcomes.total == n
     assert result.trigger_coverage.of == result.response_coverage.of == n
     assert result.outcomes.base.of == result.outcomes.dynamic.of == result.outcomes.change.of == n
-    assert result.exposure.pairs + result.exposure.unanswered == result.trigger_coverage.count
-    assert result.given_response.total == result.response_coverage.count
-    assert (result.change is None) == (n == 0)
-    if result.change is not None:
-        assert result.outcomes.change.value is not None
-        assert result.change.lower < result.change.upper
-        assert result.change.lower <= result.outcomes.change.value <= result.change.upper
-        assert result.bootstrap is not None
-        assert result.bootstrap.estimate == result.outcomes.change.value
+    assert result.stale_actions.pairs + result.stale_actions.unanswered == result.trigger_coverage.count
+    assert result.given_response.outcomes.total == result.response_coverage.count
+    change = result.paired_change
+    assert (change.lower is None) == (n == 0)
+    if change.lower is not None:
+        assert change.value is not None
+        assert change.upper is not None
+        assert change.lower < change.upper
+        assert change.lower <= change.value <= change.upper
+        assert change.bootstrap.lower is not None
 
 
 @settings(deadline=None, max_examples=30)
@@ -80,13 +82,13 @@ def test_contradicting_columns_are_refused() -> None:
 def test_a_macro_average_weighs_groups_alike() -> None:
     small, large = Outcomes(1, 0, 0, 0), Outcomes(0, 0, 50, 50)
     macro = macro_average([small, large])
-    assert (macro.base, macro.dynamic, macro.change) == (0.75, 0.5, -0.25)
+    assert (macro.base_success, macro.dynamic_success, macro.paired_change) == (0.75, 0.5, -0.25)
     assert macro.groups == 2
 
 
 def test_a_macro_average_over_an_empty_group_does_not_exist() -> None:
-    assert macro_average([Outcomes(1, 0, 0, 0), Outcomes(0, 0, 0, 0)]).change is None
-    assert macro_average([]).base is None
+    assert macro_average([Outcomes(1, 0, 0, 0), Outcomes(0, 0, 0, 0)]).paired_change is None
+    assert macro_average([]).base_success is None
 
 
 def test_the_largest_split_is_within_one_event() -> None:
@@ -99,7 +101,7 @@ def test_the_largest_split_is_within_one_event() -> None:
     )
     assert split is not None
     assert split.event == "obstacle_insertion"
-    assert split.rates == {"v0": 0.9, "v1": 0.2}
+    assert split.dynamic_success == {"v0": 0.9, "v1": 0.2}
     assert split.difference == pytest.approx(0.7)
     assert largest_split({"camera_shift": {"v0": Outcomes(1, 0, 0, 0)}}) is None
 

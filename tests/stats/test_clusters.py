@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.clusters import TaskInterval, cluster_bootstrap, task_interval
 from pytest_libero_max.stats.intervals import clopper_pearson, mean_change
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 
 RANDOM = np.random.default_rng(7)
 VALUES = RANDOM.choice([-1, 0, 1], size=300, p=[0.3, 0.6, 0.1])

@@ -11,7 +11,7 @@ from scipy import stats
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import clopper_pearson, mean_change, resampled_total
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 
 DIFFERENCES = st.lists(st.integers(-1, 1), min_size=1, max_size=40)
 

@@ -18,8 +18,8 @@ import pytest
 
 from pytest_libero_max.stats.best import best_of
 from pytest_libero_max.stats.intervals import clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.sequential import log_evidence_of_change
 from pytest_libero_max.stats.significance import mcnemar
 from tests.stats.capital import capital
@@ -99,7 +99,7 @@ def test_robostats_and_we_leave_the_same_policies_beside_the_best(robostats: Any
         robostats.align(*(records(robostats, name, column) for name, column in successes.items()))
     )
     best = best_of({name: np.array(column) for name, column in successes.items()})
-    ours = {best.name} | {name for name, other in best.differences.items() if other.may_equal}
+    ours = {best.setting, *best.not_worse}
     assert ours == {found.policy_ids[place] for place in found.members}
     assert ("third" in ours) == (worse < 30)
 

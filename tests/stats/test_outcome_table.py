@@ -6,7 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
+from pytest_libero_max.stats.blocks import Outcomes
+from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.ratios import Ratio
 
 PAIRED = st.lists(st.tuples(st.booleans(), st.booleans()), max_size=60)
 

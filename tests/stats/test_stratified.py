@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.stratified import stratified_difference
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.two_proportions import (
     compare_proportions,
     episodes_for_power,

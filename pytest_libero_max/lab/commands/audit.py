@@ -39,16 +39,17 @@ def add_command(commands: Commands) -> None:
 
 
 def _audit(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.studies.audit_page import audit_lines
+    from pytest_libero_max.report.render.markdown import document_markdown
+    from pytest_libero_max.report.studies.audit import audit_document
     from pytest_libero_max.report.writers.report_files import write_reports, write_text
 
     status = subprocess.run(_command(options), check=False).returncode
     if status:
         return status
     report, _ = write_reports(options.output)
-    lines = audit_lines(report)
-    write_text(options.output / "audit.md", "\n".join([*lines, ""]))
-    say(["", *lines, "", f"Written: {options.output / 'audit.md'}"])
+    text = document_markdown(audit_document(report))
+    write_text(options.output / "audit.md", text)
+    say(["", *text.splitlines(), "", f"Written: {options.output / 'audit.md'}"])
     return 0
 
 

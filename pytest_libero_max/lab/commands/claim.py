@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.cli.arguments import Commands, option
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval

@@ -35,6 +35,7 @@ def _monitors(options: argparse.Namespace) -> None:
     from pytest_libero_max.lab.monitored import scored
     from pytest_libero_max.pairing.probes.monitor import Monitor
     from pytest_libero_max.pairing.probes.registry import PROBES
+    from pytest_libero_max.report.measures import section_rows
     from pytest_libero_max.report.monitors import monitor_sections
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -59,4 +60,5 @@ def _monitors(options: argparse.Namespace) -> None:
         if title in chosen:
             cameras = getattr(chosen[title], "cameras", ())
             looks = f"images of {', '.join(cameras)}, drawn again" if cameras else "recorded answers alone"
-            say(["", title, *(f"  {name}: {value}" for name, value in {"Looks at": looks, **rows}.items())])
+            shown = [("Looks at", looks), *section_rows(rows)]
+            say(["", title, *(f"  {name}: {value}" for name, value in shown)])

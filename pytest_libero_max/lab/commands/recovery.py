@@ -27,11 +27,12 @@ def add_command(commands: Commands) -> None:
 
 
 def _recovery(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.render.terminal import document_lines
     from pytest_libero_max.report.studies.recovery import recovery_of
-    from pytest_libero_max.report.studies.recovery_text import recovery_lines
+    from pytest_libero_max.report.studies.recovery_sections import document_of
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     recovery = recovery_of(options.folders, options.restrict)
     if options.json:
         write_text(options.json, report_json(recovery))
-    say(recovery_lines(recovery))
+    say(document_lines(document_of(recovery)))

@@ -15,7 +15,7 @@ from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 
 _SCHEMA = "0.3.0"
 _NOT_NAMED = "unknown"

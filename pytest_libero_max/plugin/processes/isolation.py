@@ -17,15 +17,16 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.evaluation.player import BROKEN_POLICY, Unsupported
+from pytest_libero_max.evaluation.processes.crash_log import CrashLog, Death, read_death
+from pytest_libero_max.evaluation.processes.deaths import keep_text, pair_error
+from pytest_libero_max.evaluation.processes.pair_process import PairProcess
 from pytest_libero_max.machine import end_with_parent
-from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record import POLICY_PHASE, PairError, PairRecord
 from pytest_libero_max.plugin.collection import settings_of
-from pytest_libero_max.plugin.processes.crash_log import CrashLog, Death, read_death
-from pytest_libero_max.plugin.processes.pair_process import PairProcess
-from pytest_libero_max.plugin.processes.retries import keep_text, pair_error
-from pytest_libero_max.plugin.run_pair import BROKEN_POLICY, Unsupported, explain, play
+from pytest_libero_max.plugin.run_pair import explain, play
 from pytest_libero_max.plugin.run_stop import stop_run
-from pytest_libero_max.plugin.stash_keys import NOTE, POLICY_PHASE, RESULT
+from pytest_libero_max.plugin.stash_keys import NOTE, RESULT
 
 
 def play_isolated(request: pytest.FixtureRequest, case: Case) -> PairRecord:

@@ -1,67 +1,25 @@
-"""Retries of a pair whose process died: it is played again some times, and is then an error of its own."""
+"""Retries of a pair whose process died, in the reports of a session."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import is_refusal
+from pytest_libero_max.evaluation.processes.crash_log import Death
+from pytest_libero_max.evaluation.processes.deaths import Deaths
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.pair_reports import CRASH_PHASE
-from pytest_libero_max.plugin.processes.crash_log import Death
-from pytest_libero_max.plugin.run_stop import RunStop
-from pytest_libero_max.plugin.stash_keys import POLICY_PHASE, RESULT_ATTRIBUTE
-from pytest_libero_max.report.report_document import InvalidPair
-from pytest_libero_max.runs.media import CRASHES_NAME
+from pytest_libero_max.plugin.stash_keys import RESULT_ATTRIBUTE
 
 RETRIED = "retried"
 """Outcome of the report of a pair that is played again, or was measured before its process died."""
 
-DEATHS_IN_A_ROW = 4
-"""Deaths in a row, for each process and each time that a pair may be played, after which a run stops."""
 
-_NAMED = 5
-"""Pairs that a line of the summary names."""
-
-
-class Retries:
-    """Counts the deaths of the processes that play pairs: a plugin beside the one that starts them.
-
-    Args:
-        settings: Of the run.
-        processes: Number of processes that play at once.
-        kind: Their name for messages: ``workers``.
-        stop: Of the run.
-    """
-
-    def __init__(self, settings: Settings, processes: int, kind: str, stop: RunStop) -> None:
-        self.processes = processes
-        self._settings = settings
-        self._kind = kind
-        self._stop = stop
-        self._plays: Counter[str] = Counter()
-        self._measured: set[str] = set()
-        self._in_a_row = 0
-
-    def died(self, death: Death) -> None:
-        """Count a death. Stops the run where nothing but deaths happens any more."""
-        self._in_a_row += 1
-        if self._in_a_row >= DEATHS_IN_A_ROW * self.processes * (self._settings.retries + 1):
-            self._stop.stop(
-                f"{self._in_a_row} {self._kind} died one after another, and none of them measured a pair; "
-                f"the last one: {death.error}"
-            )
+class Retries(Deaths):
+    """A plugin beside the one that starts the processes that play."""
 
     def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
-        """Begin to count deaths in a row again."""
-        if isinstance(pair, PairRecord):
-            self._measured.add(pair.item_id)
-            self._in_a_row = 0
+        self.stored(pair)
 
     def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
         """Show a pair that is played again."""
@@ -70,101 +28,10 @@ class Retries:
         return RETRIED, "r", f"RETRIED ({report.longrepr})"
 
     def report_death(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> None:
-        """Write into a report that the pair of a dead process is played again, or why it is an error.
-
-        Stops the run where every other pair would end like this one. A pair of a run that has been stopped is
-        not played again: it stays missing.
-
-        Args:
-            report: Of a failure.
-            case: The pair.
-            death: Of the process.
-            play_again: Gives the pair to another process; returns whether that is possible.
-        """
-        if case.item_id in self._measured:  # it died between this pair and the next
-            report.outcome, report.longrepr = RETRIED, f"{death.error} The pair was measured before."
-            return
-        self._plays[case.item_id] += 1
-        plays = self._plays[case.item_id]
-        keep_text(self._settings.output, case.item_id, plays, death.text)
-        if plays <= self._settings.retries and self._stop.stopped is not None:
-            report.outcome, report.longrepr = RETRIED, f"{death.error} The run was stopped."
-            return
-        if plays <= self._settings.retries and play_again():
-            report.outcome, report.longrepr = RETRIED, f"{death.error} It is played again."
-            return
-        error = pair_error(case, death, plays)
-        setattr(report, RESULT_ATTRIBUTE, error.to_dict())
-        report.longrepr = f"{error.kind}: {error.message}"
-        if error.phase == POLICY_PHASE:
-            self._stop.stop("the policy cannot be played: it ends each process that loads it")
-
-
-def pair_error(case: Case, death: Death, plays: int) -> PairError:
-    """Error of a pair that is not played again.
-
-    Args:
-        case: The pair.
-        death: Of its last process.
-        plays: Number of processes that played it.
-    """
-    again = f"Played {plays} times" if plays > 1 else "Played once"
-    message = f"{death.error} {again}."
-    if death.text:
-        message += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
-    phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE
-    return PairError(
-        case_id=case.case_id,
-        item_id=case.item_id,
-        case_digest=case.digest,
-        kind=type(death.error).__name__,
-        message=message,
-        phase=phase,
-    )
-
-
-def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:
-    """Sentence that names the pairs whose processes died each time; none where there is no such pair.
-
-    Args:
-        invalid: ``invalid_pairs`` of a report.
-    """
-    names = [pair.item_id for pair in invalid if pair.phase == CRASH_PHASE]
-    if not names:
-        return []
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return [
-        f"Set aside, because each process that played it died: {', '.join(names[:_NAMED])}{more}. "
-        f"report.json has all of them; {CRASHES_NAME} has what they said."
-    ]
-
-
-def refused_lines(invalid: Sequence[InvalidPair]) -> list[str]:
-    """Sentence that names the pairs that were refused for what the policy did; none where there is none.
-
-    Args:
-        invalid: ``invalid_pairs`` of a report.
-    """
-    refused = [pair for pair in invalid if is_refusal(pair.kind)]
-    if not refused:
-        return []
-    names = [pair.item_id for pair in refused]
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return [
-        f"Refused for what the policy did, and not played again by a rerun or --libero-max-resume: "
-        f"{', '.join(names[:_NAMED])}{more}. The first: {refused[0].message} Then begin a new run."
-    ]
-
-
-def keep_text(output: Path, item_id: str, number: int, text: str) -> None:
-    """Keep the last output of a dead process, as far as the disk has room."""
-    if not text:
-        return
-    with suppress(OSError):
-        folder = output / CRASHES_NAME
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / _name(item_id, number)).write_text(text, encoding="utf-8")
-
-
-def _name(item_id: str, number: int) -> str:
-    return f"{item_id}.{number}.txt"
+        """Write into the report of a failure what becomes of the pair of a dead process; see :meth:`lose`."""
+        lost = self.lose(case, death, play_again)
+        if isinstance(lost, PairError):
+            setattr(report, RESULT_ATTRIBUTE, lost.to_dict())
+            report.longrepr = f"{lost.kind}: {lost.message}"
+        else:
+            report.outcome, report.longrepr = RETRIED, lost

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.evaluation.processes.crash_log import Death, read_death
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.plugin.collection import case_of
-from pytest_libero_max.plugin.options import Settings
-from pytest_libero_max.plugin.processes.crash_log import Death, read_death
-from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.processes.retries import Retries
+from pytest_libero_max.plugin.processes.this_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.run_stop import RunStop
 
 DISTS = ("worksteal", "load")

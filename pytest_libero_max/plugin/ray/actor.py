@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.plugin.processes.crash_log import read_death
-from pytest_libero_max.plugin.processes.pair_process import CRASH_LOG_INPUT
+from pytest_libero_max.evaluation.processes.crash_log import read_death
+from pytest_libero_max.plugin.processes.this_process import CRASH_LOG_INPUT
 
 _ROUNDING = 1e-9
 """0.3 / 0.1 is a little less than 3."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from typing import Any
 
 from pytest_libero_max.errors import CrashError, OptionError, install_extra
-from pytest_libero_max.plugin.processes.crash_log import Death
+from pytest_libero_max.evaluation.processes.crash_log import Death
 from pytest_libero_max.plugin.ray.actor import PairActor, actors_on
 
 _REACH_S = 20.0

@@ -20,9 +20,9 @@ import pytest
 import pytest_libero_max
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.evaluation.processes.pair_process import close_in_children
 from pytest_libero_max.machine import end_with_parent
-from pytest_libero_max.plugin.collection import manifest_of, settings_of
-from pytest_libero_max.plugin.processes.pair_process import close_in_children
+from pytest_libero_max.plugin.collection import cases_of_run, settings_of
 from pytest_libero_max.plugin.processes.sending import sendable
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 
@@ -116,7 +116,7 @@ def identity(config: pytest.Config) -> Json:
         adapter = str(error)
     return {
         "code of pytest-libero-max": _own_digest(),
-        "case set": manifest_of(config).digest,
+        "case set": cases_of_run(config).manifest.digest,
         "adapter": adapter,
     }
 

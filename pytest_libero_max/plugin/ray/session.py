@@ -17,14 +17,15 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError
+from pytest_libero_max.evaluation.processes.crash_log import Death
+from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.evaluation.work_queue import WorkQueue
 from pytest_libero_max.plugin.collection import PairItem, only_lists
-from pytest_libero_max.plugin.options import Settings, usage_errors
-from pytest_libero_max.plugin.processes.crash_log import Death
+from pytest_libero_max.plugin.options import usage_errors
 from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.progress_display import RunProgress
 from pytest_libero_max.plugin.ray.connection import Cluster
 from pytest_libero_max.plugin.ray.remote import identity
-from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
@@ -88,9 +89,11 @@ class RayRun:
     ) -> None:
         _require_alone(config)
         self._config, self._settings, self._cases, self._progress = config, settings, cases, progress
+        assert settings.ray is not None
+        self._asked = asked = settings.ray
         self._stop = stop
         self._cluster: Cluster | None = None
-        self._retries = Retries(settings, settings.ray_actors or 1, "actors", stop)
+        self._retries = Retries(settings, asked.actors or 1, "actors", stop)
         config.pluginmanager.register(self._retries)
         self._pending: dict[Any, _Actor] = {}  # by the answer that is awaited of them
         self._idle: list[_Actor] = []
@@ -108,31 +111,31 @@ class RayRun:
         """Connect, so that a wrong address is said before anything is collected."""
         if only_lists(self._config):
             return
-        settings, here = self._settings, str(self._config.invocation_params.dir)
-        output = settings.output
+        asked, here = self._asked, str(self._config.invocation_params.dir)
+        output = self._settings.output
         inside = [str(output.relative_to(here))] if output.is_relative_to(here) else []
         with usage_errors():
             self._cluster = Cluster(
-                settings.ray or "",
-                settings.ray_cpus,
-                settings.ray_gpus,
-                here if settings.ray_ship else None,
+                asked.address,
+                asked.cpus,
+                asked.gpus,
+                here if asked.ship else None,
                 [".git", ".venv", *inside],
             )
-            if settings.ray_actors is None and not self._cluster.capacity():
+            if asked.actors is None and not self._cluster.capacity():
                 raise OptionError(
-                    f"--libero-max-ray={settings.ray}: no actor has room in the cluster "
-                    f"({self._cluster.resources()}), which takes {settings.ray_cpus:g} CPUs and "
-                    f"{settings.ray_gpus:g} GPUs. Lower --libero-max-ray-cpus or --libero-max-ray-gpus, or "
-                    "name a number of actors with --libero-max-ray-actors, which waits for room."
+                    f"--libero-max-ray={asked.address}: no actor has room in the cluster "
+                    f"({self._cluster.resources()}), which takes {asked.cpus:g} CPUs and "
+                    f"{asked.gpus:g} GPUs. Lower cpus= or gpus=, or "
+                    "name a number of actors with actors=N, which waits for room."
                 )
 
     def pytest_report_header(self) -> str | None:
         if self._cluster is None:
             return None
-        asked = self._settings.ray_actors
+        asked = self._asked.actors
         actors = f"as many as have room, now {self._cluster.capacity()}" if asked is None else asked
-        return f"libero-max: Ray at {self._settings.ray} ({self._cluster.resources()}), actors: {actors}"
+        return f"libero-max: Ray at {self._asked.address} ({self._cluster.resources()}), actors: {actors}"
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
         """Play the pairs on the cluster, and then all other tests here."""
@@ -186,7 +189,7 @@ class RayRun:
         """Request as many actors as there are pairs left and slots in the cluster."""
         if time.monotonic() - self._looked_at >= _LOOK_S:
             self._looked_at = time.monotonic()
-            self._wanted = self._settings.ray_actors or cluster.capacity()
+            self._wanted = self._asked.actors or cluster.capacity()
             self._retries.processes = max(self._wanted, 1)
         busy = sum(actor.pair is not None for actor in self._pending.values())
         there = len(self._pending) + len(self._idle)
@@ -209,11 +212,11 @@ class RayRun:
         plan = {
             "arguments": arguments,
             "environment": {name: os.environ[name] for name in CARRIED if name in os.environ},
-            "folder": None if settings.ray_ship else here,
+            "folder": None if self._asked.ship else here,
             "folder_on_path": bool({"", here} & set(sys.path)),
             "workerinput": node.workerinput,
-            "cpus": settings.ray_cpus,
-            "gpus": settings.ray_gpus,
+            "cpus": self._asked.cpus,
+            "gpus": self._asked.gpus,
         }
         return json.dumps(plan, default=repr)
 
@@ -340,7 +343,7 @@ class RayRun:
 
 _CURE = (
     "The nodes need the same code, adapter and cases, at the same paths: share the folder with them, or send "
-    "it with --libero-max-ray-ship."
+    "it with --libero-max-ray=ADDRESS,ship."
 )
 
 

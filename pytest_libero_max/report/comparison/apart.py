@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 from pytest_libero_max.report.comparison.comparison_document import ApartRun
 from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
-from pytest_libero_max.report.measured import result_of, without_intervals
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import unsupported_pairs
 from pytest_libero_max.stats.breakdown import breakdown
+from pytest_libero_max.stats.measured import without_intervals
 from pytest_libero_max.stats.paired import measure
 
 Runs = dict[str, RunOutcomes]
@@ -47,9 +47,9 @@ def apart_run(name: str, run: RunOutcomes) -> ApartRun:
     pairs = run.pairs.at(places).numbered()
     suites = [pair.suite for pair in planned.values()]
     played = [planned[run.case_ids[index]].suite for index in places]
-    groups = breakdown(pairs, played, sorted({*suites}))
-    result = result_of(measure(pairs), len(planned))
-    by_suite = {suite: result_of(group, suites.count(suite)) for suite, group in groups.items()}
+    counts = {suite: suites.count(suite) for suite in sorted({*suites})}
+    result = measure(pairs, len(planned))
+    by_suite = breakdown(pairs, played, [*counts], counts)
     if run.stopped_by_rule:
         result = without_intervals(result)
         by_suite = {suite: without_intervals(row) for suite, row in by_suite.items()}

@@ -16,8 +16,9 @@ import numpy as np
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
-from pytest_libero_max.report.formats import counted, interval_text, p_number, percent, points
-from pytest_libero_max.report.table import aligned
+from pytest_libero_max.report.document import Document, Section, table_of
+from pytest_libero_max.report.formats import Interval, LogP, Share, Tenths, counted, percent, points
+from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
     HERE,
@@ -29,7 +30,7 @@ from pytest_libero_max.runs.comparability import (
 )
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm
 from pytest_libero_max.stats.stratified import StratifiedDifference, stratified_difference
 
@@ -50,19 +51,16 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Row:
-    """Success in one arm.
-
-    Attributes:
-        old: Successes on the old cases.
-        new: Successes on the new cases.
-        difference: Old less new, within cells.
-        adjusted_log10_p: Decimal logarithm of the p-value, adjusted for both arms; None for a single event.
-    """
+    """Success in one arm."""
 
     old: Ratio
+    """Successes on the old cases."""
     new: Ratio
+    """Successes on the new cases."""
     difference: StratifiedDifference
+    """Old less new, within cells."""
     adjusted_log10_p: float | None = None
+    """Decimal logarithm of the p-value, adjusted for both arms; None for a single event."""
 
     @property
     def fitted(self) -> bool:
@@ -79,21 +77,18 @@ class Row:
 
 @dataclass(frozen=True)
 class OldLessNew:
-    """Comparison of a policy on old and new cases.
-
-    Attributes:
-        names: Case sets of the old and of the new run.
-        cells: Number of cells with cases in both.
-        left_out: Cases in cells that only one of the runs has.
-        arms: Both arms over all cells.
-        by_event: Both arms by event.
-    """
+    """Comparison of a policy on old and new cases."""
 
     names: tuple[str, str]
+    """Case sets of the old and of the new run."""
     cells: int
+    """Number of cells with cases in both."""
     left_out: int
+    """Cases in cells that only one of the runs has."""
     arms: Mapping[str, Row]
+    """Both arms over all cells."""
     by_event: Mapping[str, Mapping[str, Row]]
+    """Both arms by event."""
 
     def to_dict(self) -> Json:
         """As JSON values."""
@@ -202,37 +197,30 @@ def _row(sides: list[dict[Cell, np.ndarray]], cells: list[Cell], arm: str) -> Ro
     return Row(total[0], total[1], stratified_difference(list(zip(*ratios, strict=True))))
 
 
-def old_less_new_lines(found: OldLessNew) -> list[str]:
-    """Return lines for the terminal."""
-    old, new = found.names
-    lines = [
-        f"Old less new: {old} less {new}, within {found.cells} cells of source, event and variant",
-        "",
-        *aligned(
-            [(*_HEAD, "adjusted p"), *((*_cells(arm, row), _p(row)) for arm, row in found.arms.items())],
-            numbers=True,
-        ),
-    ]
+_QUANTITIES: tuple[Quantity[Row], ...] = (
+    Quantity("old", "Old", lambda row: row.old, Share()),
+    Quantity("new", "New", lambda row: row.new, Share()),
+    Quantity("difference", "Old less new, pp", lambda row: row.difference.value, Tenths()),
+    Quantity("interval", "score interval", lambda row: row.difference.interval, Interval()),
+)
+_ADJUSTED: Quantity[Row] = Quantity("p", "adjusted p", lambda row: row.adjusted_log10_p, LogP())
+
+
+def document_of(result: OldLessNew) -> Document:
+    """Return the comparison as a document."""
+    old, new = result.names
+    tables = [table_of("", "", (*_QUANTITIES, _ADJUSTED), result.arms.items())]
     for arm in ARMS:
-        rows = [_cells(event, rows[arm]) for event, rows in found.by_event.items()]
-        lines += ["", f"{arm}, by event (each interval for itself)", *aligned([_HEAD, *rows], numbers=True)]
-    if found.left_out:
-        lines += ["", f"Left out: {counted(found.left_out, 'case')}, in cells that only one of the runs has."]
-    return [*lines, "", *_meaning(found)]
-
-
-_HEAD = ("", "Old", "New", "Old less new, pp", "score interval")
-
-
-def _cells(name: str, row: Row) -> tuple[str, ...]:
-    rates = (f"{percent(one.value)} {one.count}/{one.of}" for one in (row.old, row.new))
-    difference = row.difference
-    return (name, *rates, points(difference.value), interval_text(difference.interval, signed=True))
-
-
-def _p(row: Row) -> str:
-    assert row.adjusted_log10_p is not None
-    return p_number(row.adjusted_log10_p)
+        rows = [(event, rows[arm]) for event, rows in result.by_event.items()]
+        tables.append(table_of(f"{arm}, by event (each interval for itself)", "", _QUANTITIES, rows))
+    left_out = f"Left out: {counted(result.left_out, 'case')}, in cells that only one of the runs has."
+    return Document(
+        f"Old less new: {old} less {new}, within {result.cells} cells of source, event and variant",
+        sections=[
+            Section(tables=tables),
+            Section(texts=[*([left_out] if result.left_out else []), *_meaning(result)]),
+        ],
+    )
 
 
 def _meaning(found: OldLessNew) -> Iterator[str]:

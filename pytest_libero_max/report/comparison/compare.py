@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,14 +27,7 @@ from pytest_libero_max.report.comparison.comparison_document import (
     OverRuns,
     RunDifference,
 )
-from pytest_libero_max.report.comparison.contrasts import (
-    change_contrast_of,
-    contrast_of,
-    group_contrast_of,
-    of_fixed_runs,
-)
 from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
-from pytest_libero_max.report.measured import change_of, number, result_of, without_intervals
 from pytest_libero_max.report.statements import statements_of
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
@@ -46,11 +39,9 @@ from pytest_libero_max.runs.outcomes import RunOutcomes, read_outcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.stats.blocks import ChangeContrast, GroupContrast, Result, SuccessContrast
 from pytest_libero_max.stats.breakdown import breakdown
-from pytest_libero_max.stats.clusters import TaskInterval, task_interval
 from pytest_libero_max.stats.comparison import (
-    ChangeContrast,
-    Contrast,
     change_contrasts,
     contrasts,
     group_change_contrasts,
@@ -60,24 +51,24 @@ from pytest_libero_max.stats.comparison import (
     ranks,
 )
 from pytest_libero_max.stats.extremes import lowest_by_chance
-from pytest_libero_max.stats.paired import Labels, PairedResult, Pairs, measure_groups
+from pytest_libero_max.stats.measured import number, without_intervals
+from pytest_libero_max.stats.paired import Pairs, measure_groups
+
+AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContrast)
 
 
 @dataclass(frozen=True)
 class CommonCases:
-    """The cases several runs share, in one order.
-
-    Attributes:
-        planned: The common cases, by case id.
-        pairs: Outcomes of each run in that order.
-        left_out: Planned cases of each run that are not compared.
-        unsupported: Number of planned cases of each run that its policy does not support.
-    """
+    """The cases several runs share, in one order."""
 
     planned: tuple[PlannedPair, ...]
+    """The common cases, by case id."""
     pairs: Mapping[str, Pairs]
+    """Outcomes of each run in that order."""
     left_out: Mapping[str, tuple[str, ...]]
+    """Planned cases of each run that are not compared."""
     unsupported: Mapping[str, int]
+    """Number of planned cases of each run that its policy does not support."""
 
     @property
     def partial(self) -> bool:
@@ -219,10 +210,9 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     )
     base = {name: columns.base for name, columns in pairs.items()}
     dynamic = {name: columns.dynamic for name, columns in pairs.items()}
-    differences = {name: dynamic[name].astype(np.int64) - base[name] for name in pairs}
     labelled = next(iter(pairs.values()))
     tasks, sources = labelled.task, labelled.source
-    by_run = contrasts(dynamic, sources)
+    by_run = contrasts(dynamic, sources, tasks=tasks)
     stopped = {name for name, run in outcomes.items() if run.stopped_by_rule}
     open_ranks = {}
     if not stopped:
@@ -232,7 +222,6 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     case_ids = {pair.case_id for pair in common.planned}
     rows = []
     for name, result in results.items():
-        block = result_of(result, len(common.planned))
         highest, lowest = open_ranks.get(name, (None, None))
         compared = ComparedRun(
             name=name,
@@ -241,16 +230,16 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
             lowest_rank=lowest,
             policy=outcomes[name].policy,
             replay=list(replay_command(outcomes[name])),
-            base_success=block.base_success,
-            dynamic_success=block.dynamic_success,
-            paired_change=block.paired_change,
-            outcomes=block.outcomes,
-            conditional_regression=block.conditional_regression,
-            trigger_coverage=block.trigger_coverage,
-            response_coverage=block.response_coverage,
-            by_event={event: change_of(group) for event, group in by_event[name].items()},
+            base_success=result.base_success,
+            dynamic_success=result.dynamic_success,
+            paired_change=result.paired_change,
+            outcomes=result.outcomes,
+            conditional_regression=result.conditional_regression,
+            trigger_coverage=result.trigger_coverage,
+            response_coverage=result.response_coverage,
+            by_event={event: group.paired_change for event, group in by_event[name].items()},
             lowest_event=_lowest_event(by_event[name]),
-            warnings=run_warnings(outcomes[name], block),
+            warnings=run_warnings(outcomes[name], result),
             caveats=run_caveats(outcomes[name], case_ids),
         )
         rows.append(without_intervals(compared) if name in stopped else compared)
@@ -266,24 +255,13 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         policies=list(map(_difference, policy_differences(sides))),
         runs=rows,
         apart=[apart_run(name, run) for name, run in apart.items()],
-        contrasts=of_fixed_runs(
-            (contrast_of(contrast, _by_task(contrast, dynamic, tasks)) for contrast in by_run), stopped
-        ),
-        base_contrasts=of_fixed_runs(
-            (contrast_of(contrast, _by_task(contrast, base, tasks)) for contrast in contrasts(base, sources)),
-            stopped,
-        ),
-        change_contrasts=of_fixed_runs(
-            (
-                change_contrast_of(contrast, _by_task(contrast, differences, tasks))
-                for contrast in change_contrasts(base, dynamic)
-            ),
-            stopped,
-        ),
+        contrasts=_of_fixed_runs(by_run, stopped),
+        base_contrasts=_of_fixed_runs(contrasts(base, sources, tasks=tasks), stopped),
+        change_contrasts=_of_fixed_runs(change_contrasts(base, dynamic, tasks), stopped),
         by_event={
             event: EventContrasts(
-                dynamic_success=of_fixed_runs(map(group_contrast_of, by_group[event]), stopped),
-                paired_change=of_fixed_runs(map(group_contrast_of, changes_by_group[event]), stopped),
+                dynamic_success=_of_fixed_runs(by_group[event], stopped),
+                paired_change=_of_fixed_runs(changes_by_group[event], stopped),
             )
             for event in events
         },
@@ -303,6 +281,18 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     )
 
 
+def _of_fixed_runs(contrasts: Iterable[AnyContrast], stopped: Collection[str]) -> list[AnyContrast]:
+    """Return contrasts, without intervals and p-values where a rule stopped one of the runs.
+
+    Args:
+        contrasts: The contrasts.
+        stopped: Names of the runs that a rule stopped.
+    """
+    return [
+        without_intervals(row) if row.first in stopped or row.second in stopped else row for row in contrasts
+    ]
+
+
 def _difference(difference: Difference) -> RunDifference:
     return RunDifference(field=difference.field, values=dict(difference.values))
 
@@ -319,7 +309,7 @@ def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
     return {str(path): read_outcomes(path) for path in paths}
 
 
-def _lowest_event(by_event: Mapping[str, PairedResult]) -> LowestEvent:
+def _lowest_event(by_event: Mapping[str, Result]) -> LowestEvent:
     """Return the lowest paired change of an event, named where chance does not explain it."""
     outcomes = {event: result.outcomes for event, result in by_event.items()}
     changes = {event: found.change.count / found.total for event, found in outcomes.items()}
@@ -345,17 +335,6 @@ def _over_runs(changes: Sequence[float]) -> OverRuns:
         float(f"{value:.12g}") for value in np.percentile(changes, [0, 25, 50, 75, 100]).tolist()
     )
     return OverRuns(lowest=lowest, lower_quartile=lower, median=median, upper_quartile=upper, highest=highest)
-
-
-def _by_task(
-    contrast: Contrast | ChangeContrast,
-    columns: Mapping[str, NDArray[Any]],
-    tasks: Labels,
-) -> TaskInterval:
-    """Interval of a contrast that takes the cases of a task as one draw."""
-    change = columns[contrast.second].astype(np.int64) - columns[contrast.first]
-    widest = 1.0 if isinstance(contrast, Contrast) else 2.0
-    return task_interval(change, tasks, contrast.interval, bounds=(-widest, widest))
 
 
 _OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 
 from msgspec.structs import replace
 
-from pytest_libero_max.report.comparison.compare_text import with_short_names
 from pytest_libero_max.report.comparison.comparison_document import Comparison, OverRuns
+from pytest_libero_max.report.comparison.comparison_sections import with_short_names
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.palette import BOX, GAIN, GRID, INK, LIGHT_GAIN, LOSS, MUTED, ON_LIGHT, SECOND
 from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text

@@ -17,7 +17,7 @@ from pytest_libero_max.report.writers.svg import (
     rectangle,
     text,
 )
-from pytest_libero_max.stats.breakdown import FLOOR_BASE_RATE
+from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 24, 190, 440, 190, 34
 

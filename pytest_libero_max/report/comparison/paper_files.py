@@ -13,29 +13,28 @@ from pytest_libero_max.report.build import substrate_of
 from pytest_libero_max.report.comparison.apart import apart_run
 from pytest_libero_max.report.comparison.compare import compare_runs, compared_and_apart, lined_up
 from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
-from pytest_libero_max.report.comparison.compare_text import difference_warnings, left_out_text
 from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_sections import difference_warnings, left_out_text
 from pytest_libero_max.report.comparison.paper_figures import PAPER_FIGURES
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
 from pytest_libero_max.report.comparison.paper_tables import (
     PaperTable,
+    paper_csv,
+    paper_latex,
+    paper_markdown,
     paper_tables,
     partial_tables,
-    table_csv,
-    table_latex,
-    table_markdown,
 )
 from pytest_libero_max.report.comparison.run_notes import notes_of
 from pytest_libero_max.report.formats import counted
-from pytest_libero_max.report.measured import result_of
 from pytest_libero_max.report.published import (
     NOTE,
     lacks_for_published,
     published_partial,
     published_policies,
 )
+from pytest_libero_max.report.render.markdown import markdown_text
 from pytest_libero_max.report.statements import LIMITS_TITLE, STATEMENTS
-from pytest_libero_max.report.writers.markdown import markdown_text
 from pytest_libero_max.report.writers.report_files import make_folder, write_drawings, write_text
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.stats.paired import measure_groups
@@ -90,7 +89,7 @@ def write_tables(
     ]
     files = {MARKDOWN_NAME: _markdown(title, notes, tables, {stem: captions[stem] for stem in figures})}
     for table in tables:
-        files |= {f"{table.stem}.csv": table_csv(table), f"{table.stem}.tex": table_latex(table, notes)}
+        files |= {f"{table.stem}.csv": paper_csv(table), f"{table.stem}.tex": paper_latex(table, notes)}
     make_folder(folder)
     for name, content in files.items():
         write_text(folder / name, content)
@@ -122,7 +121,7 @@ def _own(
     notes += [
         text
         for name, result in zip(common.pairs, measure_groups(list(common.pairs.values())), strict=True)
-        for text in notes_of(names[name], runs[name], result_of(result, len(case_ids)), case_ids)
+        for text in notes_of(names[name], runs[name], result, case_ids)
     ]
     return rows, comparison, notes
 
@@ -166,7 +165,7 @@ def _markdown(
     title: str, notes: Sequence[str], tables: Sequence[PaperTable], captions: Mapping[str, str]
 ) -> str:
     parts = [f"# {markdown_text(title)}", *map(markdown_text, notes)]
-    parts += [table_markdown(table).rstrip("\n") for table in tables]
+    parts += [paper_markdown(table) for table in tables]
     parts += ["## Figures", *(f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in captions.items())]
     parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in STATEMENTS.values())]
     return "\n\n".join(parts) + "\n"

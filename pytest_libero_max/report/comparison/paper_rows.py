@@ -12,26 +12,25 @@ from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.published import PublishedPolicy
 from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.breakdown import largest_split, macro_average
-from pytest_libero_max.stats.outcome_table import Outcomes, Ratio, tabulate
+from pytest_libero_max.stats.outcome_table import tabulate
 from pytest_libero_max.stats.paired import Pairs
+from pytest_libero_max.stats.ratios import Ratio
 
 
 @dataclass(frozen=True)
 class Rates:
-    """Success of a group of pairs; None for what is not known.
-
-    Attributes:
-        pairs: Number of pairs.
-        base: Base success rate, 0 to 1.
-        dynamic: Dynamic success rate, 0 to 1.
-        change: Paired change, -1 to 1.
-    """
+    """Success of a group of pairs; None for what is not known."""
 
     pairs: int | None
+    """Number of pairs."""
     base: float | None
+    """Base success rate, 0 to 1."""
     dynamic: float | None
+    """Dynamic success rate, 0 to 1."""
     change: float | None
+    """Paired change, -1 to 1."""
 
     @classmethod
     def of(cls, outcomes: Outcomes) -> Rates:
@@ -46,42 +45,39 @@ class Rates:
 
 @dataclass(frozen=True)
 class PolicyRow:
-    """One policy in the tables.
-
-    Attributes:
-        name: Name of the policy.
-        published: True for results of the paper.
-        family: Kind of the policy, and the scale that its authors report; None for one's own.
-        horizon: H, the chunk size.
-        query_interval: Q, the execution horizon.
-        outcomes: Pairs by outcome.
-        by: Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group.
-        macro: Unweighted mean of the paired changes of the source categories.
-        lowest_base: By source the category of lowest Base success.
-        largest_loss: By source the category of largest loss.
-        split: Event whose parameter variants differ most in Dynamic success, and that difference.
-        lite: Rates on the cases of Lite; None where these are not a part of the cases.
-        trigger: Pairs whose event fired; None where it is not published.
-        response: Pairs with a query after the event; None where it is not published.
-        with_interval: False for a run that a rule stopped, which has no interval of a fixed number of pairs.
-    """
+    """One policy in the tables."""
 
     name: str
+    """Name of the policy."""
     published: bool
+    """True for results of the paper."""
     horizon: int | None
+    """H, the chunk size."""
     query_interval: int | None
+    """Q, the execution horizon."""
     outcomes: Outcomes
+    """Pairs by outcome."""
     by: Mapping[str, Mapping[str, Rates]]
+    """Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group."""
     macro: float | None
+    """Unweighted mean of the paired changes of the source categories."""
     lowest_base: Mapping[str, str]
+    """By source the category of lowest Base success."""
     largest_loss: Mapping[str, str]
+    """By source the category of largest loss."""
     split: tuple[str, float] | None
+    """Event whose parameter variants differ most in Dynamic success, and that difference."""
     family: str | None = None
+    """Kind of the policy, and the scale that its authors report; None for one's own."""
     scale: str | None = None
     lite: Rates | None = None
+    """Rates on the cases of Lite; None where these are not a part of the cases."""
     trigger: Ratio | None = None
+    """Pairs whose event fired; None where it is not published."""
     response: Ratio | None = None
+    """Pairs with a query after the event; None where it is not published."""
     with_interval: bool = True
+    """False for a run that a rule stopped, which has no interval of a fixed number of pairs."""
 
 
 def row_of(
@@ -123,7 +119,7 @@ def row_of(
             dimension: {group: Rates.of(cell) for group, cell in groups.items()}
             for dimension, groups in counted.items()
         },
-        macro=macro_average([*counted["category"].values()]).change,
+        macro=macro_average([*counted["category"].values()]).paired_change,
         lowest_base={
             source: min(cells, key=lambda name: cells[name].base.value or 0.0)
             for source, cells in categories.items()
@@ -132,7 +128,7 @@ def row_of(
             source: min(cells, key=lambda name: cells[name].change.value or 0.0)
             for source, cells in categories.items()
         },
-        split=None if split is None else (split.event, split.difference),
+        split=None if split is None else (split.event, split.difference or 0.0),
         lite=Rates.of(tabulate(pairs.base[in_lite], pairs.dynamic[in_lite])) if lite else None,
         trigger=Ratio(int(pairs.triggered.sum()), len(pairs)),
         response=Ratio(int(pairs.responded.sum()), len(pairs)),

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import ApartRun, ComparedRun, Comparison
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import Caveat
+from pytest_libero_max.report.statements import CAVEATS_TITLE
 from pytest_libero_max.report.stopping_rule import bias_of
 from pytest_libero_max.runs.outcomes import RunOutcomes
-
-CAVEATS_TITLE = "Notes on pairs"
+from pytest_libero_max.stats.blocks import Result
 
 
 def run_warnings(run: RunOutcomes, result: Result) -> list[str]:

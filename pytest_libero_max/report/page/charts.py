@@ -9,12 +9,14 @@ from typing import NamedTuple
 from urllib.parse import urlencode
 
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.report.blocks import Outcomes, Result
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.formats import Ends, Estimate, interval_text, points
 from pytest_libero_max.report.page.page_frame import Viewed
 from pytest_libero_max.report.report_document import Cell, Report
-from pytest_libero_max.report.studies.study_document import Camera
+from pytest_libero_max.report.studies.study_document import (
+    Camera,
+)
+from pytest_libero_max.stats.blocks import Outcomes, Result
 
 OUTCOME_TITLES = {
     "preserved_success": "preserved",
@@ -38,53 +40,44 @@ _MOST_LABELS = 12
 
 
 class Row(NamedTuple):
-    """A row of a plot.
-
-    Attributes:
-        name: Of the row; it may lead to its cases.
-        note: Number of pairs.
-        text: The numbers.
-        dots: Places with the class of their colour.
-        span: Places of the two ends of a line, and the class of its colour; None for no line.
-    """
+    """A row of a plot."""
 
     name: Viewed | str
+    """Of the row; it may lead to its cases."""
     note: str
+    """Number of pairs."""
     text: str
+    """The numbers."""
     dots: Sequence[tuple[float, str]]
+    """Places with the class of their colour."""
     span: tuple[float, float, str] | None
+    """Places of the two ends of a line, and the class of its colour; None for no line."""
 
 
 class Plot(NamedTuple):
-    """Rows over one axis in percentage points.
-
-    Attributes:
-        head: Headings of the names and of the numbers.
-        ticks: Places and labels.
-        zero: Place of no change.
-        rows: From top to bottom.
-    """
+    """Rows over one axis in percentage points."""
 
     head: tuple[str, str]
+    """Headings of the names and of the numbers."""
     ticks: Sequence[tuple[float, str]]
+    """Places and labels."""
     zero: float
+    """Place of no change."""
     rows: Sequence[Row]
+    """From top to bottom."""
 
 
 class Segment(NamedTuple):
-    """An outcome in a bar of outcomes.
-
-    Attributes:
-        outcome: Its key, which is the class of its colour.
-        title: For people.
-        pairs: Number of them.
-        width: Share of the bar, percent.
-    """
+    """An outcome in a bar of outcomes."""
 
     outcome: str
+    """Its key, which is the class of its colour."""
     title: str
+    """For people."""
     pairs: int
+    """Number of them."""
     width: float
+    """Share of the bar, percent."""
 
 
 class _Axis:
@@ -190,33 +183,27 @@ def runs_by_event(comparison: Comparison) -> Plot:
 
 
 class Point(NamedTuple):
-    """A value of a run with its interval: places in percent of a chart, from its left and from its top.
-
-    Attributes:
-        x: Of the run.
-        y: Of the value.
-        lower: Of the lower end of its interval.
-        upper: Of the upper end.
-        kind: Class of the colour.
-    """
+    """A value of a run with its interval: places in percent of a chart, from its left and from its top."""
 
     x: float
+    """Of the run."""
     y: float
+    """Of the value."""
     lower: float
+    """Of the lower end of its interval."""
     upper: float
+    """Of the upper end."""
     kind: str
+    """Class of the colour."""
 
 
 class Series(NamedTuple):
-    """A line over runs.
-
-    Attributes:
-        kind: Class of the colour.
-        points: One a run that has the value.
-    """
+    """A line over runs."""
 
     kind: str
+    """Class of the colour."""
     points: Sequence[Point]
+    """One a run that has the value."""
 
     @property
     def pairs(self) -> Iterable[tuple[Point, Point]]:
@@ -225,19 +212,16 @@ class Series(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Values over runs, from left to right.
-
-    Attributes:
-        ticks: Places from the top, and labels in percent.
-        zero: Place of zero; None where it is the lower end of the axis.
-        labels: Places from the left, and numbers of runs, of which a part is left out where there are many.
-        series: The lines.
-    """
+    """Values over runs, from left to right."""
 
     ticks: Sequence[tuple[float, str]]
+    """Places from the top, and labels in percent."""
     zero: float | None
+    """Place of zero; None where it is the lower end of the axis."""
     labels: Sequence[tuple[float, int]]
+    """Places from the left, and numbers of runs, of which a part is left out where there are many."""
     series: Sequence[Series]
+    """The lines."""
 
 
 def over_runs(values: Mapping[str, Sequence[Estimate]], *, signed: bool = False) -> Lines:
@@ -289,21 +273,18 @@ def outcome_bar(outcomes: Outcomes) -> list[Segment]:
 
 
 class Heat(NamedTuple):
-    """A cell of the map of source categories and events.
-
-    Attributes:
-        text: Paired change in whole percentage points.
-        pairs: Number of pairs.
-        view: View of the table of cases.
-        kind: ``loss`` or ``gain``.
-        weight: Strength of its colour, percent.
-    """
+    """A cell of the map of source categories and events."""
 
     text: str
+    """Paired change in whole percentage points."""
     pairs: int
+    """Number of pairs."""
     view: str
+    """View of the table of cases."""
     kind: str
+    """``loss`` or ``gain``."""
     weight: int
+    """Strength of its colour, percent."""
 
 
 def category_map(report: Report) -> tuple[list[str], list[tuple[Viewed, list[Heat | None]]]]:

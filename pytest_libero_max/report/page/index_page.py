@@ -8,34 +8,34 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
 
-from pytest_libero_max.report.formats import change_text, count_text, counted, rate_text
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.page.page_frame import page
+from pytest_libero_max.report.quantities import quantities_in, quantity
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
 from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
 
+_SHOWN = (*quantities_in("runs"), quantity("trigger_coverage"))
+
 HEAD = (
-    "Policy", "Base success", "Dynamic success", "Paired change", "Base successes lost", "Event fired",
+    "Policy", *(one.title for one in _SHOWN),
     "Notes", "Played with", "Fingerprint of the installation", "Digest of the pairs", "Verified",
 )  # fmt: skip
 
 
-class Cell(NamedTuple):
-    """A cell of the table.
-
-    Attributes:
-        text: What it says.
-        order: By which its column is sorted.
-        link: Address that it leads to; empty for none.
-        kind: Class of its text; empty for none.
-    """
+class IndexCell(NamedTuple):
+    """A cell of the table."""
 
     text: str
+    """What it says."""
     order: float | str
+    """By which its column is sorted."""
     link: str = ""
+    """Address that it leads to; empty for none."""
     kind: str = ""
+    """Class of its text; empty for none."""
 
 
 def index_html(index: RunIndex, beside: Path) -> str:
@@ -67,20 +67,16 @@ def index_html(index: RunIndex, beside: Path) -> str:
 
 def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
     result, report = run.report.overall, run.report
-    fired, taken = result.trigger_coverage, str(report.provenance.get("fingerprint") or "")
+    taken = str(report.provenance.get("fingerprint") or "")
     return [
-        Cell(
+        IndexCell(
             policy_title(report), policy_title(report), quote(f"{_way(run.folder, beside)}/{MARKDOWN_NAME}")
         ),
-        Cell(rate_text(result.base_success), _number(result.base_success.value)),
-        Cell(rate_text(result.dynamic_success), _number(result.dynamic_success.value)),
-        Cell(change_text(result.paired_change), _number(result.paired_change.value)),
-        Cell(count_text(result.conditional_regression), _number(result.conditional_regression.value)),
-        Cell(count_text(fired), _number(fired.value)),
-        Cell(_notes(report), len(report.warnings)),
-        Cell(run.versions, run.versions),
-        Cell(taken or "not taken", taken),
-        Cell(run.digest[:DIGITS], run.digest),
+        *(IndexCell(one.long(result), _number(one.format.numbers(one.value(result))[""])) for one in _SHOWN),
+        IndexCell(_notes(report), len(report.warnings)),
+        IndexCell(run.versions, run.versions),
+        IndexCell(taken or "not taken", taken),
+        IndexCell(run.digest[:DIGITS], run.digest),
         _verified(run),
     ]
 
@@ -92,17 +88,17 @@ def _notes(report: Report) -> str:
     return " ".join([*report.warnings, *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
 
 
-def _verified(run: IndexedRun) -> Cell:
+def _verified(run: IndexedRun) -> IndexCell:
     cases = "numbers and cases" if run.cases_checked else "numbers (cases of no frozen track)"
     again = run.again
     if again is None:
-        return Cell(f"{cases}; no pair played again", 0)
+        return IndexCell(f"{cases}; no pair played again", 0)
     how = " from recorded actions" if again.actions else ""
     words = (
         f"{cases}; {again.pairs} {'pair' if again.pairs == 1 else 'pairs'} played again alike{how} on "
         f"{again.date} with MuJoCo {again.mujoco}, drawn by {again.seed!r}"
     )
-    return Cell(words, again.pairs, kind="holds")
+    return IndexCell(words, again.pairs, kind="holds")
 
 
 def _way(folder: Path, beside: Path) -> str:

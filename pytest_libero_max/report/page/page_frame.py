@@ -10,12 +10,16 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
+from urllib.parse import urlencode
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
+from pytest_libero_max.report.document import Document, Table
+from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
+from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
 
@@ -24,15 +28,58 @@ DETAILS_IN_A_PART = 100
 
 
 class Viewed(NamedTuple):
-    """A name that leads to a view of the table of cases.
-
-    Attributes:
-        text: The name.
-        view: Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere.
-    """
+    """A name that leads to a view of the table of cases."""
 
     text: str
+    """The name."""
     view: str
+    """Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere."""
+
+
+class PageTable(NamedTuple):
+    """A table as templates print it."""
+
+    title: str
+    """Heading; empty for none."""
+    head: Sequence[str]
+    """Headings of the columns."""
+    rows: Sequence[Sequence[Viewed | str]]
+    """Cells as text; the first one may lead to the cases of the row."""
+    note: str
+    """Text below; empty for none."""
+
+
+def page_table(table: Table) -> PageTable:
+    """Return a table whose rows lead to their cases, where they are of the groups of a dimension."""
+    rows: list[list[Viewed | str]] = [[*row] for row in table.texts()]
+    if table.dimension:
+        rows = [[Viewed(str(name), _view(table.dimension, str(name))), *cells] for name, *cells in rows]
+    return PageTable(table.title, table.headings(), rows, table.note)
+
+
+def _view(dimension: str, name: str) -> str:
+    """Return the view of the cases of a group."""
+    name = name.removesuffix(FLOOR_MARK)
+    if name == ALL_PAIRS:
+        return ""
+    if dimension == "variant":
+        event, _, variant = name.rpartition("-v")
+        return urlencode({"event": event, "variant": variant})
+    return urlencode({dimension: name})
+
+
+def document_page(template: str, document: Document, cases: Json | None = None, **values: Any) -> str:
+    """Render a document with a template that extends ``document.html``; see :func:`page`."""
+    return page(
+        template,
+        document.title,
+        cases,
+        document=document,
+        sections=[(section, [*map(page_table, section.tables)]) for section in document.sections],
+        caveats_title=CAVEATS_TITLE,
+        limits_title=LIMITS_TITLE,
+        **values,
+    )
 
 
 def page(

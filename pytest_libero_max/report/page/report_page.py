@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import highlights, timing
-from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import interval_text, points, rate_text
+from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.page.broken_cards import broken_sections
 from pytest_libero_max.report.page.charts import (
@@ -25,23 +24,20 @@ from pytest_libero_max.report.page.charts import (
 )
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
-from pytest_libero_max.report.page.page_frame import Viewed, page
-from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.page.page_frame import Viewed, page, page_table
+from pytest_libero_max.report.published import published_beside
+from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.sections import NOTES
+from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
-    ALL_PAIRS,
-    FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
-    any_floor,
     chance_rows,
     clipping_text,
-    group_label,
     note_texts,
     selection_text,
     title_text,
@@ -49,6 +45,7 @@ from pytest_libero_max.report.writers.summary import (
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
+from pytest_libero_max.stats.blocks import Result
 
 SHOWN_FIRST = (
     "base_success",
@@ -62,20 +59,6 @@ SHOWN_FIRST = (
     "played",
 )
 """Quantities that the first screen shows; other tables have the others."""
-
-
-class Groups(NamedTuple):
-    """Results by group as a table.
-
-    Attributes:
-        head: Headings.
-        rows: One a group: its name, which leads to its cases, and the cells.
-        floor: True if the Base success of a group is too low to fall.
-    """
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[object]]
-    floor: bool
 
 
 def html(
@@ -123,15 +106,13 @@ def html(
         study_notes=[] if study is None else study_notes(study),
         study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
-        section_notes=NOTES,
+        sections=shown_sections(report),
         section_figures={timing.TITLE: survival_curves(report)},
-        study_tables=[] if study is None else study_tables(study),
+        study_tables=[] if study is None else [*map(page_table, study_tables(study))],
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,
         provenance=[*_provenance(report, stored)],
-        floor_note=FLOOR_NOTE,
-        beside_title=BESIDE_TITLE,
-        beside=published_beside(report),
+        beside=None if (beside := published_beside(report)) is None else page_table(beside),
         **(_results(report) if pairs.played else {}),
     )
 
@@ -141,6 +122,7 @@ def _results(report: Report) -> dict[str, Any]:
     overall, clipping = report.overall, clipping_text(report)
     remarks = [f"{title}: {text}" for title, text in chance_rows(report)]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
+    given = page_table(group_table("given_response", "Event", by_event))
     change = overall.paired_change
     all_respond = overall.response_coverage.count == overall.played  # then the results are those above
     return {
@@ -150,25 +132,25 @@ def _results(report: Report) -> dict[str, Any]:
         "interval": interval_text(change, signed=True),
         "rates": [
             (column.title, *_number_and_rest(rate_text(column.value(overall))))
-            for column in columns_in("groups")
+            for column in quantities_in("groups")
             if column.key in ("base_success", "dynamic_success", "conditional_regression")
         ],
         "outcomes": outcome_bar(overall.outcomes),
         "forest": forest(overall, report.by["event"]),
         "quantities": [
             (column.title, column.long(overall))
-            for column in columns_in("summary")
+            for column in quantities_in("summary")
             if column.key not in SHOWN_FIRST and not {"coverage", "given_response"} & {*column.tables}
         ],
         "category_map": category_map(report),
         "stale_histogram": histogram(overall.stale_actions.histogram),
-        "coverage": _groups("coverage", "Event", by_event),
+        "coverage": page_table(group_table("coverage", "Event", by_event)),
         "remarks": remarks if clipping is None else [*remarks, clipping],
         "given_response_note": GIVEN_RESPONSE_NOTE,
-        "given_response": None if all_respond else _groups("given_response", "Event", by_event),
+        "given_response": None if all_respond else given,
         "highlights": highlights,
         "breakdowns": [
-            (dimension.title, _groups("groups", dimension.title, report.by[key], key))
+            (dimension.title, page_table(group_table("groups", dimension.title, report.by[key], key)))
             for key, dimension in DIMENSIONS.items()
             if report.by[key]
         ],
@@ -205,24 +187,6 @@ def _event_steps(stored: StoredRun | None) -> dict[str, int]:
     """Return the policy steps before the event of each pair in which it happened, by item id."""
     records = () if stored is None else stored.records
     return {record.item_id: record.trigger.step for record in records if record.trigger is not None}
-
-
-def _groups(kind: Table, title: str, groups: Mapping[str, Result], dimension: str = "event") -> Groups:
-    columns = columns_in(kind)
-    rows = [
-        (Viewed(group_label(name, row), _view(dimension, name)), *(column.long(row) for column in columns))
-        for name, row in groups.items()
-    ]
-    return Groups((title, *headings(kind)), rows, any_floor(groups.values()))
-
-
-def _view(dimension: str, name: str) -> str:
-    if name == ALL_PAIRS:
-        return ""
-    if dimension == "variant":
-        event, _, variant = name.rpartition("-v")
-        return urlencode({"event": event, "variant": variant})
-    return urlencode({dimension: name})
 
 
 def _provenance(report: Report, stored: StoredRun | None) -> Iterator[tuple[str, str]]:

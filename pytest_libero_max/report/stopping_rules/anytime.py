@@ -11,12 +11,13 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.formats import points
 from pytest_libero_max.report.gate_bounds import Ending
+from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gate_rule import GateRule, Watch
-from pytest_libero_max.report.gates import QUANTITIES, Gate
-from pytest_libero_max.report.measured import number
+from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.report.stopping_rule import Declared, level_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
+from pytest_libero_max.stats.measured import number
 from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
 
 _OF_ITS_OWN = 0.8
@@ -133,7 +134,7 @@ class Anytime(GateRule):
     def watch(self, gate: Gate, pairs: int) -> Watch | None:
         own = _WATCHED[gate.name]
         beside = ["discordant"] if own == "change" and gate.end else []
-        beside += ["base", "fired"] if QUANTITIES[gate.name].of_change else []
+        beside += ["base", "fired"] if GATED[gate.name].of_change else []
         levels = {name: self.level * (1 - _OF_ITS_OWN) / len(beside) for name in beside}
         levels[own] = self.level * (_OF_ITS_OWN if beside else 1)
         sequences = {

@@ -19,7 +19,6 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.comparison.compare import common_cases
-from pytest_libero_max.report.measured import ends, interval_of, number, ratio_of
 from pytest_libero_max.report.studies.recovery_document import (
     ActiveShares,
     CommonCases,
@@ -35,8 +34,9 @@ from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.stats.measured import ends, interval_of, number, ratio_of
 from pytest_libero_max.stats.paired_difference import paired_differences
+from pytest_libero_max.stats.ratios import Ratio
 
 NATIVE, ALWAYS, GATED = MODES = ("native", "always", "gated")
 

@@ -13,30 +13,25 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.blocks import MeanDifference
-from pytest_libero_max.report.measured import (
-    ends,
-    interval_of,
-    number,
-    outcomes_of,
-    rate_of,
-    ratio_of,
-    stale_of,
-    table_change_of,
-)
 from pytest_libero_max.report.studies.study_document import (
-    BestSetting,
     Cadence,
     CadenceSetting,
     Latencies,
     LatencySetting,
     SettingChange,
-    SettingDifference,
 )
-from pytest_libero_max.stats.best import Best, FromBest, best_of
+from pytest_libero_max.stats.best import best_of
+from pytest_libero_max.stats.blocks import MeanDifference
 from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import mean_change
-from pytest_libero_max.stats.outcome_table import BoolArray, Ratio, tabulate
+from pytest_libero_max.stats.measured import (
+    interval_of,
+    number,
+    rate_of,
+    table_change_of,
+)
+from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep, setting_arm
 from pytest_libero_max.studies.latency_sweep import LatencySweep, delay_arm
 from pytest_libero_max.worlds.contract import CONTROL_HZ
@@ -44,21 +39,18 @@ from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 @dataclass(frozen=True)
 class Setting:
-    """A setting of a sweep as it was played.
-
-    Attributes:
-        horizon: H.
-        query_interval: Q.
-        base: Name of its Base arm.
-        dynamic: Name of its Dynamic arm.
-        own: True for the policy's own cadence.
-    """
+    """A setting of a sweep as it was played."""
 
     horizon: int
+    """H."""
     query_interval: int
+    """Q."""
     base: str
+    """Name of its Base arm."""
     dynamic: str
+    """Name of its Dynamic arm."""
     own: bool
+    """True for the policy's own cadence."""
 
     @property
     def label(self) -> str:
@@ -96,10 +88,8 @@ def cadence_results(study: CadenceSweep, records: Sequence[PairRecord]) -> Caden
     return Cadence(
         settings=[_setting(setting, records) for setting in settings],
         best={
-            "base_success": _best({setting.label: _successes(records, setting.base) for setting in settings}),
-            "dynamic_success": _best(
-                {setting.label: _successes(records, setting.dynamic) for setting in settings}
-            ),
+            "base_success": best_of({one.label: _successes(records, one.base) for one in settings}),
+            "dynamic_success": best_of({one.label: _successes(records, one.dynamic) for one in settings}),
         },
     )
 
@@ -162,11 +152,11 @@ def _measured(base_arm: str, dynamic_arm: str, records: Sequence[PairRecord]) ->
         "paired_change": SettingChange(
             **asdict(table_change_of(outcomes)), bootstrap_by_source=interval_of(bootstrap)
         ),
-        "outcomes": outcomes_of(outcomes),
+        "outcomes": outcomes,
         "conditional_regression": rate_of(outcomes.conditional_regression),
         "trigger_coverage": rate_of(triggered),
         "response_coverage": rate_of(responded),
-        "stale_actions": stale_of(expose(stale, unanswered=triggered.count - responded.count)),
+        "stale_actions": expose(stale, unanswered=triggered.count - responded.count),
     }
 
 
@@ -179,21 +169,3 @@ def _whole_chunk(setting: Setting, records: Sequence[PairRecord]) -> int:
 
 def _successes(records: Sequence[PairRecord], arm: str) -> BoolArray:
     return np.array([record.arm(arm).success for record in records], dtype=np.bool_)
-
-
-def _best(successes: dict[str, BoolArray]) -> BestSetting:
-    best: Best = best_of(successes)
-    lower, upper = ends(best.interval)
-    return BestSetting(
-        setting=best.name,
-        **asdict(ratio_of(best.rate)),
-        lower=lower,
-        upper=upper,
-        not_worse=[name for name, difference in best.differences.items() if difference.may_equal],
-        differences={name: _difference(difference) for name, difference in best.differences.items()},
-    )
-
-
-def _difference(difference: FromBest) -> SettingDifference:
-    lower, upper = ends(difference.interval)
-    return SettingDifference(value=number(difference.value), lower=lower, upper=upper)

@@ -7,36 +7,27 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from msgspec.structs import asdict
-from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.measured import bootstrap_of, ends, number, rate_of
-from pytest_libero_max.report.studies import study_document
 from pytest_libero_max.report.studies.study_document import (
     Approach,
     Camera,
-    ConditionContrast,
-    ConditionRate,
     JointOutcome,
     LostInMiddle,
     LostInReset,
-    Mean,
     ResetApproach,
-    SourceRate,
+)
+from pytest_libero_max.stats.condition_blocks import (
+    ConditionContrast,
 )
 from pytest_libero_max.stats.conditions import (
     Conditions,
-    Contrast,
-    GroupInterval,
-    MeanDifference,
     contrasts,
     contrasts_of_contrasts,
 )
-from pytest_libero_max.stats.intervals import MeanChange, mean_change
-from pytest_libero_max.stats.outcome_table import BoolArray, Ratio
+from pytest_libero_max.stats.outcome_table import BoolArray
 from pytest_libero_max.studies.camera_study import CameraTiming, at_strength
 from pytest_libero_max.studies.event_timing import RESET
 
@@ -59,18 +50,14 @@ def camera_results(study: CameraTiming, records: Sequence[PairRecord], tasks: Se
         tasks,
         [record.configuration for record in records],
     )
-    pairs = _pairs(study)
     return Camera(
         conditions=labels,
-        rates={arm: _rate(conditions, arm) for arm in labels},
+        rates={arm: conditions.rate(arm) for arm in labels},
         outcomes=[
             JointOutcome(success=dict(zip(labels, flags, strict=True)), cases=count)
             for flags, count in conditions.joint().items()
         ],
-        contrasts=[
-            _contrast(first, second, found)
-            for (first, second), found in zip(pairs, contrasts(conditions, pairs), strict=True)
-        ],
+        contrasts=list(contrasts(conditions, _pairs(study))),
         gap_contrasts=_gaps(study, conditions),
         approach={
             f"{share:g}": _approach(records, at_strength(RESET, share), at_strength(DYNAMIC, share))
@@ -103,8 +90,9 @@ def _gaps(study: CameraTiming, conditions: Conditions) -> list[ConditionContrast
     """Mid-task less Reset at one strength, less the same at another."""
     gap = {share: (at_strength(DYNAMIC, share), at_strength(RESET, share)) for share in study.strengths}
     pairs = list(combinations(study.strengths, 2))
-    found = contrasts_of_contrasts(conditions, [(gap[other], gap[one]) for one, other in pairs])
-    return [_contrast(f"{other:g}", f"{one:g}", row) for (one, other), row in zip(pairs, found, strict=True)]
+    gaps = [(gap[strong], gap[weak]) for weak, strong in pairs]
+    names = [(f"{strong:g}", f"{weak:g}") for weak, strong in pairs]
+    return list(contrasts_of_contrasts(conditions, gaps, names))
 
 
 def _approach(records: Sequence[PairRecord], reset_arm: str, middle_arm: str) -> Approach:
@@ -151,56 +139,6 @@ def _entered(record: PairRecord, arm: ArmRecord) -> bool:
             "again."
         )
     return arm.min_distance_m <= float(within_m)
-
-
-def _rate(conditions: Conditions, arm: str) -> ConditionRate:
-    """Return a success rate with the paper's source-stratified interval, and the same within each source."""
-    successes, sources = conditions.successes[arm].astype(np.int64), conditions.source
-    by_source = {
-        name: SourceRate(**_counted(successes[sources == name], mean_change(successes[sources == name])))
-        for name in conditions.sources
-    }
-    return ConditionRate(**_counted(successes, conditions.rate(arm)), by_source=by_source)
-
-
-def _counted(successes: NDArray[np.int64], bootstrap: MeanChange | None) -> dict[str, Any]:
-    """Return the fields of a rate with its exact interval and the paper's."""
-    rate = rate_of(Ratio(int(successes.sum()), len(successes)))
-    return {**asdict(rate), "bootstrap": bootstrap_of(bootstrap)}
-
-
-def _contrast(first: str, second: str, found: Contrast) -> ConditionContrast:
-    return ConditionContrast(
-        first=first,
-        second=second,
-        gains=found.gains,
-        losses=found.losses,
-        **asdict(_mean(found)),
-        by_source={name: _mean(difference) for name, difference in found.by_source.items()},
-        by_groups={name: _group(interval) for name, interval in found.by_groups.items()},
-    )
-
-
-def _mean(difference: MeanDifference) -> Mean:
-    lower, upper = ends(difference.interval)
-    bootstrap = difference.bootstrap
-    return Mean(
-        value=number(bootstrap.estimate if bootstrap else None),
-        lower=lower,
-        upper=upper,
-        bootstrap=bootstrap_of(bootstrap),
-    )
-
-
-def _group(interval: GroupInterval) -> study_document.GroupInterval:
-    lower, upper = ends(interval.interval)
-    return study_document.GroupInterval(
-        groups=interval.groups,
-        changed=interval.changed,
-        replicates=interval.replicates,
-        lower=lower,
-        upper=upper,
-    )
 
 
 def _is_distance(value: object) -> bool:

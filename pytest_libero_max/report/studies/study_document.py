@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.blocks import (
+from pytest_libero_max.stats.blocks import (
     Block,
-    Bootstrap,
     Count,
     Difference,
     Interval,
@@ -15,180 +14,82 @@ from pytest_libero_max.report.blocks import (
     Share,
     StaleActions,
     Text,
-    WideDifference,
 )
-
-
-class Mean(Block, frozen=True, kw_only=True):
-    """A mean difference over cases.
-
-    Attributes:
-        value: Mean over the cases; None without cases.
-        lower: Lower end of the 95% interval for independent cases: the melded exact one, and for a difference
-            of differences that of weighted means (Gaffke 2005).
-        upper: Upper end of the same.
-        bootstrap: The paper's interval, percentiles of the exact bootstrap distribution with the number of
-            cases of each source kept, for comparison with it; far too narrow where few cases differ.
-    """
-
-    value: WideDifference | None
-    lower: WideDifference | None
-    upper: WideDifference | None
-    bootstrap: Bootstrap
-
-
-class SourceRate(Rate, frozen=True, kw_only=True):
-    """Success in one condition of a camera study, of the cases of a source.
-
-    Attributes:
-        count: Cases that succeed.
-        of: Cases: the denominator.
-        bootstrap: The paper's interval, percentiles of the exact bootstrap distribution, for comparison with
-            it; far too narrow where few cases succeed, or few fail.
-    """
-
-    bootstrap: Bootstrap
-
-
-class ConditionRate(SourceRate, frozen=True, kw_only=True):
-    """Success in one condition of a camera study.
-
-    Attributes:
-        by_source: The same within each source.
-    """
-
-    by_source: dict[str, SourceRate]
-
-
-class GroupInterval(Block, frozen=True, kw_only=True):
-    """An interval that resamples groups of cases.
-
-    Attributes:
-        groups: Groups of cases that are resampled whole.
-        changed: Groups in which a case differs.
-        replicates: Resamples.
-        lower: Lower end of the 95% interval; None where too few groups changed to decide.
-        upper: Upper end of the same.
-    """
-
-    groups: Count
-    changed: Count
-    replicates: Count
-    lower: WideDifference | None
-    upper: WideDifference | None
-
-
-class ConditionContrast(Mean, frozen=True, kw_only=True):
-    """Mean of the first condition less the second, over the same cases. Pointwise: nothing is corrected for.
-
-    Attributes:
-        first: Arm, or strength in a contrast between strengths, that is subtracted from.
-        second: Arm or strength that is subtracted.
-        gains: Cases in which the difference is above 0: only the first succeeds.
-        losses: Cases in which the difference is below 0: only the second succeeds.
-        by_source: The mean and its intervals within each source.
-        by_groups: Intervals over groups of cases: reference_tasks jointly across the sources, source_tasks
-            and configurations within each source.
-    """
-
-    first: Text
-    second: Text
-    gains: Count
-    losses: Count
-    by_source: dict[str, Mean]
-    by_groups: dict[str, GroupInterval]
+from pytest_libero_max.stats.condition_blocks import BestSetting, ConditionContrast, ConditionRate
 
 
 class JointOutcome(Block, frozen=True, kw_only=True):
-    """Cases that ended alike in all arms.
-
-    Attributes:
-        success: Success of each arm.
-        cases: Cases that ended so.
-    """
+    """Cases that ended alike in all arms."""
 
     success: dict[str, bool]
+    """Success of each arm."""
     cases: Count
+    """Cases that ended so."""
 
 
 class ResetApproach(Block, frozen=True, kw_only=True):
-    """All cases by the end of Reset.
-
-    Attributes:
-        failed_never_entered: Reset fails, and the hand never came within the trigger's distance.
-        failed_entered: Reset fails after the hand came within the distance.
-        succeeded_never_entered: Reset succeeds without coming within the distance.
-        succeeded_entered: Reset succeeds after it came within the distance.
-    """
+    """All cases by the end of Reset."""
 
     failed_never_entered: Count
+    """Reset fails, and the hand never came within the trigger's distance."""
     failed_entered: Count
+    """Reset fails after the hand came within the distance."""
     succeeded_never_entered: Count
+    """Reset succeeds without coming within the distance."""
     succeeded_entered: Count
+    """Reset succeeds after it came within the distance."""
 
 
 class LostInReset(Block, frozen=True, kw_only=True):
-    """Cases that only Reset loses.
-
-    Attributes:
-        cases: Cases that succeed in Base and Mid-task and fail in Reset.
-        reset_never_entered: Those in which Reset never came within the distance.
-    """
+    """Cases that only Reset loses."""
 
     cases: Count
+    """Cases that succeed in Base and Mid-task and fail in Reset."""
     reset_never_entered: Count
+    """Those in which Reset never came within the distance."""
 
 
 class LostInMiddle(Block, frozen=True, kw_only=True):
-    """Cases that only Mid-task loses.
-
-    Attributes:
-        cases: Cases that succeed in Base and Reset and fail in Mid-task.
-        with_a_query_after_the_event: Those in which a query followed the event.
-        without_stale_actions: Those of them in which no stale action was executed.
-    """
+    """Cases that only Mid-task loses."""
 
     cases: Count
+    """Cases that succeed in Base and Reset and fail in Mid-task."""
     with_a_query_after_the_event: Count
+    """Those in which a query followed the event."""
     without_stale_actions: Count
+    """Those of them in which no stale action was executed."""
 
 
 class Approach(Block, frozen=True, kw_only=True):
-    """Approach of the hand in Reset, and queries after the event.
-
-    Attributes:
-        triggered: Cases in which the event fired in Mid-task.
-        query_after_the_event: Cases in which a query followed it.
-        reset: All cases by the end of Reset.
-        base_and_middle_succeed_reset_fails: Cases that only Reset loses.
-        base_and_reset_succeed_middle_fails: Cases that only Mid-task loses.
-    """
+    """Approach of the hand in Reset, and queries after the event."""
 
     triggered: Count
+    """Cases in which the event fired in Mid-task."""
     query_after_the_event: Count
+    """Cases in which a query followed it."""
     reset: ResetApproach
+    """All cases by the end of Reset."""
     base_and_middle_succeed_reset_fails: LostInReset
+    """Cases that only Reset loses."""
     base_and_reset_succeed_middle_fails: LostInMiddle
+    """Cases that only Mid-task loses."""
 
 
 class Camera(Block, frozen=True, kw_only=True):
-    """Results of a camera study.
-
-    Attributes:
-        conditions: Name of each arm in tables. Mid-task is the arm dynamic.
-        rates: Success by arm.
-        outcomes: Endings of cases in all arms together, the frequent ones first.
-        contrasts: Within each strength, and of each timing between strengths.
-        gap_contrasts: Mid-task less Reset at one strength, less the same at another.
-        approach: Approach of the hand, by strength.
-    """
+    """Results of a camera study."""
 
     conditions: dict[str, str]
+    """Name of each arm in tables. Mid-task is the arm dynamic."""
     rates: dict[str, ConditionRate]
+    """Success by arm."""
     outcomes: list[JointOutcome]
+    """Endings of cases in all arms together, the frequent ones first."""
     contrasts: list[ConditionContrast]
+    """Within each strength, and of each timing between strengths."""
     gap_contrasts: list[ConditionContrast]
+    """Mid-task less Reset at one strength, less the same at another."""
     approach: dict[str, Approach]
+    """Approach of the hand, by strength."""
 
 
 class SettingChange(MeanDifference, frozen=True, kw_only=True):
@@ -203,201 +104,137 @@ class SettingChange(MeanDifference, frozen=True, kw_only=True):
 
 
 class Setting(Block, frozen=True, kw_only=True):
-    """One setting of a sweep. Its executed prefixes are its own.
-
-    Attributes:
-        label: The setting in one text, for people.
-        own: True for the pairs that the rest of the report is about: the policy's own cadence, no delay.
-        base_success: Success in Base at this setting.
-        dynamic_success: Success in Dynamic at this setting.
-        paired_change: Dynamic less Base, the mean over the cases.
-        outcomes: The four outcomes (Base, Dynamic).
-        conditional_regression: Base successes lost in Dynamic.
-        trigger_coverage: Cases whose event fired.
-        response_coverage: Cases with a query after the event.
-        stale_actions: Stale actions of the cases with a query after the event.
-    """
+    """One setting of a sweep. Its executed prefixes are its own."""
 
     label: Text
+    """The setting in one text, for people."""
     own: bool
+    """True for the pairs that the rest of the report is about: the policy's own cadence, no delay."""
     base_success: Rate
+    """Success in Base at this setting."""
     dynamic_success: Rate
+    """Success in Dynamic at this setting."""
     paired_change: SettingChange
+    """Dynamic less Base, the mean over the cases."""
     outcomes: Outcomes
+    """The four outcomes (Base, Dynamic)."""
     conditional_regression: Rate
+    """Base successes lost in Dynamic."""
     trigger_coverage: Rate
+    """Cases whose event fired."""
     response_coverage: Rate
+    """Cases with a query after the event."""
     stale_actions: StaleActions
+    """Stale actions of the cases with a query after the event."""
 
 
 class CadenceSetting(Setting, frozen=True, kw_only=True):
-    """One setting of a cadence sweep.
-
-    Attributes:
-        horizon: H (chunk size), the most actions a query returns.
-        query_interval: Q (execution horizon, replan steps), the actions executed before the next query.
-        returned: Actions of a whole chunk, of which the first H were taken: the policy's own H, or the
-            largest number that its server returned.
-    """
+    """One setting of a cadence sweep."""
 
     horizon: Positive
+    """H (chunk size), the most actions a query returns."""
     query_interval: Positive
+    """Q (execution horizon, replan steps), the actions executed before the next query."""
     returned: Positive | None = None
+    """Actions of a whole chunk, of which the first H were taken: the policy's own H, or the largest number
+    that its server returned."""
 
 
 class LatencySetting(Setting, frozen=True, kw_only=True):
-    """One setting of a latency sweep.
-
-    Attributes:
-        steps: Control steps from an observation to the first action that may follow from it.
-        runner: async where the robot goes on with the chunk before, sync where it waits for the answer.
-        base_cost: Success in Base less that without delay, the mean over the cases.
-        dynamic_cost: Success in Dynamic less that without delay, the mean over the cases.
-        held: Share of the executed steps of Base and Dynamic in which the robot waited for an answer.
-    """
+    """One setting of a latency sweep."""
 
     steps: Count
+    """Control steps from an observation to the first action that may follow from it."""
     runner: Text
+    """async where the robot goes on with the chunk before, sync where it waits for the answer."""
     base_cost: MeanDifference
+    """Success in Base less that without delay, the mean over the cases."""
     dynamic_cost: MeanDifference
+    """Success in Dynamic less that without delay, the mean over the cases."""
     held: Share | None
-
-
-class SettingDifference(Block, frozen=True, kw_only=True):
-    """Success of the best setting less that of another.
-
-    Attributes:
-        value: Success of the best less that of the other.
-        lower: Lower end of its exact interval, which holds together with those of all pairs of settings with
-            95%.
-        upper: Upper end of the same.
-    """
-
-    value: Difference | None
-    lower: Difference | None
-    upper: Difference | None
-
-
-class BestSetting(Block, frozen=True, kw_only=True):
-    """The best setting, with intervals that account for the choice.
-
-    Attributes:
-        setting: Label of the setting of the highest rate, the first among equals.
-        count: Its cases that succeed.
-        of: Cases: the denominator.
-        value: Its success rate.
-        lower: Lower end of its interval, which holds together with those of all settings with 95% (exact,
-            Bonferroni).
-        upper: Upper end of the same.
-        not_worse: Other settings that the cases do not show to be worse.
-        differences: From each other setting.
-    """
-
-    setting: Text
-    count: Count
-    of: Count
-    value: Share | None
-    lower: Share | None
-    upper: Share | None
-    not_worse: list[str]
-    differences: dict[str, SettingDifference]
+    """Share of the executed steps of Base and Dynamic in which the robot waited for an answer."""
 
 
 class Cadence(Block, frozen=True, kw_only=True):
-    """Results of a cadence sweep.
-
-    Attributes:
-        settings: By Q and then H.
-        best: Best setting for base_success and for dynamic_success; empty without cases.
-    """
+    """Results of a cadence sweep."""
 
     settings: list[CadenceSetting]
+    """By Q and then H."""
     best: dict[str, BestSetting]
+    """Best setting for base_success and for dynamic_success; empty without cases."""
 
 
 class Latencies(Block, frozen=True, kw_only=True):
-    """Results of a latency sweep.
-
-    Attributes:
-        settings: No delay first, then by steps.
-    """
+    """Results of a latency sweep."""
 
     settings: list[LatencySetting]
+    """No delay first, then by steps."""
 
 
 class Executed(Block, frozen=True, kw_only=True):
-    """Executed steps and queries; settle steps and queries asked again as a check are not counted.
-
-    Attributes:
-        arms: Arms of all cases.
-        steps: Policy steps executed, shared ones once.
-        steps_singly: Policy steps with every arm played by itself from the start.
-        steps_as_pairs: Policy steps with a Base for every arm that has an event, as in runs of their own.
-        queries: Policy queries, shared ones once.
-        queries_singly: Policy queries with every arm played by itself.
-        queries_as_pairs: Policy queries with a Base for every arm that has an event.
-    """
+    """Executed steps and queries; settle steps and queries asked again as a check are not counted."""
 
     arms: Count
+    """Arms of all cases."""
     steps: Count
+    """Policy steps executed, shared ones once."""
     steps_singly: Count
+    """Policy steps with every arm played by itself from the start."""
     steps_as_pairs: Count
+    """Policy steps with a Base for every arm that has an event, as in runs of their own."""
     queries: Count
+    """Policy queries, shared ones once."""
     queries_singly: Count
+    """Policy queries with every arm played by itself."""
     queries_as_pairs: Count
+    """Policy queries with a Base for every arm that has an event."""
 
 
 class ArmContrast(Block, frozen=True, kw_only=True):
-    """Success in an arm less that in another, over the cases that were played in both.
-
-    Attributes:
-        first: The arm.
-        second: The other one.
-        event: Event of the cases; None for all of them.
-        cases: Their number.
-        gains: Cases that succeed in the first arm alone.
-        losses: Cases that succeed in the second arm alone.
-        value: Mean difference; None without a case.
-        lower: Lower end of its exact 95% interval.
-        upper: Upper end of the same.
-    """
+    """Success in an arm less that in another, over the cases that were played in both."""
 
     first: Text
+    """The arm."""
     second: Text
+    """The other one."""
     event: Text | None
+    """Event of the cases; None for all of them."""
     cases: Count
+    """Their number."""
     gains: Count
+    """Cases that succeed in the first arm alone."""
     losses: Count
+    """Cases that succeed in the second arm alone."""
     value: Difference | None
+    """Mean difference; None without a case."""
     lower: Difference | None
+    """Lower end of its exact 95% interval."""
     upper: Difference | None
+    """Upper end of the same."""
 
 
 class Study(Block, frozen=True, kw_only=True):
-    """Results of the study of a run.
-
-    Attributes:
-        name: Name of the study; arms where cases have further arms without one.
-        title: Heading of its part of the report.
-        cases: Measured cases.
-        arms: Success by arm, over the cases that were played in it: programs, and studies of other packages;
-            None for the camera studies and the sweeps.
-        by_event: The same by event; None for an audit as well.
-        contrasts: Each further arm less Base, and Dynamic less it where there is ``by_event``, of all cases
-            and, likewise, of each event.
-        camera: Results of a camera study; None for another one.
-        cadence: Results of a cadence sweep; None for another study.
-        latency: Results of a latency sweep; None for another study.
-        executed: Steps and queries that were executed.
-    """
+    """Results of the study of a run."""
 
     name: Text
+    """Name of the study; arms where cases have further arms without one."""
     title: Text
+    """Heading of its part of the report."""
     cases: Count
+    """Measured cases."""
     arms: dict[str, Rate] | None = None
+    """Success by arm, over the cases that were played in it: programs, and studies of other packages; None
+    for the camera studies and the sweeps."""
     by_event: dict[str, dict[str, Rate]] | None = None
+    """The same by event; None for an audit as well."""
     contrasts: list[ArmContrast] | None = None
+    """Each further arm less Base, and Dynamic less it where there is ``by_event``, of all cases and,
+    likewise, of each event."""
     camera: Camera | None = None
+    """Results of a camera study; None for another one."""
     cadence: Cadence | None = None
+    """Results of a cadence sweep; None for another study."""
     latency: Latencies | None = None
+    """Results of a latency sweep; None for another study."""
     executed: Executed
+    """Steps and queries that were executed."""

@@ -8,7 +8,11 @@ from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
 from pytest_libero_max.report.palette import ARMS, BOX, GAIN, INK, LOSS, MUTED, NEUTRAL
-from pytest_libero_max.report.studies.study_document import Camera, Setting, Study
+from pytest_libero_max.report.studies.study_document import (
+    Camera,
+    Setting,
+    Study,
+)
 from pytest_libero_max.report.writers.svg import circle, document, labelled_lines, line, rectangle, text
 
 _ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34
@@ -17,17 +21,14 @@ _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
 
 @dataclass(frozen=True)
 class Series:
-    """A line of a plot.
-
-    Attributes:
-        name: Name in the legend.
-        color: Of the line and its points.
-        points: Place on the x axis (0 to 1), and a rate with its interval.
-    """
+    """A line of a plot."""
 
     name: str
+    """Name in the legend."""
     color: str
+    """Of the line and its points."""
     points: Sequence[tuple[float, Estimate]]
+    """Place on the x axis (0 to 1), and a rate with its interval."""
 
 
 def study_figures(study: Study | None) -> dict[str, str]:

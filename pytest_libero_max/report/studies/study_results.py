@@ -9,13 +9,17 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.blocks import Rate
-from pytest_libero_max.report.measured import ends, number, rate_of
 from pytest_libero_max.report.studies.study_cadence import cadence_results, latency_results
 from pytest_libero_max.report.studies.study_camera import camera_results
-from pytest_libero_max.report.studies.study_document import ArmContrast, Executed, Study
-from pytest_libero_max.stats.outcome_table import Ratio
+from pytest_libero_max.report.studies.study_document import (
+    ArmContrast,
+    Executed,
+    Study,
+)
+from pytest_libero_max.stats.blocks import Rate
+from pytest_libero_max.stats.measured import ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.studies.audit import Audit
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraTiming

@@ -5,39 +5,45 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 
-from pytest_libero_max.report.blocks import Bootstrap
+from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.formats import (
-    change_text,
-    count_text,
+    NOT_AVAILABLE,
+    Change,
+    Counts,
+    Format,
+    Interval,
+    LogP,
+    Percent,
+    Rate,
     counted,
     interval_text,
-    p_number,
     percent,
-    points,
-    rate_text,
 )
+from pytest_libero_max.report.quantities import Cell
+from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.studies.study_document import (
     Approach,
     ArmContrast,
-    BestSetting,
     Cadence,
     CadenceSetting,
     Camera,
-    ConditionContrast,
     Executed,
-    GroupInterval,
     Latencies,
-    Mean,
     Setting,
-    SettingDifference,
-    SourceRate,
     Study,
 )
-from pytest_libero_max.report.table import Table, aligned
+from pytest_libero_max.stats.blocks import Bootstrap, StaleActions
+from pytest_libero_max.stats.condition_blocks import (
+    BestSetting,
+    ConditionContrast,
+    GroupInterval,
+    SettingDifference,
+)
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 _LISTED = 16
@@ -47,8 +53,6 @@ _ENOUGH = 30
 """With fewer cases, a percentile interval is too narrow."""
 
 _LEVEL = 0.05
-
-_MARKS = {True: "1", False: "0"}
 
 
 def study_tables(study: Study) -> list[Table]:
@@ -119,7 +123,8 @@ def study_lines(study: Study) -> list[str]:
     lines = ["", f"Study: {study.title}"]
     for table in study_tables(study):
         if table.narrow:
-            lines += ["", *aligned([row[: table.narrow] for row in (table.head, *table.rows)])]
+            narrow = [row[: table.narrow] for row in (table.headings(), *table.texts())]
+            lines += ["", *aligned(narrow)]
     for note in study_notes(study):
         lines += ["", *wrap(note, 100)]
     return lines
@@ -155,7 +160,7 @@ def _arms(study: Study) -> Iterator[Table]:
         "Success by arm and event",
         ("Event", *arms),
         [
-            (event, *(count_text(rates[arm]) if arm in rates else "" for arm in arms))
+            (event, *(Cell(rates[arm], Counts()) if arm in rates else "" for arm in arms))
             for event, rates in by_event.items()
         ],
         narrow=1 + len(arms),
@@ -165,7 +170,7 @@ def _arms(study: Study) -> Iterator[Table]:
     changes = [
         (
             event or "all",
-            *(change_text(row) if row.cases else "" for row in contrasts if row.event == event),
+            *(Cell(row, Change()) if row.cases else "" for row in contrasts if row.event == event),
         )
         for event in dict.fromkeys(row.event for row in contrasts)
     ]
@@ -179,7 +184,7 @@ def _arms(study: Study) -> Iterator[Table]:
 
 
 def _success_by_arm(study: Study) -> Table:
-    rows = [(name, rate_text(rate)) for name, rate in (study.arms or {}).items()]
+    rows = [(name, Cell(rate, Rate())) for name, rate in (study.arms or {}).items()]
     note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
     return Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
 
@@ -207,11 +212,11 @@ def _inputs(study: Study) -> Table:
         (
             row.first,
             _INPUTS.get(row.first, f"images of {row.first.removeprefix('no_')} black"),
-            count_text(arms[row.first]),
-            change_text(row),
-            str(row.losses),
-            str(row.gains),
-            "n/a" if log10_p is None else p_number(log10_p),
+            Cell(arms[row.first], Counts()),
+            Cell(row, Change()),
+            row.losses,
+            row.gains,
+            Cell(log10_p, LogP()),
             _need(row, log10_p) if arms["base"].count else "Base never succeeds",
         )
         for row, log10_p in zip(contrasts, adjusted, strict=True)
@@ -220,7 +225,7 @@ def _inputs(study: Study) -> Table:
     return Table(
         "Success without an input",
         ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict"),
-        [("base", "nothing", count_text(base), "", "", "", "", ""), *rows],
+        [("base", "nothing", Cell(base, Counts()), "", "", "", "", ""), *rows],
         "Paired with Base over the cases that were played in both. Exact 95% intervals, each for itself. The "
         "p-value of the exact McNemar test is adjusted for the number of arms (Holm), and decides at 5%. A "
         "policy that reads the simulator (privileged) can do without any of its inputs. Black images, zeros "
@@ -247,16 +252,22 @@ _BOOTSTRAP = "Paper's bootstrap"
 """Heading of the paper's interval, which has no width where all cases of each source are alike."""
 
 
-def _rate(rate: SourceRate) -> str:
-    return f"{percent(rate.value)} {interval_text(rate)}  {count_text(rate)}"
+@dataclass(frozen=True)
+class _Bootstrap(Interval):
+    """The paper's interval, which has no width where all cases of each source are alike."""
+
+    def long(self, value: Bootstrap) -> str:
+        return "n/a: all alike" if value.degenerate else interval_text(value, self.signed)
 
 
-def _bootstrap(bootstrap: Bootstrap, signed: bool = True) -> str:
-    return "n/a: all alike" if bootstrap.degenerate else interval_text(bootstrap, signed)
+@dataclass(frozen=True)
+class _Groups(Interval):
+    """An interval over groups of cases."""
 
-
-def _change(change: Mean) -> str:
-    return f"{points(change.value)} pp {interval_text(change, signed=True)}"
+    def long(self, value: GroupInterval) -> str:
+        if value.lower is None:
+            return f"too few ({value.groups}, changed {value.changed})"
+        return f"{interval_text(value, self.signed)}  {value.groups} groups"
 
 
 def _camera(study: Camera) -> list[Table]:
@@ -265,9 +276,9 @@ def _camera(study: Camera) -> list[Table]:
     rates = [
         (
             labels[arm],
-            _rate(rate),
-            *(_rate(rate.by_source[source]) for source in sources),
-            _bootstrap(rate.bootstrap, signed=False),
+            Cell(rate, Rate()),
+            *(Cell(rate.by_source[source], Rate()) for source in sources),
+            Cell(rate.bootstrap, _Bootstrap(signed=False)),
         )
         for arm, rate in study.rates.items()
     ]
@@ -287,9 +298,7 @@ def _camera(study: Camera) -> list[Table]:
 
 
 def _joint(study: Camera) -> Table:
-    rows = [
-        (*(_MARKS[row.success[arm]] for arm in study.conditions), str(row.cases)) for row in study.outcomes
-    ]
+    rows = [(*(int(row.success[arm]) for arm in study.conditions), row.cases) for row in study.outcomes]
     left = len(rows) - _LISTED
     return Table(
         "Outcomes together",
@@ -304,10 +313,10 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
     rows = [
         (
             f"{labels[row.first]} - {labels[row.second]}",
-            str(row.gains),
-            str(row.losses),
-            _change(row),
-            _bootstrap(row.bootstrap),
+            row.gains,
+            row.losses,
+            Cell(row, Change()),
+            Cell(row.bootstrap, _Bootstrap()),
         )
         for row in study.contrasts
     ]
@@ -331,7 +340,7 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
             Table(
                 "Mid-task less Reset, between strengths",
                 ("Contrast", "Difference", _BOOTSTRAP),
-                [(label, _change(row), _bootstrap(row.bootstrap)) for label, row in gaps],
+                [(label, Cell(row, Change()), Cell(row.bootstrap, _Bootstrap())) for label, row in gaps],
             )
         )
     tables.append(
@@ -341,8 +350,8 @@ def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
             [
                 (
                     label,
-                    *(_change(row.by_source[source]) for source in sources),
-                    *(_group_text(group) for group in row.by_groups.values()),
+                    *(Cell(row.by_source[source], Change()) for source in sources),
+                    *(Cell(group, _Groups()) for group in row.by_groups.values()),
                 )
                 for label, row in named
             ],
@@ -362,18 +371,10 @@ def _percent(strength: str) -> str:
     return f"{float(strength):.0%}"
 
 
-def _group_text(group: GroupInterval) -> str:
-    if group.lower is None:
-        return f"too few ({group.groups}, changed {group.changed})"
-    return f"{interval_text(group, signed=True)}  {group.groups} groups"
-
-
 def _approach(study: Camera) -> Table:
     strengths = study.approach
     named = tuple(f"at {_percent(strength)}" for strength in strengths) if len(strengths) > 1 else ("Number",)
-    rows = [
-        (label, *(str(count(strengths[strength])) for strength in strengths)) for label, count in _APPROACH
-    ]
+    rows = [(label, *(count(strengths[strength]) for strength in strengths)) for label, count in _APPROACH]
     return Table("Approach", ("Cases", *named), rows)
 
 
@@ -424,14 +425,23 @@ def setting_text(setting: CadenceSetting) -> str:
     return label + (" (own)" if setting.own else "")
 
 
-def _rates_of(setting: Setting) -> tuple[str, str, str]:
-    rates = (rate_text(setting.base_success), rate_text(setting.dynamic_success))
-    return (*rates, change_text(setting.paired_change))
+def _rates_of(setting: Setting) -> tuple[Cell, ...]:
+    return (
+        Cell(setting.base_success, Rate()),
+        Cell(setting.dynamic_success, Rate()),
+        Cell(setting.paired_change, Change()),
+    )
 
 
-def _stale(setting: Setting) -> str:
-    stale = setting.stale_actions
-    return "n/a" if stale.mean is None else f"{stale.median:g} / {stale.mean:.2f}"
+@dataclass(frozen=True)
+class _Stale(Format):
+    """Median and mean of stale actions."""
+
+    def long(self, value: StaleActions) -> str:
+        return NOT_AVAILABLE if value.mean is None else f"{value.median:g} / {value.mean:.2f}"
+
+    def numbers(self, value: StaleActions) -> dict[str, float | None]:
+        return {"_median": value.median, "_mean": value.mean}
 
 
 def _cadence(study: Cadence) -> list[Table]:
@@ -439,9 +449,9 @@ def _cadence(study: Cadence) -> list[Table]:
         (
             setting_text(setting),
             *_rates_of(setting),
-            percent(setting.conditional_regression.value),
-            count_text(setting.response_coverage),
-            _stale(setting),
+            Cell(setting.conditional_regression.value, Percent()),
+            Cell(setting.response_coverage, Counts()),
+            Cell(setting.stale_actions, _Stale()),
         )
         for setting in study.settings
     ]
@@ -468,11 +478,11 @@ def _latency(study: Latencies) -> Table:
         (
             setting.label,
             *_rates_of(setting),
-            "" if setting.own else change_text(setting.base_cost),
-            "" if setting.own else change_text(setting.dynamic_cost),
-            percent(setting.conditional_regression.value),
-            _stale(setting),
-            percent(setting.held),
+            "" if setting.own else Cell(setting.base_cost, Change()),
+            "" if setting.own else Cell(setting.dynamic_cost, Change()),
+            Cell(setting.conditional_regression.value, Percent()),
+            Cell(setting.stale_actions, _Stale()),
+            Cell(setting.held, Percent()),
         )
         for setting in study.settings
     ]
@@ -491,11 +501,11 @@ def _latency(study: Latencies) -> Table:
 
 
 def _best(what: str, best: BestSetting) -> Table:
-    rows = [(best.setting, rate_text(best), "best")]
+    rows: list[tuple[Any, ...]] = [(best.setting, Cell(best, Rate()), "best")]
     rows += [
         (
             name,
-            change_text(_turned(difference)),
+            Cell(_turned(difference), Change()),
             "not shown to be worse" if name in best.not_worse else "worse",
         )
         for name, difference in best.differences.items()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.report.blocks import Result
 from pytest_libero_max.report.formats import interval_text, percent, points
 from pytest_libero_max.report.palette import ARMS, GAIN, GRID, INK, LOSS, MUTED, NEUTRAL, ON_LIGHT
 from pytest_libero_max.report.report_document import Report
@@ -20,6 +19,7 @@ from pytest_libero_max.report.writers.svg import (
     staircase,
     text,
 )
+from pytest_libero_max.stats.blocks import Result
 
 _ROW, _LABEL, _PLOT, _NOTE, _TOP = 26, 220, 420, 170, 34
 

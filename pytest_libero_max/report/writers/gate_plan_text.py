@@ -15,7 +15,7 @@ from pytest_libero_max.report.gate_plan import (
     useful_sizes,
 )
 from pytest_libero_max.report.gates import Gate, require_known_groups
-from pytest_libero_max.report.table import aligned
+from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.writers.power_text import TRACK_SIZES
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.gate_power import Chances

@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
-from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.report import base_failures, highlights
-from pytest_libero_max.report.blocks import Result
-from pytest_libero_max.report.columns import Table, columns_in, headings
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.highlights import highlight_rows
-from pytest_libero_max.report.published import BESIDE_TITLE, published_beside
+from pytest_libero_max.report.published import published_beside
+from pytest_libero_max.report.quantities import quantities_in
+from pytest_libero_max.report.render.markdown import (
+    Written,
+    code,
+    markdown_table,
+    markdown_text,
+    table_markdown,
+)
 from pytest_libero_max.report.report_document import BaseFailures, Report
-from pytest_libero_max.report.sections import NOTES
+from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
-from pytest_libero_max.report.studies.study_document import Study
+from pytest_libero_max.report.studies.study_document import (
+    Study,
+)
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers import broken
 from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
-    ALL_PAIRS,
-    FLOOR_NOTE,
     GIVEN_RESPONSE_NOTE,
-    any_floor,
     chance_rows,
     clipping_text,
-    group_label,
     note_texts,
     stopped_texts,
     title_text,
@@ -58,8 +62,8 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     lines += _broken(report, films or {})
     beside = published_beside(report)
     if beside is not None:
-        lines += ["", f"## {BESIDE_TITLE}", "", beside.note, ""]
-        lines += markdown_table(beside.head, beside.rows) if beside.rows else []
+        lines += ["", f"## {beside.title}", "", beside.note, ""]
+        lines += markdown_table(beside.headings(), beside.texts()) if beside.rows else []
     lines += [
         "",
         f"## {highlights.TITLE}",
@@ -67,13 +71,16 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         *markdown_table(("What", "Where", "Value"), highlight_rows(report)),
     ]
     lines += ["", highlights.NOTE]
-    for key, dimension in DIMENSIONS.items():
-        if not report.by[key]:
-            continue
-        lines += ["", f"## {dimension.title}", "", *_groups("groups", dimension.title, report.by[key])]
     by_event = {**report.by["event"], ALL_PAIRS: report.overall}
-    lines += ["", "## Coverage and stale actions", "", *_groups("coverage", "Event", by_event)]
-    lines += ["", "## Given a query after the event", "", *_groups("given_response", "Event", by_event)]
+    tables = {
+        dimension.title: group_table("groups", dimension.title, report.by[key], key)
+        for key, dimension in DIMENSIONS.items()
+        if report.by[key]
+    }
+    tables["Coverage and stale actions"] = group_table("coverage", "Event", by_event)
+    tables["Given a query after the event"] = group_table("given_response", "Event", by_event)
+    for title, table in tables.items():
+        lines += ["", f"## {title}", "", table_markdown(table)]
     lines += ["", GIVEN_RESPONSE_NOTE]
     intervals = "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. "
     lines += [
@@ -83,9 +90,9 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         "",
     ]
     lines += [] if report.study is None else _study(report.study)
-    for title, values in report.sections.items():
-        lines += [f"## {markdown_text(title)}", "", *([NOTES[title], ""] if title in NOTES else [])]
-        lines += [*markdown_table(("Name", "Value"), values.items()), ""]
+    for title, note, rows in shown_sections(report):
+        lines += [f"## {markdown_text(title)}", "", *([note, ""] if note else [])]
+        lines += [*markdown_table(("Name", "Value"), rows), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
@@ -104,26 +111,14 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
     return "\n".join(lines) + "\n"
 
 
-class _Written(str):
-    """Text that is Markdown already."""
-
-
-def markdown_text(text: object) -> str:
-    """Return text as one line that holds no markup of HTML and no link."""
-    if isinstance(text, _Written):
-        return text
-    words = printable(str(text)).replace("&", "&amp;").replace("<", "&lt;")
-    return words.replace("](", "]\\(")
-
-
 def _gates(gates: Sequence[GateRow]) -> list[str]:
     """Return the verdicts on gates, with the first of the pairs that count against one."""
     if not gates:
         return []
     rows = [
         (
-            _Written(f"`{printable(gate.gate).replace('`', chr(39))}`"),
-            _Written(f"**{gate.finding}**"),
+            code(gate.gate),
+            Written(f"**{gate.finding}**"),
             gate.value,
             f"{gate.why} Against it: {named_pairs(gate.lost)}.".strip() if gate.lost else gate.why,
         )
@@ -134,7 +129,7 @@ def _gates(gates: Sequence[GateRow]) -> list[str]:
 
 def _quantities(report: Report) -> list[tuple[str, str]]:
     return [
-        *((column.title, column.long(report.overall)) for column in columns_in("summary")),
+        *((column.title, column.long(report.overall)) for column in quantities_in("summary")),
         *chance_rows(report),
     ]
 
@@ -151,7 +146,7 @@ def _broken(report: Report, films: Mapping[str, str]) -> list[str]:
         rows = [
             [
                 letter,
-                _Written(f"`{printable(pair.item_id).replace('`', chr(39))}`"),
+                code(pair.item_id),
                 group.what,
                 *([len(group.pairs)] if unknown else [f"{group.cause} ({len(group.pairs)})", pair.sentence]),
                 *([_film_link(films.get(pair.item_id))] if films else []),
@@ -172,7 +167,7 @@ def _base(report: Report, groups: Sequence[BaseFailures], films: Mapping[str, st
         [
             group.pairs,
             group.cause,
-            _Written(f"`{printable(item).replace('`', chr(39))}`"),
+            code(item),
             group.sentence if item == group.item_ids[0] else "",
             *([_film_link(films.get(item))] if films else []),
         ]
@@ -185,29 +180,12 @@ def _base(report: Report, groups: Sequence[BaseFailures], films: Mapping[str, st
 
 
 def _film_link(film: str | None) -> str:
-    return _Written(f"[film]({quote(film)})") if film else ""
+    return Written(f"[film]({quote(film)})") if film else ""
 
 
 def _study(study: Study) -> list[str]:
     lines = [f"## Study: {markdown_text(study.title)}", ""]
     lines += [line for note in study_notes(study) for line in (markdown_text(note), "")]
     for table in study_tables(study):
-        lines += [f"### {markdown_text(table.title)}", "", *markdown_table(table.head, table.rows), ""]
-        lines += [markdown_text(table.note), ""] if table.note else []
+        lines += [table_markdown(table, 3), ""]
     return lines
-
-
-def _groups(table: Table, title: str, groups: Mapping[str, Result]) -> list[str]:
-    """One row a group, and the note on groups whose Base success is too low."""
-    columns = columns_in(table)
-    rows = [
-        (group_label(name, row), *(column.long(row) for column in columns)) for name, row in groups.items()
-    ]
-    note = ["", FLOOR_NOTE.replace("*", "\\*")] if any_floor(groups.values()) else []
-    return [*markdown_table((title, *headings(table)), rows), *note]
-
-
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    """Return the lines of a table."""
-    body = [" | ".join(markdown_text(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
-    return [f"| {body[0]} |", "|" + " --- |" * len(head), *(f"| {row} |" for row in body[1:])]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.table import aligned
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 
 TRACK_SIZES: Mapping[str, int] = {"smoke": 32, "lite": 800, "max": 8000}
@@ -19,18 +19,15 @@ TARGETS = (0.8, 0.9)
 
 @dataclass(frozen=True)
 class Expectation:
-    """Expected rates of a set of pairs before it is played.
-
-    Attributes:
-        name: ``overall`` or an event.
-        base: Base success rate.
-        gain: Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As
-            many are expected to be lost by chance.
-    """
+    """Expected rates of a set of pairs before it is played."""
 
     name: str
+    """``overall`` or an event."""
     base: float
+    """Base success rate."""
     gain: float
+    """Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As many are
+    expected to be lost by chance."""
 
     @property
     def loss(self) -> float:

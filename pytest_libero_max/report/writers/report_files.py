@@ -12,7 +12,6 @@ import msgspec
 
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.blocks import Block
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gates import GateResult
@@ -28,6 +27,7 @@ from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.media import VIEWS, films_in, pictures_in
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.stats.blocks import Block
 
 REPORT_NAME = "report.json"
 MARKDOWN_NAME = "report.md"

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
-from pytest_libero_max.report.blocks import Result, Substrate
 from pytest_libero_max.report.caveats import caveat_text
-from pytest_libero_max.report.columns import COLUMNS, Column, columns_in, headings
 from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
+from pytest_libero_max.report.group_tables import group_table
 from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.quantities import QUANTITIES, Quantity
+from pytest_libero_max.report.render.terminal import table_lines
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
 from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
 from pytest_libero_max.report.studies.study_tables import study_lines
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines
-
-ALL_PAIRS = "all pairs"
+from pytest_libero_max.runs.protocol import protocol_words
+from pytest_libero_max.stats.blocks import Result, Substrate
 
 GIVEN_RESPONSE_NOTE = (
     "Whether a query follows the event is itself decided by the rollout, so these results describe the "
@@ -25,8 +26,6 @@ GIVEN_RESPONSE_NOTE = (
 )
 
 _NAMED = 3
-
-FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of robustness there."
 
 
 def summary_lines(
@@ -89,7 +88,7 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
 def _overall_lines(overall: Result) -> Iterator[str]:
     shown = [
         (column, column.line)
-        for column in COLUMNS
+        for column in QUANTITIES
         if column.line is not None and not (column.line.optional and _is_empty(column, overall))
     ]
     for title, cells in groupby(shown, key=lambda cell: cell[1].title):
@@ -100,33 +99,13 @@ def _overall_lines(overall: Result) -> Iterator[str]:
         yield f"{title:<32}{'   '.join(texts)}"
 
 
-def _is_empty(column: Column[Any], row: Result) -> bool:
+def _is_empty(column: Quantity[Any], row: Result) -> bool:
     return None in column.numbers(row).values()
 
 
-def _event_lines(report: Report) -> Iterator[str]:
-    columns, events = columns_in("narrow"), report.by["event"]
-    yield _row("Event", headings("narrow"), columns)
-    for name, row in events.items():
-        yield _row(group_label(name, row), [column.short(row) for column in columns], columns)
-    if any_floor(events.values()):
-        yield FLOOR_NOTE
-
-
-def _row(name: str, cells: Sequence[str], columns: Sequence[Column[Any]]) -> str:
-    return f"{name:<24}" + "".join(
-        f" {cell:>{column.width}}" for cell, column in zip(cells, columns, strict=True)
-    )
-
-
-def group_label(name: str, row: Result) -> str:
-    """Return the name of a group, with a star where Base success is too low to fall."""
-    return f"{name} *" if row.floor else name
-
-
-def any_floor(rows: Iterable[Result]) -> bool:
-    """Return True if a group has the star of :func:`group_label`, which needs :data:`FLOOR_NOTE`."""
-    return any(row.floor for row in rows)
+def _event_lines(report: Report) -> list[str]:
+    table = group_table("narrow", "Event", report.by["event"])
+    return [*table_lines(table), *([table.note] if table.note else [])]
 
 
 def noise_text(report: Report) -> str | None:
@@ -251,17 +230,12 @@ def title_text(report: Report) -> str:
 
 
 def cases_title(report: Report) -> str:
-    """Return substrate, case set, strength, latency and program on one line."""
+    """Return substrate, case set, and what is unusual in the protocol on one line."""
     count = report.pairs.unsupported
     unsupported = f", {count} of them unsupported" if count else ""
-    strength = report.provenance["protocol"].get("strength")
-    scaled = "" if strength is None else f", events at strength {strength:g}"
-    latency = report.provenance["protocol"].get("latency")
-    scaled += "" if latency is None else f", latency {latency}"
-    program = report.provenance["protocol"].get("program")
-    if program is not None:
-        scaled += f", program {program['name']} ({program['digest'][:12]})"
-    return f"{report.substrate.name}, {selection_text(report)}{unsupported}{scaled}"
+    words = protocol_words(report.provenance["protocol"])
+    words.pop("study", None)  # the report has a section on it
+    return ", ".join([report.substrate.name, f"{selection_text(report)}{unsupported}", *words.values()])
 
 
 def unsupported_text(pairs: PairCounts) -> str | None:

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.report.render.terminal import document_lines
 from pytest_libero_max.report.studies.recovery import compare_recovery
-from pytest_libero_max.report.studies.recovery_text import recovery_lines
+from pytest_libero_max.report.studies.recovery_sections import document_of
 from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import plain
 from tests.report.studies.test_recovery import GATED, NATIVE
@@ -24,5 +25,5 @@ def test_the_command_reads_folders_in_any_order(tmp_path: Path, capsys: pytest.C
     assert main(["lab", "recovery", *folders, "--json", str(tmp_path / "recovery.json")]) == 0
     printed = capsys.readouterr().out
     written = json.loads((tmp_path / "recovery.json").read_text(encoding="utf-8"))
-    assert printed == "\n".join(recovery_lines(compare_recovery([NATIVE, GATED]))) + "\n"
+    assert printed == "\n".join(document_lines(document_of(compare_recovery([NATIVE, GATED])))) + "\n"
     assert written["effects"] == plain(compare_recovery([NATIVE, GATED]))["effects"]

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.evaluation.work_queue import WorkQueue
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.plugin.ray.connection import actor_capacity
-from pytest_libero_max.plugin.ray.work_stealing import WorkQueue
 from tests.plugin.test_run import Results, Run
 
 needs_ray = pytest.mark.skipif(
@@ -143,7 +143,7 @@ def test_a_run_outlives_its_actors_and_nodes_and_equals_one_on_one_worker(
     nobody = run("--libero-max-ray=127.0.0.1:1", subprocess=True)
     assert nobody.ret == pytest.ExitCode.USAGE_ERROR
     nobody.stderr.fnmatch_lines(["*ray=127.0.0.1:1: no cluster can be used (*refused*). Start one with*"])
-    too_large = run(f"--libero-max-ray={address}", "--libero-max-ray-cpus=64", subprocess=True)
+    too_large = run(f"--libero-max-ray={address},cpus=64", subprocess=True)
     assert too_large.ret == pytest.ExitCode.USAGE_ERROR
     too_large.stderr.fnmatch_lines(["*no actor has room in the cluster (3 nodes, 2 CPUs, 0 GPUs)*64 CPUs*"])
     assert not Path(pytester.path, "libero-max-results").exists()
@@ -198,10 +198,10 @@ def test_what_is_missing_is_said(run: Run) -> None:
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (("--libero-max-ray-gpus=1",), "*--libero-max-ray-gpus is for a Ray cluster. Add --libero-max-ray=*"),
-        (("--libero-max-ray=x", "--libero-max-ray-cpus=0"), "*nothing says how many actors have room*"),
+        (("--libero-max-ray-gpus=1",), "*--libero-max-ray=ADDRESS,gpus=N*"),
+        (("--libero-max-ray=x,cpus=0",), "*nothing says how many actors have room*"),
         (
-            ("--libero-max-ray=x", "--libero-max-ray-gpus=1.5"),
+            ("--libero-max-ray=x,gpus=1.5",),
             "*expected a number of at least 0, whole above 1*",
         ),
     ],

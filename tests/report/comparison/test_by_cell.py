@@ -13,13 +13,18 @@ from msgspec import structs
 from pytest_libero_max.benchmark.documents import canonical_digest
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.comparison.by_cell import OldLessNew, old_less_new, old_less_new_lines
+from pytest_libero_max.report.comparison.by_cell import OldLessNew, document_of, old_less_new
+from pytest_libero_max.report.render.terminal import document_lines
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
 
 OLD = plan(per_cell=5)
+
+
+def _lines(found: OldLessNew) -> list[str]:
+    return document_lines(document_of(found))
 
 
 def other_cases(pairs: list[PlannedPair]) -> list[PlannedPair]:
@@ -64,7 +69,7 @@ def test_a_policy_that_was_fitted_to_the_old_cases_is_found_out() -> None:
     assert found.arms["Base"].fitted
     assert found.arms["Dynamic"].fitted
     assert found.cells == 32
-    lines = old_less_new_lines(found)
+    lines = _lines(found)
     assert (
         lines[0]
         == "Old less new: track lite less track 2026Q4/lite, within 32 cells of source, event and variant"
@@ -86,7 +91,7 @@ def test_an_able_policy_is_rarely_called_fitted() -> None:
     )
     assert called <= 2
     found = judged((0.8, 0.6), (0.8, 0.6))
-    assert any(line.startswith("No over-fitting shown in Base: ") for line in old_less_new_lines(found))
+    assert any(line.startswith("No over-fitting shown in Base: ") for line in _lines(found))
 
 
 def test_cells_of_one_run_alone_are_left_out() -> None:
@@ -95,7 +100,7 @@ def test_cells_of_one_run_alone_are_left_out() -> None:
         run_of([pair for pair in NEW if pair.source == "pro"], 0.9, 0.9, "new", 2),
     )
     assert (found.cells, found.left_out) == (16, 80)
-    assert "Left out: 80 cases, in cells that only one of the runs has." in old_less_new_lines(found)
+    assert "Left out: 80 cases, in cells that only one of the runs has." in _lines(found)
 
 
 def test_what_cannot_be_compared_is_refused() -> None:

@@ -15,14 +15,14 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_markdown
 from pytest_libero_max.report.comparison.compare_html import comparison_html
-from pytest_libero_max.report.comparison.compare_text import (
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_sections import (
     comparison_lines,
     comparison_warnings,
     short_lines,
 )
-from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.comparison.paper_files import write_tables
-from pytest_libero_max.report.comparison.trend_html import trend_html
+from pytest_libero_max.report.comparison.trend import trend_html
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.stopping_rule import BIAS
@@ -141,8 +141,8 @@ def test_the_replay_command_plays_one_case_of_that_run() -> None:
 @pytest.mark.parametrize(
     ("study", "option"),
     [
-        ({"name": "cadence", "settings": "2,4"}, "--libero-max-cadence=2,4"),
-        ({"name": "latency", "settings": "2,4sync"}, "--libero-max-delays=2,4sync"),
+        ({"name": "cadence", "settings": "2,4"}, "--libero-max-study=cadence:2,4"),
+        ({"name": "latency", "settings": "2,4sync"}, "--libero-max-study=latency:2,4sync"),
     ],
 )
 def test_the_replay_command_names_latency_and_settings(study: Json, option: str) -> None:
@@ -363,7 +363,7 @@ def test_what_belongs_to_the_numbers_of_a_run_is_said_wherever_they_are_printed(
         assert "0/32" in text
     full = "32 of 32 pairs of noisy: The policy draws noise of its own"
     assert [full in text for text in _texts(comparison)] == [False, False, True, True, True]
-    assert all("not_repeatable 32" in text for text in _texts(comparison)[:3])
+    assert all("not_repeatable 32" in text for text in _texts(comparison)[:2])
 
 
 def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
@@ -377,10 +377,10 @@ def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
 
 
 COMPARISON = """\
-2 runs on 32 common cases
+old and new on 32 common cases
 Scores on the embedded substrate are not comparable with published ones.
 
-run  rank  open    Base  Dynamic         change [95%]  95% by task  lost
+Run  Rank  Open    Base  Dynamic         Change [95%]  95% by task  Lost
 old     1   1-2  100.0%   100.0%  +0.0 [-10.9, +10.9]          n/a  0/32
 new     2   1-2  100.0%    87.5%  -12.5 [-29.0, +2.8]          n/a  4/32
 Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.

@@ -26,11 +26,11 @@ from pytest_libero_max.report.comparison.paper_files import write_tables
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
 from pytest_libero_max.report.comparison.paper_tables import (
     PaperTable,
+    paper_csv,
+    paper_latex,
+    paper_markdown,
     paper_tables,
     partial_tables,
-    table_csv,
-    table_latex,
-    table_markdown,
 )
 from pytest_libero_max.report.published import (
     authors_cases,
@@ -69,7 +69,7 @@ def _cells(rows: Sequence[PolicyRow], stem: str) -> list[list[str]]:
 
 
 def _rows(table: PaperTable) -> list[list[str]]:
-    lines = [line for line in table_markdown(table).splitlines() if line.startswith("| ")]
+    lines = [line for line in paper_markdown(table).splitlines() if line.startswith("| ")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "---" not in line]
 
 
@@ -325,7 +325,7 @@ def test_all_files_are_written_for_any_number_of_runs(count: int, tmp_path: Path
 def test_latex_is_escaped_and_has_as_many_cells_as_headings(tmp_path: Path) -> None:
     rows = [row_of("a & b_c", POLICY, CASES, _counted(published_policies()[0]), frozenset()), *PUBLISHED]
     for table in paper_tables(rows):
-        text = table_latex(table, ())
+        text = paper_latex(table, ())
         assert r"a \& b\_c &" in text
         body = [line.replace(r"\&", "") for line in text.splitlines() if line.endswith(r" \\")]
         assert len(body) == 16
@@ -338,7 +338,7 @@ def test_published_rows_are_marked_beside_others() -> None:
     (table, *_) = [table for table in paper_tables([own, *PUBLISHED]) if table.stem == "main"]
     names = [row[0] for row in _rows(table)[1:]]
     assert names[:2] == ["mine", "pi_0.5 (paper)"]
-    assert [row[0] for row in csv.reader(io.StringIO(table_csv(table)))][1:3] == ["run", "paper"]
+    assert [row[0] for row in csv.reader(io.StringIO(paper_csv(table)))][1:3] == ["run", "paper"]
 
 
 MAX = next(file for file in RELEASED if file.file == "libero_max_8000.json")

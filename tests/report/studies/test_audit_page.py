@@ -1,8 +1,9 @@
 from __future__ import annotations
 
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.render.markdown import document_markdown
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.studies.audit_page import audit_lines
+from pytest_libero_max.report.studies.audit import audit_document
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
 
 
@@ -23,7 +24,7 @@ def audited(privileged: bool) -> Report:
 
 
 def test_the_page_says_what_is_needed() -> None:
-    lines = audit_lines(audited(privileged=False))
+    lines = document_markdown(audit_document(audited(privileged=False))).splitlines()
     assert lines[0] == "# Audit: what scripted needs"
     assert "- It needs: with less of it, it succeeds less than in Base: all images black (0/32)." in lines
     assert "- Changed no case: robot state of zeros (32/32)." in lines
@@ -31,6 +32,6 @@ def test_the_page_says_what_is_needed() -> None:
 
 
 def test_the_page_of_a_policy_that_reads_the_simulator_says_so() -> None:
-    assert any(
-        "It reads the simulator (privileged)" in line for line in audit_lines(audited(privileged=True))
+    assert "It reads the simulator (privileged)" in document_markdown(
+        audit_document(audited(privileged=True))
     )

@@ -6,7 +6,9 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.studies.study_document import Study
+from pytest_libero_max.report.studies.study_document import (
+    Study,
+)
 from pytest_libero_max.report.studies.study_tables import study_tables
 from tests.report.studies.studied import Cell, study_of
 
@@ -46,11 +48,11 @@ def test_the_contrasts_part_the_changed_scene_from_the_change_in_the_middle(stud
 
 def test_the_tables_have_a_row_for_each_event(study: Study) -> None:
     success, by_event, contrasts = study_tables(study)
-    assert [row[0] for row in success.rows] == ["base", "dynamic", "reset"]
-    assert by_event.rows == [("camera_shift", "13/14", "5/14", "12/14")]
-    assert [row[0] for row in contrasts.rows] == ["all", "camera_shift"]
+    assert [row[0] for row in success.texts()] == ["base", "dynamic", "reset"]
+    assert by_event.texts() == [["camera_shift", "13/14", "5/14", "12/14"]]
+    assert [row[0] for row in contrasts.texts()] == ["all", "camera_shift"]
     assert contrasts.head == ("Event", "reset - base", "dynamic - reset")
-    assert contrasts.rows[0][2].startswith("-50.0 pp [")
+    assert contrasts.texts()[0][2].startswith("-50.0 pp [")
 
 
 def test_an_audit_says_which_inputs_are_needed() -> None:
@@ -64,11 +66,11 @@ def test_an_audit_says_which_inputs_are_needed() -> None:
     assert found is not None
     assert found.by_event is None
     (table,) = study_tables(found)
-    rows = {row[0]: row for row in table.rows}
+    rows = {row[0]: row for row in table.texts()}
     assert rows["base"][2] == "14/15"
-    assert rows["black_images"][1:3] == ("all images black", "2/15")
-    assert rows["black_images"][4:] == ("12", "0", "9.8e-4", "needed")  # 2 * 2**-12, adjusted for two arms
-    assert rows["paraphrase"][4:] == ("2", "1", "1.000", "not shown to matter")
+    assert rows["black_images"][1:3] == ["all images black", "2/15"]
+    assert rows["black_images"][4:] == ["12", "0", "9.8e-4", "needed"]  # 2 * 2**-12, adjusted for two arms
+    assert rows["paraphrase"][4:] == ["2", "1", "1.000", "not shown to matter"]
     reading = [structs.replace(record, policy={**record.policy, "privileged": True}) for record in records]
     known = build_report(reading, [], planned, provenance).study
     assert known is not None

@@ -6,8 +6,9 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.render.markdown import markdown_text
 from pytest_libero_max.report.writers.junit import broken_properties, headline_properties, properties
-from pytest_libero_max.report.writers.markdown import markdown, markdown_text
+from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of
 

@@ -5,7 +5,6 @@ from msgspec.structs import replace
 from scipy import stats
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.report.blocks import MeanDifference, Ratio
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.report_document import Sham
@@ -15,6 +14,7 @@ from pytest_libero_max.report.writers.power_text import (
     expectations_of,
     power_lines,
 )
+from pytest_libero_max.stats.blocks import MeanDifference, Ratio
 from tests.report.made_up import PROVENANCE, plain, plan, record_of, records_of
 
 POWER = """\

@@ -4,14 +4,14 @@ from itertools import cycle
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.blocks import McNemar
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.formats import p_text
+from pytest_libero_max.report.formats import PValue
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.writers.broken import named_of
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
+from pytest_libero_max.stats.blocks import McNemar
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
 
 PAIRS = plan()
@@ -39,15 +39,15 @@ Base successes lost             52.4% [29.8, 74.3]  11/21   retained 71.4%
 Event fired                     31/32   query after it 31/32
 Stale actions                   mean 2.00   median 2
 
-Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch                 4    50.0%    25.0%     -25.0 [-90.4, +69.1]       2/2
-camera_shift                        4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
-visual_theme_switch                 4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
-sensor_noise_onset                  4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
-target_relocation                   4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
-receptacle_relocation               4    50.0%    50.0%      +0.0 [-75.5, +75.5]       1/2
-distractor_burst                    4    75.0%    50.0%     -25.0 [-90.4, +69.1]       2/3
-obstacle_insertion                  4    75.0%    50.0%     -25.0 [-80.6, +52.7]       1/3
+Event                  Pairs   Base  Dynamic          Change [95%]  Lost
+illumination_switch        4  50.0%    25.0%  -25.0 [-90.4, +69.1]   2/2
+camera_shift               4  75.0%    50.0%  -25.0 [-80.6, +52.7]   1/3
+visual_theme_switch        4  50.0%    50.0%   +0.0 [-75.5, +75.5]   1/2
+sensor_noise_onset         4  75.0%    50.0%  -25.0 [-90.4, +69.1]   2/3
+target_relocation          4  75.0%    50.0%  -25.0 [-80.6, +52.7]   1/3
+receptacle_relocation      4  50.0%    50.0%   +0.0 [-75.5, +75.5]   1/2
+distractor_burst           4  75.0%    50.0%  -25.0 [-90.4, +69.1]   2/3
+obstacle_insertion         4  75.0%    50.0%  -25.0 [-80.6, +52.7]   1/3
 
 What broke: 11 of 21 Base successes lost
 2 x illumination_switch
@@ -100,8 +100,8 @@ Base successes lost             50.0% [27.2, 72.8]  10/20   retained 75.0%
 Event fired                     30/30   query after it 30/30
 Stale actions                   mean 2.00   median 2
 
-Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch            2 of 4    50.0%    50.0%      +0.0 [-97.5, +97.5]       1/1"""
+Event                   Pairs   Base  Dynamic          Change [95%]  Lost
+illumination_switch    2 of 4  50.0%    50.0%   +0.0 [-97.5, +97.5]   1/1"""
 
 NOTHING = """\
 INCOMPLETE: 0 of 32 planned pairs played, 31 invalid, 1 missing. No score.
@@ -127,8 +127,8 @@ Base successes lost             n/a  0/0   retained n/a
 Event fired                     0/32   query after it 0/32
 Stale actions                   mean n/a   median n/a
 
-Event                           Pairs     Base  Dynamic                   Change      Lost
-illumination_switch *               4     0.0%     0.0%      +0.0 [-60.2, +60.2]       0/0"""
+Event                    Pairs  Base  Dynamic         Change [95%]  Lost
+illumination_switch *        4  0.0%     0.0%  +0.0 [-60.2, +60.2]   0/0"""
 
 
 def _text(records: list[PairRecord], *paths: str, provenance: Json = PROVENANCE) -> str:
@@ -189,9 +189,11 @@ def test_the_command_that_shows_is_that_of_what_was_kept() -> None:
 
 
 def test_a_p_value_is_never_printed_as_zero() -> None:
-    assert p_text(McNemar(regressions=1, gains=1, p_value=0.25, log10_p_value=-0.602)) == "p = 0.250"
-    assert p_text(McNemar(regressions=1, gains=1, p_value=0.0, log10_p_value=-470.25)) == "p = 5.6e-471"
-    assert p_text(McNemar(regressions=1, gains=1, p_value=None, log10_p_value=None)) == "n/a"
+    assert PValue().long(McNemar(regressions=1, gains=1, p_value=0.25, log10_p_value=-0.602)) == "p = 0.250"
+    assert (
+        PValue().long(McNemar(regressions=1, gains=1, p_value=0.0, log10_p_value=-470.25)) == "p = 5.6e-471"
+    )
+    assert PValue().long(McNemar(regressions=1, gains=1, p_value=None, log10_p_value=None)) == "n/a"
 
 
 def test_markdown_has_a_table_per_breakdown() -> None:

@@ -4,7 +4,7 @@ import csv
 import io
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.writers.tables import csv_text, latex_text
+from pytest_libero_max.report.run_tables import csv_text, latex_text
 from tests.report.made_up import PROVENANCE, plain, plan, records_of
 
 PAIRS = plan()

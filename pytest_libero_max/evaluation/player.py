@@ -1,0 +1,312 @@
+"""Player of pairs: plays a case in the process it is called in, whoever asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+from msgspec import structs
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.latency import NO_LATENCY
+from pytest_libero_max.costs.model import PAIR, WORLD
+from pytest_libero_max.errors import AdapterError, RefusalError
+from pytest_libero_max.evaluation.processes.pair_process import Playing
+from pytest_libero_max.evaluation.run_cases import markers_of
+from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
+from pytest_libero_max.runs.media import TRACES_NAME
+
+if TYPE_CHECKING:
+    from pytest_libero_max.events.schedules import Arm
+    from pytest_libero_max.pairing.runner import Pair
+    from pytest_libero_max.policies.contract import Policy, PolicySpec
+    from pytest_libero_max.substrates.contract import Substrate
+    from pytest_libero_max.worlds.contract import World
+
+Result = TypeVar("Result")
+
+SERVER = "server"
+"""Among the timings of a pair: address of the policy server that answered last."""
+
+BROKEN_POLICY = "the policy cannot be played"
+"""Reason of a stop: every other pair would end in the same way."""
+
+AGAIN_AFTER = 8
+"""Pairs that a process has played when it plays its first one again, once."""
+
+
+class Sources(Protocol):
+    """Where a player takes policy and worlds from; what goes wrong in them belongs to the pair as well."""
+
+    def policy(self) -> Policy: ...
+
+    def substrate(self) -> Substrate: ...
+
+    def world(self, case: Case) -> World: ...
+
+
+class Unsupported(Exception):
+    """The policy declares that it does not support the suite of the case."""
+
+
+@dataclass(frozen=True)
+class PlayedPair:
+    """A measured pair."""
+
+    record: PairRecord
+    """Its record."""
+    note: str | None
+    """Failures beside it, for example of a trace; None for none."""
+
+
+@dataclass(frozen=True)
+class FailedPair:
+    """A pair that could not be measured."""
+
+    error: PairError
+    """Its error."""
+    limit: bool
+    """True if a limit of the process ended it, which cannot be trusted any more."""
+
+    @classmethod
+    def of(cls, case: Case, process: Playing, error: BaseException) -> FailedPair:
+        """Return the failure of a pair.
+
+        Raises:
+            BaseException: The error itself, where it is meant for the program and not for the pair.
+        """
+        from pytest_libero_max.policies.check import ends_the_session
+
+        limit = process.ended_by(error)
+        if limit is None and ends_the_session(error):
+            raise error
+        return cls(PairError.of(case, limit or error, process.phase), limit is not None)
+
+
+@dataclass
+class _First:
+    """The first pair of a process, and the number of pairs that it has played."""
+
+    case: Case
+    record: PairRecord
+    pairs: int = 0
+
+
+class PairPlayer:
+    """Plays pairs of a run in this process.
+
+    Args:
+        settings: Of the run.
+        with_second_base: Item ids of the cases whose Base is played twice.
+        identity: Returns the identity of the policy; called once the policy can be played.
+        names_files: True if the files that loading the policy reads belong to its identity.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        with_second_base: Collection[str],
+        identity: Callable[[], str],
+        *,
+        names_files: bool,
+    ) -> None:
+        self._settings, self._with_second_base = settings, with_second_base
+        self._identity, self._names_files = identity, names_files
+        self._adapter: str | None = None
+        self._declared: tuple[Policy, PolicySpec] | None = None
+        self._first: _First | None = None
+
+    def play(self, case: Case, sources: Sources, process: Playing) -> PlayedPair:
+        """Play a pair.
+
+        Args:
+            case: The case.
+            sources: Of policy and worlds.
+            process: This process, which knows the phase of what is raised.
+
+        Raises:
+            Unsupported: The policy does not play this suite.
+            BaseException: Whatever a policy, a source or the simulator raises.
+        """
+        process.enter(POLICY_PHASE)
+        policy = sources.policy()
+        if not policy.spec.supports(case.suite):
+            suites = ", ".join(policy.spec.suites or ())
+            raise Unsupported(f"unsupported: policy {policy.spec.name!r} declares the suites {suites}")
+        process.enter("setup")
+        troubles: list[str] = getattr(policy, "troubles", [])
+        with process.watchdog.pair():
+            pair = _on_servers(policy, case, lambda: self._measure(case, sources, process, policy))
+        server = getattr(policy, "server", None)
+        pair = pair if server is None else _timed(pair, {SERVER: server})
+        notes = [*troubles, *self._keep(pair)]
+        troubles.clear()
+        self._require_first_pair_again(case, pair.record, policy, sources, process)
+        return PlayedPair(pair.record, "; ".join(notes) or None)
+
+    def _require_first_pair_again(
+        self, case: Case, record: PairRecord, policy: Policy, sources: Sources, process: Playing
+    ) -> None:
+        """After some pairs play the first one again: it comes out otherwise if the policy remembers them.
+
+        Base alone is played again: half of the time, and the other arms share its beginning and its policy.
+
+        Raises:
+            RefusalError: It came out otherwise than before.
+        """
+        if not policy.spec.repeatable:
+            return
+        first = self._first = self._first or _First(case, record)
+        first.pairs += 1
+        if first.pairs != AGAIN_AFTER:
+            return
+        try:
+            with process.watchdog.pair():
+                world = sources.substrate().world(first.case)
+                arms = self._arms(first.case, policy)[:1]
+                replayed = _on_servers(
+                    policy,
+                    first.case,
+                    lambda: self._measure_arms(first.case, world, policy, process, {}, arms),
+                ).record.arms
+            different = [name for name, arm in replayed.items() if first.record.arms[name].proof != arm.proof]
+            if different:
+                raise RefusalError(
+                    f"the policy remembers something from pair to pair: {first.case.item_id} was played "
+                    f"again after {AGAIN_AFTER} pairs, and {' and '.join(different)} came out otherwise, so "
+                    "that results depend on what was played before. Let reset() empty queues, histories, "
+                    "counters and generators; libero-max check finds most of it. Declare "
+                    "PolicySpec(repeatable=False) only for a server whose arithmetic varies."
+                )
+        except AdapterError:
+            process.enter(POLICY_PHASE)
+            raise
+
+    def _measure(self, case: Case, sources: Sources, process: Playing, policy: Policy) -> Pair:
+        from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
+        from pytest_libero_max.policies.check import check_cameras
+
+        study, begin = self._settings.study, perf_counter()
+        substrate = sources.substrate()
+        world = sources.world(case)
+        world_s = perf_counter() - begin
+        if self._adapter is None:
+            process.enter(POLICY_PHASE)
+            check_cameras(policy, world)
+            if study is not None:
+                study.check_policy(policy.spec)
+            self._adapter = self._identity()
+            process.enter("setup")
+        fingerprints = {
+            **substrate.fingerprint(images=bool(policy.spec.cameras)),
+            **scene_fingerprints(world, case.init_state_index),
+            "adapter": self._adapter,
+            **self._settings.played,
+        }
+        self._require_declared_spec(policy)
+        arms = self._arms(case, policy)
+        pair = self._measure_arms(case, world, policy, process, fingerprints, arms)
+        if study is not None:
+            study.check(pair)
+        pair = self._with_files(pair, policy)
+        return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin})
+
+    def _measure_arms(
+        self,
+        case: Case,
+        world: World,
+        policy: Policy,
+        process: Playing,
+        fingerprints: Mapping[str, str],
+        arms: tuple[Arm, ...],
+    ) -> Pair:
+        from pytest_libero_max.pairing.probes.registry import probes_called
+        from pytest_libero_max.pairing.runner import PairSettings, measure_pair
+
+        settings = self._settings
+        how = PairSettings(
+            settings.prefix,
+            fingerprints,
+            process.watchdog,
+            probes_called(settings.probe),
+            films=settings.film != "none",
+        )
+        return measure_pair(case, world, policy, how, process.enter, arms)
+
+    def _arms(self, case: Case, policy: Policy) -> tuple[Arm, ...]:
+        """Return the arms of a case: the pair's, the noise floor's, the sham's, and those of the study."""
+        from pytest_libero_max.benchmark.sampling import in_share
+        from pytest_libero_max.events.schedules import arms_of
+        from pytest_libero_max.policies.contract import CHANCE_SHARE
+
+        settings = self._settings
+        repeat_base = case.item_id in self._with_second_base
+        share = (
+            settings.sham if settings.sham is not None else 0.0 if policy.spec.repeatable else CHANCE_SHARE
+        )
+        sham = bool(in_share((case,), share, "sham"))
+        arms = arms_of(case, repeat_base, settings.strength, sham)
+        if settings.study is not None:
+            arms = (*arms, *settings.study.arms(case, policy.spec, settings.strength))
+        return tuple(
+            replace(arm, latency=settings.latency) if arm.latency == NO_LATENCY else arm for arm in arms
+        )
+
+    def _with_files(self, pair: Pair, policy: Policy) -> Pair:
+        """Return the pair with the files that its policy has read, unless a revision names what it is."""
+        from pytest_libero_max.policies.files_read import FILES_READ
+
+        if policy.spec.revision is not None or not self._names_files:
+            return pair
+        named = pair.record.policy | {FILES: dict(FILES_READ.files)}
+        if FILES_READ.reset_files:
+            named[RESET_FILES] = dict(sorted(FILES_READ.reset_files.items()))
+        return replace(pair, record=structs.replace(pair.record, policy=named))
+
+    def _keep(self, pair: Pair) -> list[str]:
+        """Write the trace that the settings ask for, also for a film; return messages about failures."""
+        from pytest_libero_max.pairing.trace import write_trace
+        from pytest_libero_max.runs.media import is_selected
+
+        settings = self._settings
+        if any(is_selected(pair.record, which) for which in (settings.film, settings.traces)):
+            try:
+                write_trace(settings.output / TRACES_NAME, pair)
+            except (OSError, ValueError) as error:
+                return [f"no trace of {pair.record.item_id}: {error}"]
+        return []
+
+    def _require_declared_spec(self, policy: Policy) -> None:
+        """Check that the policy's spec is that of before its first pair.
+
+        Raises:
+            RefusalError: Its spec has changed.
+        """
+        from pytest_libero_max.policies.check import require_spec
+
+        if self._declared is None or self._declared[0] is not policy:
+            self._declared = policy, replace(policy.spec)
+        require_spec(policy, self._declared[1], "an earlier pair")
+
+
+def _on_servers(policy: Policy, case: Case, measure: Callable[[], Result]) -> Result:
+    """Measure a pair; again where the server that kept the policy's memory was left out for another one."""
+    from pytest_libero_max.policies.clients.fleet import OtherServer
+
+    if hasattr(policy, "begin_pair"):
+        policy.begin_pair(markers_of(case))
+    while True:
+        try:
+            return measure()
+        except OtherServer:  # each time one server less is left, and then another error is raised
+            continue
+
+
+def _timed(pair: Pair, said: Mapping[str, float | str]) -> Pair:
+    """Return the pair with more timings in its record."""
+    rounded = {name: round(value, 6) if isinstance(value, float) else value for name, value in said.items()}
+    timings = pair.record.timings | rounded
+    return replace(pair, record=structs.replace(pair.record, timings=dict(sorted(timings.items()))))

@@ -1,0 +1,1 @@
+"""Processes that play pairs: their limits, their crash logs, their deaths."""

@@ -1,0 +1,366 @@
+"""A comparison of runs as a document for the terminal, Markdown and the page."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace as replaced
+from pathlib import PurePath
+from textwrap import wrap
+from typing import Any
+
+import msgspec
+from msgspec.structs import replace
+
+from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.report.comparison.comparison_document import (
+    ApartRun,
+    ComparedRun,
+    Comparison,
+    EventContrasts,
+    RunDifference,
+)
+from pytest_libero_max.report.comparison.run_notes import caveat_names, caveats_by_run, warnings_by_run
+from pytest_libero_max.report.document import Document, Section, Table, table_of
+from pytest_libero_max.report.formats import Interval, LogP, Number, Tenths, counted
+from pytest_libero_max.report.quantities import TEXT, Cell, Quantity, quantities_in, quantity
+from pytest_libero_max.report.render.terminal import WIDTH, section_lines, sections_lines
+from pytest_libero_max.report.writers.summary import substrate_lines
+from pytest_libero_max.runs.comparability import policies_text
+from pytest_libero_max.runs.replay_command import replay_text
+from pytest_libero_max.stats import intervals
+from pytest_libero_max.stats.blocks import (
+    ChangeContrast,
+    GroupContrast,
+    GroupDifference,
+    Result,
+    SuccessContrast,
+)
+from pytest_libero_max.stats.verdicts import WORDS, word_for
+
+AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
+
+_SHORT = dict(zip(OUTCOMES, ("(1,1)", "(0,1)", "(1,0)", "(0,0)"), strict=True))
+
+_MOST_NAMES = 4
+"""Number of runs whose names are in a title."""
+
+_NAMES = ("name", "first", "second")
+"""Fields that hold the name of a run."""
+
+_STATEMENTS = ("generalisation", "interval", "policies", "behaviour")
+"""Statements that the terminal shows; the files of a comparison hold all of them."""
+
+_LISTED = 20
+_LISTED_AT_THE_END = 5
+_LEVEL = 0.05
+
+_SIMULTANEOUS = "Simultaneous 95%"
+
+_APART = (
+    "Listed apart: policies that do not support all suites of the others. Their rows are over the cases that "
+    "they support, and they change nothing else here. --restrict compares all runs on the cases they share."
+)
+
+_RANKS: tuple[Quantity[ComparedRun], ...] = (
+    Quantity("rank", "Rank", lambda run: run.rank, Number("g", missing="--")),
+    Quantity("open_ranks", "Open ranks", lambda run: _open_ranks(run), TEXT, "Open"),
+)
+
+RUNS = quantities_in("runs")
+"""Quantities of a run beside those of other runs."""
+
+
+def document_of(comparison: Comparison, flips: int = _LISTED) -> Document:
+    """Return a comparison as a document.
+
+    Args:
+        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
+        flips: Number of changed cases to list.
+    """
+    changed = len(comparison.flips)
+    shown = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
+    sections = [Section(tables=[_runs_table(shown)])]
+    if shown.apart:
+        sections.append(Section("Runs apart", [*map(_apart_table, shown.apart)], [_APART]))
+    sections += [Section(tables=[table]) for table in _contrast_tables(shown)]
+    return Document(
+        comparison_title(comparison),
+        comparison_warnings(shown),
+        [shown.substrate.note] if shown.substrate.note else [],
+        [*sections, _flips(shown, changed)],
+        caveats_by_run(shown),
+        [*shown.statements.values()],
+    )
+
+
+def comparison_lines(comparison: Comparison, flips: int = _LISTED) -> list[str]:
+    """Render a comparison for the terminal: its results, and the statements that concern it most."""
+    document = document_of(comparison, flips)
+    lines = [*terminal_head(document, comparison), *sections_lines(document.sections)]
+    return [*lines, "", *(line for key in _STATEMENTS for line in wrap(comparison.statements[key], WIDTH))]
+
+
+def terminal_head(document: Document, comparison: Comparison) -> list[str]:
+    """Return title and warnings of a document for the terminal, which names the caveats of runs alone."""
+    names = caveat_names(with_short_names(comparison))
+    return [
+        document.title,
+        *substrate_lines(comparison.substrate),
+        *(f"WARNING: {text}" for text in document.warnings),
+        *(line for text in names for line in wrap(text, WIDTH)),
+    ]
+
+
+def short_lines(comparison: Comparison, flips: int = _LISTED_AT_THE_END) -> list[str]:
+    """Render the end of a run that is compared with an earlier one: rates, Dynamic success, changed cases.
+
+    Args:
+        comparison: Of two runs, the earlier one first.
+        flips: Number of changed cases to list.
+    """
+    changed = len(comparison.flips)
+    command = ["libero-max", "compare", *(["--restrict"] if comparison.pairs.restricted else [])]
+    more = shlex.join([*command, *(run.name for run in comparison.runs)])
+    shown = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
+    first, second = (f"{run.name} ({run.policy['name']})" if run.policy else run.name for run in shown.runs)
+    runs = replaced(_runs_table(shown), note="")
+    parts = [
+        Section(tables=[runs, contrast_table("Dynamic success", shown.contrasts)]),
+        _flips(shown, changed),
+    ]
+    return [
+        f"{second} against {first}, on {counted(shown.pairs.common, 'common case')}",
+        *(f"WARNING: {text}" for text in comparison_warnings(shown)),
+        *(line for text in caveat_names(shown) for line in wrap(text, WIDTH)),
+        *(line for part in parts for line in section_lines(part) if line),
+        f"More: {more}",
+    ]
+
+
+def comparison_title(comparison: Comparison) -> str:
+    """Return a title: the names of the runs, or their number where they are many, and the number of cases."""
+    *others, last = [run.name for run in with_short_names(replace(comparison, flips=[])).runs]
+    names = f"{', '.join(others)} and {last}"
+    if len(others) + 1 > _MOST_NAMES:
+        names = f"Comparison of {counted(len(others) + 1, 'run')}"
+    return f"{names} on {counted(comparison.pairs.common, 'common case')}"
+
+
+def with_short_names(comparison: Comparison) -> Comparison:
+    """Return the comparison with runs named by the last part of their paths, where these differ."""
+    names = [*(run.name for run in comparison.runs), *(run.name for run in comparison.apart)]
+    short = dict(zip(names, (PurePath(name).name for name in names), strict=True))
+    if len(set(short.values())) < len(names) or "" in short.values():
+        return comparison
+
+    def renamed(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {
+                short.get(key, key): (
+                    short.get(item, item) if key in _NAMES and isinstance(item, str) else renamed(item)
+                )
+                for key, item in value.items()
+            }
+        return [renamed(item) for item in value] if isinstance(value, list) else value
+
+    flips = [replace(flip, outcomes=renamed(flip.outcomes)) for flip in comparison.flips]
+    shown = msgspec.convert(renamed(msgspec.to_builtins(replace(comparison, flips=[]))), Comparison)
+    return replace(shown, flips=flips)
+
+
+def comparison_warnings(comparison: Comparison) -> list[str]:
+    """Return a sentence for each limit: cases that are not compared, differences, and each run's own."""
+    pairs = comparison.pairs
+    warnings = [*left_out_text(pairs.common, pairs.left_out)]
+    unsupported = ", ".join(f"{count} by {name}" for name, count in pairs.unsupported.items() if count)
+    if unsupported:
+        warnings.append(f"Unsupported cases: {unsupported}. Runs that do not support all cases have no rank.")
+    warnings += difference_warnings(comparison.differences)
+    policies = policies_text(difference.field for difference in comparison.policies)
+    return [*warnings, *filter(None, [policies]), *warnings_by_run(comparison)]
+
+
+def left_out_text(common: int, left_out: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Yield a sentence about the cases of each run that are not compared, where there are some."""
+    counts = ", ".join(f"{len(cases)} of {name}" for name, cases in left_out.items() if cases)
+    if counts:
+        yield f"Restricted to {counted(common, 'common case')}; left out: {counts}."
+
+
+def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
+    """Yield a sentence for each difference between the runs beside their policies, and one about all."""
+    for difference in differences:
+        values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
+        yield f"The runs differ in {difference.field}: {values}."
+    if differences:
+        yield "A difference between the results is of these differences and of the policies together."
+
+
+def _runs_table(comparison: Comparison) -> Table:
+    last = len(comparison.runs) + 1
+    by_task = quantity("paired_change_by_task")
+    return table_of(
+        "",
+        "Run",
+        (*_RANKS, *RUNS[:-1], by_task, RUNS[-1]),
+        [(run.name, run) for run in sorted(comparison.runs, key=lambda run: run.rank or last)],
+        note="Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.",
+    )
+
+
+def _open_ranks(run: ComparedRun) -> str | int | None:
+    """Return the ranks that the cases leave open to a run; None for none."""
+    if run.highest_rank == run.lowest_rank:
+        return run.highest_rank
+    return f"{run.highest_rank}-{run.lowest_rank}"
+
+
+def _apart_table(run: ApartRun) -> Table:
+    """Return a run that is listed apart: by suite, and over all that the policy supports, as in the paper.
+
+    A suite that the policy does not support has no result.
+    """
+    quantities = (quantity("played"), *RUNS[:-1])
+    by_suite: dict[str, Result | None] = {**run.by_suite, **dict.fromkeys(run.unsupported_suites)}
+    results = [*sorted(by_suite.items()), ("all supported", run.result)]
+    rows = [
+        (name, "unsupported", *["n/a"] * (len(quantities) - 1))
+        if row is None
+        else (name, *(one.cell(row) for one in quantities))
+        for name, row in results
+    ]
+    return Table("", (run.name, *quantities), rows)
+
+
+def _contrast_tables(comparison: Comparison) -> Iterator[Table]:
+    """Yield the contrasts of every two runs, those by event, and how far the runs agree about the events."""
+    family = len(comparison.contrasts)
+    notes = [
+        "The test of a paired change takes the two runs as exchangeable. Its interval does not, and may hold "
+        "0 where p is small.",
+        f"Verdicts: {'; '.join(f'{word}, {meaning}' for word, meaning in WORDS.items())}.",
+    ]
+    if family > 1:
+        notes.insert(
+            0,
+            f"All {family} intervals of a table together hold the differences with 95% (Bonferroni). Holm's "
+            "p is corrected for as many tests and is a little sharper: it may be below 0.05 where the "
+            "interval still holds 0.",
+        )
+    yield contrast_table("Dynamic success", comparison.contrasts)
+    yield contrast_table("Base success", comparison.base_contrasts)
+    yield contrast_table("Paired change", comparison.change_contrasts, " ".join(notes))
+    yield from _by_event(comparison)
+    yield from _profiles(comparison)
+
+
+def contrast_table(quantity: str, contrasts: Sequence[AnyContrast], note: str = "") -> Table:
+    """Return the contrasts of every two runs in one quantity."""
+    interval = _SIMULTANEOUS if len(contrasts) > 1 else "95%"
+    head = ("Second against first", "Difference, pp", interval, "95% by task", "Holm p", "Verdict")
+    rows = [
+        (f"{row.second} against {row.first}", *_contrast_cells(row), _verdict(row, len(contrasts)))
+        for row in contrasts
+    ]
+    return Table(f"{quantity}, contrasts", head, rows, note)
+
+
+def _contrast_cells(contrast: AnyContrast) -> tuple[Cell, ...]:
+    difference = contrast.difference
+    cells = [Cell(difference.value, Tenths()), Cell(difference.simultaneous, Interval())]
+    if not isinstance(difference, GroupDifference):
+        cells.append(Cell(difference.by_task, Interval()))
+    return (*cells, Cell(contrast.log10_p_value_holm, LogP()))
+
+
+def _verdict(contrast: AnyContrast, family: int) -> str:
+    """Return the word for a contrast of a family of so many."""
+    interval, log10_p = contrast.difference.simultaneous, contrast.log10_p_value_holm
+    if interval.lower is None or interval.upper is None or log10_p is None:
+        return "n/a"
+    differing = None
+    if isinstance(contrast, SuccessContrast):
+        differing = contrast.first_only + contrast.second_only
+    return word_for(
+        log10_p, intervals.Interval(interval.lower, interval.upper), differing, comparisons=family
+    )
+
+
+def _by_event(comparison: Comparison) -> Iterator[Table]:
+    """Yield the contrasts by event: each for two runs, those with a small p counted for more."""
+    quantities: tuple[tuple[str, Callable[[EventContrasts], list[GroupContrast]]], ...] = (
+        ("Dynamic success", lambda contrasts: contrasts.dynamic_success),
+        ("Paired change", lambda contrasts: contrasts.paired_change),
+    )
+    note = "Holm's correction and the simultaneous intervals are over all events and pairs of runs."
+    for title, part in quantities:
+        by_event = {event: part(contrasts) for event, contrasts in comparison.by_event.items()}
+        head: tuple[str, ...] = ("Event", f"Contrasts with Holm p < {_LEVEL:g}")
+        rows: list[tuple[Any, ...]] = [(event, _small(contrasts)) for event, contrasts in by_event.items()]
+        if len(comparison.runs) == 2:
+            head = ("Event", "Difference, pp", _SIMULTANEOUS, "Holm p")
+            rows = [(event, *_contrast_cells(contrast)) for event, (contrast,) in by_event.items()]
+        yield Table(f"{title} by event, contrasts", head, rows, note, "event")
+
+
+def _small(contrasts: Iterable[GroupContrast]) -> str:
+    tested = [row.log10_p_value_holm for row in contrasts if row.log10_p_value_holm is not None]
+    return f"{sum(10**log10_p < _LEVEL for log10_p in tested)} of {len(tested)}"
+
+
+def _profiles(comparison: Comparison) -> Iterator[Table]:
+    """Yield the paired changes by event over several runs, and the lowest one of each run."""
+    if len(comparison.runs) > 2:
+        over_runs = [
+            (
+                event,
+                Cell(row.median, Tenths()),
+                Cell(intervals.Interval(row.lower_quartile, row.upper_quartile), Interval()),
+                Cell(intervals.Interval(row.lowest, row.highest), Interval()),
+            )
+            for event, row in comparison.events.items()
+        ]
+        head = ("Event", "Median, pp", "Quartiles", "Range")
+        yield Table("Paired change by event over the runs", head, over_runs, dimension="event")
+    if len(comparison.by_event) > 1:
+        rows = [
+            (
+                run.name,
+                Cell(run.lowest_event.value, Tenths()),
+                Cell(run.lowest_event.by_chance, Tenths()),
+                run.lowest_event.event or "none stands out",
+            )
+            for run in comparison.runs
+        ]
+        profiles = comparison.event_profiles
+        note = "Agreement of the event profiles: n/a, no two runs have profiles that vary."
+        if profiles.mean_spearman is not None:
+            note = (
+                f"Agreement of the event profiles (Spearman): mean {profiles.mean_spearman:.2f}, from "
+                f"{profiles.lowest:.2f} to {profiles.highest:.2f} over the pairs of runs."
+            )
+        title = "Lowest paired change of an event"
+        yield Table(title, ("Run", "Value, pp", "By chance, pp", "Event"), rows, note)
+
+
+def _flips(comparison: Comparison, changed: int) -> Section:
+    """Return the changed cases that are listed, and the number of all."""
+    if not changed:
+        return Section(texts=["No case changed."])
+    names = [run.name for run in comparison.runs]
+    items = [
+        f"{' '.join(_SHORT[flip.outcomes[name]] for name in names)}  {flip.item_id}"
+        for flip in comparison.flips
+    ]
+    if changed > len(items):
+        items.append(f"... and {changed - len(items)} more")
+    replay = [f"{run.name}: {replay_text(run.replay)}" for run in comparison.runs]
+    return Section(
+        f"{counted(changed, 'case')} changed, (Base, Dynamic) in {', '.join(names)}:",
+        items=[
+            *items,
+            "To play one of them again, append its name (commands as the folders of the runs name them):",
+            *(f"  {command}" for command in replay),
+        ],
+    )

@@ -1,0 +1,101 @@
+"""Several runs in their order, for example of checkpoints: what each loses, and why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_sections import RUNS, document_of
+from pytest_libero_max.report.diagnosis import changed_pairs
+from pytest_libero_max.report.document import Document, Section, Table
+from pytest_libero_max.report.formats import change_text, counted, interval_text, points
+from pytest_libero_max.report.page.charts import direction, over_runs
+from pytest_libero_max.report.page.page_frame import document_page
+from pytest_libero_max.report.quantities import Quantity, quantity
+from pytest_libero_max.runs.store import read_pairs
+
+Causes = Sequence[Counter[str]]
+"""For each run the number of its regressions by cause."""
+
+_NAMED = 3
+"""Number of causes that the terminal shows; the CSV has all."""
+
+_COUNTS = tuple(map(quantity, ("preserved_success", "change_associated_success", "regression")))
+
+
+def causes_of(folder: Path, cases: Collection[str]) -> Counter[str]:
+    """Count the causes of the regressions of a run among some cases, by item id."""
+    changed = changed_pairs(record for record in read_pairs(folder).records if record.item_id in cases)
+    return Counter(pair.cause for pair in changed if pair.outcome == "regression")
+
+
+def trend_of(comparison: Comparison, causes: Causes) -> Document:
+    """Return runs in their order as a document.
+
+    Args:
+        comparison: The runs in their order, with short names, on the cases that all have measured.
+        causes: See :data:`Causes`.
+    """
+    common = counted(comparison.pairs.common, "common case")
+    names = [f"{number} {run.name}" for number, run in enumerate(comparison.runs, 1)]
+    all_causes = [cause for cause, _ in _ordered(sum(causes, Counter()))]
+    lost = [(name, *(own[cause] for cause in all_causes)) for name, own in zip(names, causes, strict=True)]
+    head = ("Run", *(cause.replace("_", " ") for cause in all_causes))
+    alone = "Intervals are 95%, of each run alone: libero-max compare has the paired contrasts of two."
+    return replace(
+        document_of(comparison),
+        title=f"Trend of {counted(len(names), 'run')} on {common}",
+        sections=[
+            Section("Runs", [replace(_table(comparison, names, RUNS), note=alone)]),
+            Section("Causes of what was lost", [Table("", head, lost)]),
+        ],
+    )
+
+
+def trend_table(comparison: Comparison, causes: Causes, *, whole: bool) -> Table:
+    """Return one table of rates and causes: with all counts for a file, or with the first causes in words."""
+    names = [run.name for run in comparison.runs]
+    table = _table(comparison, names, (*RUNS, *_COUNTS) if whole else RUNS)
+    if not whole:
+        words = [", ".join(f"{cause} {count}" for cause, count in _ordered(own)[:_NAMED]) for own in causes]
+        return _widened(table, ["Causes of what was lost"], [[text] for text in words])
+    all_causes = sorted(sum(causes, Counter()))
+    return _widened(table, all_causes, [[own[cause] for cause in all_causes] for own in causes])
+
+
+def _table(comparison: Comparison, names: Sequence[str], quantities: Sequence[Quantity[Any]]) -> Table:
+    rows = [
+        (name, *(one.cell(run) for one in quantities))
+        for name, run in zip(names, comparison.runs, strict=True)
+    ]
+    return Table("", ("Run", *quantities), rows)
+
+
+def _widened(table: Table, head: Sequence[str], cells: Sequence[Sequence[str | int]]) -> Table:
+    rows = [(*row, *more) for row, more in zip(table.rows, cells, strict=True)]
+    return replace(table, head=(*table.head, *head), rows=rows)
+
+
+def _ordered(causes: Counter[str]) -> list[tuple[str, int]]:
+    """Return causes by number, the largest first, then by name."""
+    return sorted(causes.items(), key=lambda item: (-item[1], item[0]))
+
+
+def trend_html(comparison: Comparison, causes: Causes) -> str:
+    """Render runs as a page: paired change and success over the runs, and the causes of what each lost."""
+    runs = comparison.runs
+    first, last = runs[0].paired_change, runs[-1].paired_change
+    return document_page(
+        "trend.html",
+        trend_of(comparison, causes),
+        last=(runs[-1].name, f"{points(last.value)} pp", interval_text(last, signed=True), direction(last)),
+        first=(runs[0].name, change_text(first)),
+        change=over_runs({"": [run.paired_change for run in runs]}, signed=True),
+        success=over_runs(
+            {"arm0": [run.base_success for run in runs], "arm1": [run.dynamic_success for run in runs]}
+        ),
+    )

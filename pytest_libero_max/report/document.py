@@ -1,0 +1,89 @@
+"""A document: sections of tables, whose numbers stay numbers until a renderer of ``render`` prints them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table."""
+
+    title: str
+    """Heading."""
+    head: Sequence[str | Quantity[Any]]
+    """Headings of the columns, or their quantities; the first one is of the names of the rows."""
+    rows: Sequence[Sequence[Any]]
+    """As many cells as headings in each; the first one names the row. A cell is a :class:`.Cell`, or a text,
+    a whole number or None (nothing is known), which need no format."""
+    note: str = ""
+    """Help for reading it; empty for none."""
+    dimension: str = ""
+    """Dimension of the groups that the rows are of, so that a page leads to their cases; empty for none."""
+    narrow: int = 0
+    """Number of its columns that a report shows in the terminal; 0 for no table."""
+
+    def headings(self, short: bool = False) -> list[str]:
+        """Return the headings of the columns."""
+        return [
+            one if isinstance(one, str) else one.short_heading if short else one.title for one in self.head
+        ]
+
+    def cells(self) -> list[list[Cell]]:
+        """Return the rows with a format for each cell."""
+        return [[one if isinstance(one, Cell) else Cell(one, TEXT) for one in row] for row in self.rows]
+
+    def texts(self, short: bool = False) -> list[list[str]]:
+        """Return the rows as texts, for a narrow table if ``short``."""
+        return [
+            [cell.format.short(cell.value) if short else cell.format.long(cell.value) for cell in row]
+            for row in self.cells()
+        ]
+
+
+def table_of(
+    title: str, name: str, quantities: Sequence[Quantity[Any]], rows: Iterable[tuple[str, Any]], **more: Any
+) -> Table:
+    """Return a table of some quantities, one row for each name and what they are read from."""
+    return Table(
+        title,
+        (name, *quantities),
+        [(label, *(quantity.cell(row) for quantity in quantities)) for label, row in rows],
+        **more,
+    )
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a document."""
+
+    title: str = ""
+    """Heading; empty for none."""
+    tables: Sequence[Table] = ()
+    """Its tables."""
+    texts: Sequence[str] = ()
+    """Paragraphs below them."""
+    items: Sequence[str] = ()
+    """A list below these."""
+
+
+@dataclass(frozen=True)
+class Document:
+    """Everything that a terminal, a Markdown file and a page show."""
+
+    title: str
+    """Heading."""
+    warnings: Sequence[str] = ()
+    """What has to be known before any number."""
+    texts: Sequence[str] = ()
+    """Other paragraphs above the sections."""
+    sections: Sequence[Section] = ()
+    """In the order in which they are read."""
+    caveats: Sequence[str] = ()
+    """Notes on single pairs."""
+    statements: Sequence[str] = ()
+    """Limits of the numbers."""

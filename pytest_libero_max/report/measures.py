@@ -1,0 +1,121 @@
+"""Quantities of the sections of a report: numbers with their units, which writers print and gates ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any, NamedTuple
+
+from pytest_libero_max.report.formats import (
+    AMOUNT,
+    DIFFERENCE,
+    NOT_AVAILABLE,
+    NUMBER,
+    SHARE,
+    Scale,
+    tenths,
+)
+from pytest_libero_max.stats.blocks import MeanDifference, Measure, Rate, Ratio
+from pytest_libero_max.stats.durations import median_interval
+from pytest_libero_max.stats.intervals import Interval
+from pytest_libero_max.stats.measured import number
+
+Plain = str | int | float | bool | None
+Rows = dict[str, Measure | Plain]
+"""A section: what its rows are called, and their values."""
+
+
+class Unit(NamedTuple):
+    """A unit of measures."""
+
+    scale: Scale
+    """Values that there can be."""
+    digits: int
+    """Decimals that are printed; of a share those of percent."""
+    sign: bool
+    """True for a difference, which has its sign."""
+    text: str
+    """Text behind the number."""
+
+    def number(self, value: float) -> str:
+        """Return a value without the unit."""
+        if self.scale in (SHARE, DIFFERENCE):
+            return tenths(value, self.sign, self.digits)
+        return f"{value:+.{self.digits}f}" if self.sign else f"{value:.{self.digits}f}"
+
+
+UNITS: Mapping[str, Unit] = {
+    "share": Unit(SHARE, 1, False, "%"),
+    "change": Unit(DIFFERENCE, 1, True, " pp"),
+    "error": Unit(SHARE, 2, False, " pp"),
+    "variance": Unit(AMOUNT, 4, False, ""),
+    "steps": Unit(AMOUNT, 1, False, " steps"),
+    "more steps": Unit(NUMBER, 1, True, " steps"),
+    "m": Unit(AMOUNT, 2, False, " m"),
+    "m/s^3": Unit(AMOUNT, 1, False, " m/s^3"),
+    "times": Unit(AMOUNT, 2, False, ""),
+}
+"""Units by the name that measures have in the report."""
+
+
+def measure_text(measure: Measure) -> str:
+    """Return a measure for people: value, interval, counts; and why a number lacks."""
+    unit = UNITS[measure.unit]
+    text = NOT_AVAILABLE if measure.value is None else f"{unit.number(measure.value)}{unit.text}"
+    if measure.lower is not None and measure.upper is not None:
+        text += f" [{unit.number(measure.lower)}, {unit.number(measure.upper)}]"
+    elif measure.lack:
+        text += f": {measure.lack}" if measure.value is None else f" [n/a: {measure.lack}]"
+    pairs = " pairs" * (unit.scale not in (SHARE, DIFFERENCE))
+    return text if measure.of is None else f"{text}  {measure.count}/{measure.of}{pairs}"
+
+
+def section_rows(section: Mapping[str, Measure | Plain]) -> list[tuple[str, object]]:
+    """Return names and values of a section for people."""
+    return [
+        (name, measure_text(value) if isinstance(value, Measure) else value)
+        for name, value in section.items()
+    ]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A quantity of a section, declared once."""
+
+    key: str
+    """Name in gates."""
+    title: str
+    """Name of its row."""
+    unit: str
+    """One of :data:`UNITS`."""
+
+    def row(self, value: float | None, interval: Interval | None = None, **more: Any) -> Rows:
+        """Return the row of a value with its interval."""
+        if interval is not None:
+            more |= {"lower": number(interval.lower), "upper": number(interval.upper)}
+        return {self.title: Measure(key=self.key, unit=self.unit, value=number(value), **more)}
+
+    def ratio(self, block: Ratio | Rate | MeanDifference) -> Rows:
+        """Return the row of a share, or of a change, which is printed without its counts."""
+        more: dict[str, Any] = (
+            {} if isinstance(block, Ratio) else {"lower": block.lower, "upper": block.upper}
+        )
+        if self.unit != "change":
+            more |= {"count": block.count, "of": block.of}
+        return {self.title: Measure(key=self.key, unit=self.unit, value=block.value, **more)}
+
+    def median(self, values: Sequence[float | None], *, with_interval: bool = True) -> Rows:
+        """Return the row of the median of the values that exist, with the number of these."""
+        known = [value for value in values if value is not None]
+        interval = median_interval(known) if with_interval and known else None
+        middle = median(known) if known else None
+        return self.row(middle, interval, count=len(known), of=len(values))
+
+
+def in_both_arms(key: str, title: str, unit: str) -> tuple[Measured, Measured]:
+    """Return a quantity of Base and of Dynamic."""
+    return (
+        Measured(f"{key}.base", f"{title}, Base", unit),
+        Measured(f"{key}.dynamic", f"{title}, Dynamic", unit),
+    )

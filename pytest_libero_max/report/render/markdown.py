@@ -1,0 +1,70 @@
+"""Documents as Markdown, for a repository or a pull request."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.report.document import Document, Section, Table
+from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
+
+
+class Written(str):
+    """Text that is Markdown already."""
+
+
+def code(text: str) -> Written:
+    """Return a name as code."""
+    return Written(f"`{printable(text).replace('`', chr(39))}`")
+
+
+def markdown_text(text: object) -> str:
+    """Return text as one line that holds no markup of HTML and no link."""
+    if isinstance(text, Written):
+        return text
+    words = printable(str(text)).replace("&", "&amp;").replace("<", "&lt;")
+    return words.replace("](", "]\\(")
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Return the lines of a table."""
+    body = [" | ".join(markdown_text(cell).replace("|", "\\|") for cell in row) for row in (head, *rows)]
+    return [f"| {body[0]} |", "|" + " --- |" * len(head), *(f"| {row} |" for row in body[1:])]
+
+
+def markdown_list(texts: Iterable[str]) -> list[str]:
+    """Return the lines of a list."""
+    return [f"- {markdown_text(text)}" for text in texts]
+
+
+def table_markdown(table: Table, level: int = 2) -> str:
+    """Return a table with its title and its note, without a line end."""
+    parts = [f"{'#' * level} {markdown_text(table.title)}"] if table.title else []
+    parts.append("\n".join(markdown_table(table.headings(), table.texts())))
+    note = markdown_text(table.note).replace("*", "\\*")
+    return "\n\n".join([*parts, *([note] if note else [])])
+
+
+def section_markdown(section: Section) -> str:
+    """Return a section, without a line end."""
+    parts = [f"## {markdown_text(section.title)}"] if section.title else []
+    parts += [table_markdown(table, 3 if section.title else 2) for table in section.tables]
+    parts += map(markdown_text, section.texts)
+    return "\n\n".join([*parts, *(["\n".join(markdown_list(section.items))] if section.items else [])])
+
+
+def document_markdown(document: Document, figures: Mapping[str, str] | None = None) -> str:
+    """Return a document as the content of a file.
+
+    Args:
+        document: The document.
+        figures: Captions of figures beside the file, by the stem of their names; None for none.
+    """
+    parts = [f"# {markdown_text(document.title)}"]
+    parts += [f"**{markdown_text(text)}**" for text in document.warnings]
+    parts += map(markdown_text, document.texts)
+    parts += map(section_markdown, document.sections)
+    parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in (figures or {}).items()]
+    lists = {CAVEATS_TITLE: document.caveats, LIMITS_TITLE: document.statements}
+    parts += [f"## {title}\n\n" + "\n".join(markdown_list(texts)) for title, texts in lists.items() if texts]
+    return "\n\n".join(parts) + "\n"

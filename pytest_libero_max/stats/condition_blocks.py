@@ -1,0 +1,115 @@
+"""Blocks of conditions on the same cases: rates, contrasts and the best one."""
+
+from __future__ import annotations
+
+from pytest_libero_max.stats.blocks import (
+    Block,
+    Bootstrap,
+    Count,
+    Difference,
+    Rate,
+    Share,
+    Text,
+    WideDifference,
+)
+
+
+class Mean(Block, frozen=True, kw_only=True):
+    """A mean difference over cases."""
+
+    value: WideDifference | None
+    """Mean over the cases; None without cases."""
+    lower: WideDifference | None
+    """Lower end of the 95% interval for independent cases: the melded exact one, and for a difference of
+    differences that of weighted means (Gaffke 2005)."""
+    upper: WideDifference | None
+    """Upper end of the same."""
+    bootstrap: Bootstrap
+    """The paper's interval, percentiles of the exact bootstrap distribution with the number of cases of each
+    source kept, for comparison with it; far too narrow where few cases differ."""
+
+
+class SourceRate(Rate, frozen=True, kw_only=True):
+    """Success in one condition of a camera study, of the cases of a source.
+
+    Attributes:
+        count: Cases that succeed.
+        of: Cases: the denominator.
+        bootstrap: The paper's interval, percentiles of the exact bootstrap distribution, for comparison with
+            it; far too narrow where few cases succeed, or few fail.
+    """
+
+    bootstrap: Bootstrap
+
+
+class ConditionRate(SourceRate, frozen=True, kw_only=True):
+    """Success in one condition of a camera study."""
+
+    by_source: dict[str, SourceRate]
+    """The same within each source."""
+
+
+class GroupInterval(Block, frozen=True, kw_only=True):
+    """An interval that resamples groups of cases."""
+
+    groups: Count
+    """Groups of cases that are resampled whole."""
+    changed: Count
+    """Groups in which a case differs."""
+    replicates: Count
+    """Resamples."""
+    lower: WideDifference | None
+    """Lower end of the 95% interval; None where too few groups changed to decide."""
+    upper: WideDifference | None
+    """Upper end of the same."""
+
+
+class ConditionContrast(Mean, frozen=True, kw_only=True):
+    """Mean of the first condition less the second, over the same cases. Pointwise: without correction."""
+
+    first: Text
+    """Arm, or strength in a contrast between strengths, that is subtracted from."""
+    second: Text
+    """Arm or strength that is subtracted."""
+    gains: Count
+    """Cases in which the difference is above 0: only the first succeeds."""
+    losses: Count
+    """Cases in which the difference is below 0: only the second succeeds."""
+    by_source: dict[str, Mean]
+    """The mean and its intervals within each source."""
+    by_groups: dict[str, GroupInterval]
+    """Intervals over groups of cases: reference_tasks jointly across the sources, source_tasks and
+    configurations within each source."""
+
+
+class SettingDifference(Block, frozen=True, kw_only=True):
+    """Success of the best setting less that of another."""
+
+    value: Difference | None
+    """Success of the best less that of the other."""
+    lower: Difference | None
+    """Lower end of its exact interval, which holds together with those of all pairs of settings with 95%."""
+    upper: Difference | None
+    """Upper end of the same."""
+
+
+class BestSetting(Block, frozen=True, kw_only=True):
+    """The best setting, with intervals that account for the choice."""
+
+    setting: Text
+    """Label of the setting of the highest rate, the first among equals."""
+    count: Count
+    """Its cases that succeed."""
+    of: Count
+    """Cases: the denominator."""
+    value: Share | None
+    """Its success rate."""
+    lower: Share | None
+    """Lower end of its interval, which holds together with those of all settings with 95% (exact,
+    Bonferroni)."""
+    upper: Share | None
+    """Upper end of the same."""
+    not_worse: list[str]
+    """Other settings that the cases do not show to be worse."""
+    differences: dict[str, SettingDifference]
+    """From each other setting."""

@@ -1,0 +1,94 @@
+"""Numbers of reports: rounded, with their counts and intervals, as blocks."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from msgspec import structs
+
+from pytest_libero_max.stats import blocks
+from pytest_libero_max.stats.blocks import Block, Bootstrap, IntervalByTask, MeanDifference, Outcomes, Rate
+from pytest_libero_max.stats.clusters import ClusterInterval, TaskInterval
+from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
+from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.ratios import Ratio
+
+B = TypeVar("B", bound=Block)
+
+
+_OF_INTERVALS = ("lower", "upper", "p_value", "log10_p_value", "log10_p_value_holm")
+
+
+def without_intervals(block: B) -> B:
+    """Return a block whose intervals and p-values are None, those of all blocks in it too."""
+    fields = structs.asdict(block)
+    changed = {name: _without_intervals(value) for name, value in fields.items()}
+    changed |= dict.fromkeys(fields.keys() & _OF_INTERVALS)
+    return structs.replace(block, **changed)
+
+
+def _without_intervals(value: object) -> object:
+    if isinstance(value, Block):
+        return without_intervals(value)
+    if isinstance(value, dict):
+        return {name: _without_intervals(item) for name, item in value.items()}
+    return [_without_intervals(item) for item in value] if isinstance(value, list) else value
+
+
+def number(value: float | None) -> float | None:
+    """Round to twelve significant digits: all that is meant, and the same text on every machine."""
+    return None if value is None else float(f"{value:.12g}")
+
+
+def ratio_of(ratio: Ratio) -> blocks.Ratio:
+    """Return a ratio with its counts."""
+    return blocks.Ratio(count=ratio.count, of=ratio.of, value=number(ratio.value))
+
+
+def rate_of(ratio: Ratio, *, with_interval: bool = True) -> Rate:
+    """Return a ratio with its counts and exact interval; without one where a rule has ended the run."""
+    lower, upper = ends(clopper_pearson(ratio) if with_interval else None)
+    return Rate(count=ratio.count, of=ratio.of, value=number(ratio.value), lower=lower, upper=upper)
+
+
+def mean_difference_of(difference: Ratio, interval: Interval | None) -> MeanDifference:
+    """Return a mean of paired differences of success with its interval."""
+    lower, upper = ends(interval)
+    return MeanDifference(
+        count=difference.count, of=difference.of, value=number(difference.value), lower=lower, upper=upper
+    )
+
+
+def table_change_of(table: Outcomes, *, with_interval: bool = True) -> MeanDifference:
+    """Return the paired change of a table of outcomes with its exact interval; see :func:`rate_of`."""
+    exact = paired_difference(table.regression, table.change_associated_success, table.total)
+    return mean_difference_of(table.change, exact if with_interval else None)
+
+
+def ends(interval: Interval | MeanChange | ClusterInterval | None) -> tuple[float | None, float | None]:
+    """Return both ends of an interval; None where there is none."""
+    return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
+
+
+def interval_of(interval: Interval | MeanChange | ClusterInterval | None) -> blocks.Interval:
+    """Return an interval; None at both ends where there is none."""
+    lower, upper = ends(interval)
+    return blocks.Interval(lower=lower, upper=upper)
+
+
+def interval_by_task(interval: TaskInterval) -> IntervalByTask:
+    """Return an interval for statements about other tasks."""
+    lower, upper = ends(interval.interval)
+    return IntervalByTask(
+        tasks=interval.tasks,
+        effective_tasks=number(interval.effective) or 0.0,
+        changed_tasks=interval.changed,
+        lower=lower,
+        upper=upper,
+    )
+
+
+def bootstrap_of(change: MeanChange | None) -> Bootstrap:
+    """Return the paper's interval; None at both ends where there is none."""
+    lower, upper = ends(change)
+    return Bootstrap(lower=lower, upper=upper, degenerate=change.degenerate if change else None)
