@@ -19,11 +19,12 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
     """Write a plugin that gives every suite a budget of ``steps``.
 
     Returns:
-        The arguments that load it, without Hypothesis' plugin: its summary imports all of Hypothesis, which
-        takes a session longer than some pairs.
+        The arguments that load it, and leave out plugins that take a session longer than its pairs: the
+        summary of Hypothesis imports all of it, and at its end pytest collects garbage five times.
     """
     pytester.makepyfile(short_episodes=PLUGIN.format(steps=steps))
-    return ("-p", "short_episodes", "-p", "no:hypothesispytest")
+    left_out = ("hypothesispytest", "anyio", "unraisableexception")
+    return ("-p", "short_episodes", *(word for name in left_out for word in ("-p", f"no:{name}")))
 
 
 def shorten_here(monkeypatch: pytest.MonkeyPatch, steps: int) -> None:

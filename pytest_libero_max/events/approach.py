@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -32,12 +34,14 @@ class _Aim:
     tilt: tuple[float, float] = (0.0, 0.0)
 
 
-_AIMS = {
-    "above": _Aim((0.0, 0.0, 0.1)),
-    "left": _Aim((0.0, 0.16, 0.03), (-1.0, 0.0)),
-    "right": _Aim((0.0, -0.16, 0.03), (1.0, 0.0)),
-    "in front": _Aim((-0.16, 0.0, 0.03), (0.0, -1.0)),
-}
+_AIMS: Mapping[str, _Aim] = MappingProxyType(
+    {
+        "above": _Aim((0.0, 0.0, 0.1)),
+        "left": _Aim((0.0, 0.16, 0.03), (-1.0, 0.0)),
+        "right": _Aim((0.0, -0.16, 0.03), (1.0, 0.0)),
+        "in front": _Aim((-0.16, 0.0, 0.03), (0.0, -1.0)),
+    }
+)
 
 
 WAYS = tuple((name, high) for name in _AIMS for high in (False, True))

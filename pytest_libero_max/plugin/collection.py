@@ -80,8 +80,10 @@ class PairModule(pytest.Module):
 
     def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
         for item in super().collect():
-            item.__class__ = PairItem  # pytest makes the items of a function itself
-            yield item
+            # Where no case is left, pytest makes an item all the same, to say that it is skipped.
+            if isinstance(item, pytest.Function) and isinstance(item.callspec.params[CASE_FIXTURE], Case):
+                item.__class__ = PairItem  # pytest makes the items of a function itself
+                yield item
 
 
 def settings_of(config: pytest.Config) -> Settings:

@@ -76,7 +76,10 @@ def test_an_unknown_track_names_the_known_ones(pytester: pytest.Pytester) -> Non
             lambda text: text.replace("camera_shift", "camera_shaft"),
             "*'camera_shaft' is not an event. Did you mean 'camera_shift'*",
         ),
-        (lambda text: text.replace('"policy_seed"', '"policy_sed"'), "*lacks policy_seed*"),
+        (
+            lambda text: text.replace('"policy_seed"', '"policy_sed"'),
+            "*'policy_sed'. Did you mean 'policy_seed'*",
+        ),
         (lambda text: json.dumps({**json.loads(text), "cases": []}), "*cases must be a non-empty list*"),
     ],
     ids=["torn", "unknown event", "missing field", "empty"],

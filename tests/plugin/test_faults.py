@@ -111,7 +111,7 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
     assert "I leave" in crashes[2].read_text()
 
 
-@pytest.mark.parametrize("dist", ["each", "loadfile", "loadgroup", "loadscope"])
+@pytest.mark.parametrize("dist", ["each", "loadgroup"])
 def test_pairs_are_handed_out_one_by_one_whatever_a_project_chooses_for_its_tests(
     run: Run, results: Results, pytester: pytest.Pytester, dist: str
 ) -> None:

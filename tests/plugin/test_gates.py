@@ -86,7 +86,7 @@ def test_a_gate_with_a_typo_stops_the_run_before_it_begins(run: Run) -> None:
 @pytest.mark.parametrize(
     ("gate", "words"),
     [
-        ("delta >= -15", "can never fail*Give a number that decides something"),
+        ("delta >= -15", "can never fail*Write -15% or -0.15"),
         ("regressions <= 3%", "with a percentage, but it is a count"),
         ("suite.libero_spacial.delta >= -0.1", "Did you mean 'libero_spatial'?"),
         ("difficulty.9.delta >= -0.1", "names the difficulty '9', which no case is of"),

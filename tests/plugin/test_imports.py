@@ -97,7 +97,7 @@ def test_a_session_that_uses_hypothesis_keeps_its_summary(
             assert number == number
         """
     )
-    own = ("--libero-max-limit=1", "test_own.py", str(PAIRS_FILE))
+    own = ("-p", "hypothesispytest", "--libero-max-limit=1", "test_own.py", str(PAIRS_FILE))
     done = run(*own, "--hypothesis-show-statistics", subprocess=True)
     done.stdout.fnmatch_lines(["*Hypothesis Statistics*", "*::test_integers:*"])
 

@@ -39,8 +39,7 @@ def test_every_pair_is_played_recorded_and_reported(run: Run, results: Results) 
     result.stdout.fnmatch_lines(["=* libero-max =*", "*reacher (H=8 Q=4) on tiny*16 of 16*", "*pairs.jsonl*"])
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
-@pytest.mark.parametrize("prefix", ["fork", "replay"])
+@pytest.mark.parametrize(("workers", "prefix"), [("1", "replay"), ("2", "fork")])
 def test_workers_and_prefix_modes_give_the_same_records(
     run: Run, results: Results, workers: str, prefix: str
 ) -> None:
@@ -98,7 +97,8 @@ def test_what_was_lost_is_red_and_quiet_runs_keep_the_gates_that_fail(verbosity:
         def write_line(self, line: str, **markup: bool) -> None:
             written.append((line, markup))
 
-    end = RunEnd(*cast(Any, (None, None, None)))
+    keeper = SimpleNamespace(settings=None)
+    end = RunEnd(*cast(Any, (None, keeper, None)))
     end.quiet, end.lines = (
         ["headline"],
         ["all", "R   one", "G   two", "gate FAIL  x", "  lost: one", "Exit status 10"],

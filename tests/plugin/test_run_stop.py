@@ -75,7 +75,7 @@ def lines_of(pytester: pytest.Pytester) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-@pytest.mark.parametrize("workers", [(), ("-n1",), ("-n2",)], ids=["plain", "n1", "n2"])
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["plain", "n2"])
 def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     run: Run, results: Results, pytester: pytest.Pytester, enough: None, workers: tuple[str, ...]
 ) -> None:
@@ -234,7 +234,7 @@ def test_the_first_failure_stops_all_workers(
     result.stdout.fnmatch_lines(["INCOMPLETE: *No score. Stopped: *"])
 
 
-@pytest.mark.parametrize("workers", [(), ("-n1",), ("-n2",)], ids=["plain", "n1", "n2"])
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["plain", "n2"])
 def test_results_do_not_depend_on_the_order_of_play(
     run: Run, results: Results, pytester: pytest.Pytester, workers: tuple[str, ...]
 ) -> None:

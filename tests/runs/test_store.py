@@ -450,7 +450,7 @@ def test_a_rule_that_the_run_declared_need_not_be_installed(tmp_path: Path, run:
             "provenance: case_set.path=3",
         ),
         ({"platform": {"cores": 2**63}}, "provenance.platform.cores=9223372036854775808"),
-        ({"protocol": {"deep": _nested(20)}}, "too many lists and objects in each other"),
+        ({"platform": {"deep": _nested(20)}}, "too many lists and objects in each other"),
     ],
 )
 def test_a_first_line_that_cannot_be_is_refused(tmp_path: Path, run: Run, change: Json, message: str) -> None:

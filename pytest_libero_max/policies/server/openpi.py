@@ -118,5 +118,5 @@ def _read(request: Any) -> _Request:
     """
     try:
         return msgspec.convert(request, _Request)
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, AttributeError) as error:  # an array in the place of a map has no keys
         raise ServerError(f"a request that is not that of the profile 'served' ({error})") from error

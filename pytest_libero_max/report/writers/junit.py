@@ -11,7 +11,6 @@ from pytest_libero_max.report.diagnosis import diagnose
 from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.writers.broken import LETTERS, groups_of
-from pytest_libero_max.report.writers.summary import clipping_text, note_texts
 
 PREFIX = "libero_max_"
 
@@ -63,6 +62,8 @@ def headline_properties(report: Report) -> list[tuple[str, str]]:
 
     A run that is incomplete has counts, and no rates.
     """
+    from pytest_libero_max.report.writers.summary import clipping_text, note_texts
+
     numbers: dict[str, float | str | None] = {"status": report.headline.status, **main_numbers(report)}
     if report.pairs.complete:
         numbers["p_value"] = report.overall.mcnemar.p_value

@@ -38,12 +38,12 @@ def run_script(tmp_path: Path, body: str) -> tuple[int, Path]:
         (
             "step=0.2",
             "dog.query(); dog.step()",
-            "a step of the simulator took longer than --libero-max-step-",
+            "a step of the simulator took longer than --libero-max-timeout=step",
         ),
         (
             "query=0.2, step=60",
             "dog.step(); dog.query()",
-            "a query of the policy took longer than --libero-max-query-",
+            "a query of the policy took longer than --libero-max-timeout=query",
         ),
         (
             "query=60, pair=0.2",

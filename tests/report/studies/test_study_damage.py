@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
@@ -34,7 +35,7 @@ def test_a_damaged_study_is_refused_or_reported(tmp_path: Path, cells: list[Cell
     provenance["protocol"]["strength"] = 0.5
     store = PairStore(tmp_path, Run(tuple(planned), provenance))
     for record in records:
-        store.append(record)
+        store.append(structs.replace(record, fingerprints={**record.fingerprints, "strength": "0.5"}))
     store.close()
     path, refused = tmp_path / "pairs.jsonl", 0
     content = path.read_bytes()
