@@ -81,7 +81,8 @@ class PairModule(pytest.Module):
     def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
         for item in super().collect():
             # Where no case is left, pytest makes an item all the same, to say that it is skipped.
-            if isinstance(item, pytest.Function) and isinstance(item.callspec.params[CASE_FIXTURE], Case):
+            parameters = getattr(item, "callspec", None)
+            if parameters is not None and isinstance(parameters.params.get(CASE_FIXTURE), Case):
                 item.__class__ = PairItem  # pytest makes the items of a function itself
                 yield item
 

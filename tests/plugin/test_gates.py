@@ -2,14 +2,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 
+from pytest_libero_max.plugin import controller, session_setup
+
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
+
+
+@pytest.fixture
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Sessions in this process: that gates have their pairs played by a worker is tested elsewhere."""
+    monkeypatch.setattr(session_setup, "_decides_what_it_plays", lambda config: False)
+    monkeypatch.setattr(controller.RunController, "_require_other_process", lambda controller: None)
+    return partial(run, subprocess=False)
 
 
 def test_gates_that_hold_leave_the_status_alone(run: Run) -> None:

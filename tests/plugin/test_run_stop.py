@@ -104,7 +104,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     assert f"ended, stopped by rule enough:3 at 3 of 16: {name} was the last" in seen.lines()[0]
 
 
-@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["plain", "n2"])
+@pytest.mark.parametrize("workers", [("-n1",)], ids=["n1"])
 def test_a_stopped_run_goes_on_only_without_its_rule(
     run: Run, results: Results, enough: None, workers: tuple[str, ...]
 ) -> None:
@@ -121,7 +121,7 @@ def test_a_stopped_run_goes_on_only_without_its_rule(
     assert results()[1]["pairs"]["stopped"] is None
 
 
-@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["plain", "n2"])
+@pytest.mark.parametrize("workers", [("-n2",)], ids=["n2"])
 def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
     run: Run,
     results: Results,
