@@ -104,35 +104,28 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     assert f"ended, stopped by rule enough:3 at 3 of 16: {name} was the last" in seen.lines()[0]
 
 
-@pytest.mark.parametrize("workers", [("-n1",)], ids=["n1"])
-def test_a_stopped_run_goes_on_only_without_its_rule(
-    run: Run, results: Results, enough: None, workers: tuple[str, ...]
-) -> None:
-    run("--libero-max-stop=enough:3", *workers, subprocess=True)
+def test_a_stopped_run_goes_on_only_without_its_rule(run: Run, results: Results, enough: None) -> None:
+    run("--libero-max-stop=enough:3", "-n1", subprocess=True)
     before = len(results()[0]) - 1
-    again = run("--libero-max-stop=enough:3", "--libero-max-resume", *workers, subprocess=True)
+    again = run("--libero-max-stop=enough:3", "--libero-max-resume", "-n1", subprocess=True)
     lines, report = results()
     assert sum(line["line"] == "pair" for line in lines) == before
     assert report["pairs"]["stopped"]["at"] == 3
     assert again.ret == 0
-    on = run("--libero-max-resume", *workers, subprocess=True)
+    on = run("--libero-max-resume", "-n1", subprocess=True)
     assert on.ret == 0
     assert results()[1]["pairs"]["complete"]
     assert results()[1]["pairs"]["stopped"] is None
 
 
-@pytest.mark.parametrize("workers", [("-n2",)], ids=["n2"])
 def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
     run: Run,
     results: Results,
     pytester: pytest.Pytester,
     capsys: pytest.CaptureFixture[str],
-    workers: tuple[str, ...],
 ) -> None:
     rule = ("--libero-max-stop=certain", "--libero-max-order=shuffled:1", "--libero-max-gate=base_sr < 50%")
-    result = run(
-        *rule, *workers, "--junitxml=junit.xml", policy=slow(pytester, sleep_s=0.02), subprocess=True
-    )
+    result = run(*rule, "-n2", "--junitxml=junit.xml", policy=slow(pytester, sleep_s=0.02), subprocess=True)
     lines, report = results()
     verdict = (
         "gate pass  base_sr < 50%: passed, whatever the 7 pairs left are: it is at most 43.8% over all 16"
@@ -151,7 +144,7 @@ def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
         ["STOPPED by rule certain at 9 of 16: *", f"{verdict} pairs*", "Exit status 0:*"]
     )
     before = (pytester.path / "libero-max-results" / "pairs.jsonl").read_bytes()
-    again = run(*rule, "--libero-max-resume", *workers, policy="slow.py", subprocess=True)
+    again = run(*rule, "--libero-max-resume", "-n2", policy="slow.py", subprocess=True)
     assert again.ret == result.ret == 0
     again.stdout.fnmatch_lines([f"{verdict} pairs*"])
     after = (pytester.path / "libero-max-results" / "pairs.jsonl").read_bytes()
