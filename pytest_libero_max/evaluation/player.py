@@ -13,10 +13,11 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, RefusalError
+from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.run_cases import markers_of
-from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
+from pytest_libero_max.pairing.record_rules import SERVER
 from pytest_libero_max.runs.media import TRACES_NAME
 
 if TYPE_CHECKING:
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import World
 
 Result = TypeVar("Result")
-
-SERVER = "server"
-"""Among the timings of a pair: address of the policy server that answered last."""
 
 BROKEN_POLICY = "the policy cannot be played"
 """Reason of a stop: every other pair would end in the same way."""
@@ -99,22 +97,13 @@ class PairPlayer:
     """Plays pairs of a run in this process.
 
     Args:
-        settings: Of the run.
+        source: Of the policy, with the settings of the run; asked for its identity once it can be played.
         with_second_base: Item ids of the cases whose Base is played twice.
-        identity: Returns the identity of the policy; called once the policy can be played.
-        names_files: True if the files that loading the policy reads belong to its identity.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        with_second_base: Collection[str],
-        identity: Callable[[], str],
-        *,
-        names_files: bool,
-    ) -> None:
-        self._settings, self._with_second_base = settings, with_second_base
-        self._identity, self._names_files = identity, names_files
+    def __init__(self, source: PolicySource, with_second_base: Collection[str]) -> None:
+        self._source, self._settings = source, source.settings
+        self._with_second_base = with_second_base
         self._adapter: str | None = None
         self._declared: tuple[Policy, PolicySpec] | None = None
         self._first: _First | None = None
@@ -198,7 +187,7 @@ class PairPlayer:
             check_cameras(policy, world)
             if study is not None:
                 study.check_policy(policy.spec)
-            self._adapter = self._identity()
+            self._adapter = self._source.identity()
             process.enter("setup")
         fingerprints = {
             **substrate.fingerprint(images=bool(policy.spec.cameras)),
@@ -259,7 +248,7 @@ class PairPlayer:
         """Return the pair with the files that its policy has read, unless a revision names what it is."""
         from pytest_libero_max.policies.files_read import FILES_READ
 
-        if policy.spec.revision is not None or not self._names_files:
+        if policy.spec.revision is not None or not self._source.names_files:
             return pair
         named = pair.record.policy | {FILES: dict(FILES_READ.files)}
         if FILES_READ.reset_files:

@@ -5,7 +5,7 @@ pytest's options, their ini twins and the arguments of :func:`pytest_libero_max.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -33,8 +33,8 @@ DEFAULT_OUTPUT = "libero-max-results"
 Group = Literal["everyday", "protocol", "machines"]
 
 
-SAID: Any = object()
-"""No value of a setting: each one is said."""
+ALWAYS: Any = object()
+"""In the place of a setting's usual value: every value is recorded."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,9 @@ class Recorded:
     part: Literal["protocol", "policy"]
     """Part of the provenance that holds it, under the name of the setting."""
     usual: Any = None
-    """Value that is not said anywhere; :data:`SAID` where every value is said."""
+    """Value that is not recorded; :data:`ALWAYS` where every value is."""
     value: Callable[[Any], Any] = lambda value: value
     """Returns what the provenance holds."""
-
-    def says(self, value: Any) -> bool:
-        """Return True if a value is not the usual one."""
-        return bool(value != self.usual)
 
 
 @dataclass(frozen=True)
@@ -311,13 +307,13 @@ class Settings:
         "ACTIONS",
         "Override H (chunk size), the most actions a query returns",
         read.positive,
-        recorded=Recorded("policy", usual=SAID),
+        recorded=Recorded("policy", usual=ALWAYS),
     )
     query_interval: int | None = setting(
         "ACTIONS",
         "Override Q (execution horizon, replan steps), the actions executed before the next query",
         read.positive,
-        recorded=Recorded("policy", usual=SAID),
+        recorded=Recorded("policy", usual=ALWAYS),
     )
     restore: Literal["native", "always", "gated"] = setting(
         "MODE",
@@ -376,7 +372,7 @@ class Settings:
         "PAIRS",
         "Play Base twice for a stratified subset of so many pairs and report how often it flips",
         read.positive,
-        recorded=Recorded("protocol", usual=SAID),
+        recorded=Recorded("protocol", usual=ALWAYS),
     )
     sham: float | None = setting(
         "SHARE",
@@ -479,12 +475,12 @@ class Settings:
 
     def recorded(self, part: Literal["protocol", "policy"]) -> Json:
         """Return what the provenance of a run says in one of its parts, by setting."""
-        said = {}
+        values = {}
         for option in options_of(type(self)):
             declared, value = option.recorded, getattr(self, option.field)
-            if declared is not None and declared.part == part and declared.says(value):
-                said[option.field] = declared.value(value)
-        return said
+            if declared is not None and declared.part == part and value != declared.usual:
+                values[option.field] = declared.value(value)
+        return values
 
     @property
     def played(self) -> dict[str, str]:
@@ -495,11 +491,6 @@ class Settings:
     def extras(self) -> str:
         """Words for pytest's header; empty for a plain run."""
         return "".join(f", {words}" for words in protocol_words(self.recorded("protocol")).values())
-
-    def _recorded(self) -> Iterator[tuple[Any, Any]]:
-        for option in options_of(type(self)):
-            if option.recorded is not None:
-                yield option, getattr(self, option.field)
 
     @property
     def case_set(self) -> str:

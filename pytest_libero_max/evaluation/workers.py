@@ -138,9 +138,7 @@ class CasePlayer:
     def __init__(self, job: Job, second: Iterable[str], process: Playing, seat: int = 0) -> None:
         source = job.source
         self._sources, self._process = OwnSources(source, job.begun_s, seat), process
-        self._player = PairPlayer(
-            source.settings, frozenset(second), source.identity, names_files=source.names_files
-        )
+        self._player = PairPlayer(source, frozenset(second))
 
     def play(self, case: Case) -> Json:
         """Return ``record`` and ``note``, ``error`` and ``stop``, or ``skip``.
@@ -325,9 +323,8 @@ def _be_worker(job: Job, number: int, connection: Connection, log: Path) -> None
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     end_with_parent()
-    os.setpgid(
-        0, 0
-    )  # Ctrl-C is for the process that owns the run, and what is started here ends with this one
+    # Ctrl-C is for the process that owns the run, and what is started here ends with this one.
+    os.setpgid(0, 0)
     close_in_children([connection.fileno()])
     use_one_blas_thread()
     settings = job.source.settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Generator, Iterable
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import pytest
 
@@ -53,9 +53,6 @@ from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.substrates.registry import SUBSTRATES
-
-if TYPE_CHECKING:
-    pass
 
 
 class RunController:

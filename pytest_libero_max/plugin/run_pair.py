@@ -15,6 +15,7 @@ from pytest_libero_max.evaluation.player import (
     PairPlayer,
     Unsupported,
 )
+from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.processes.pair_process import PairProcess
 from pytest_libero_max.pairing.record import POLICY_PHASE, PairRecord
 from pytest_libero_max.plugin.collection import cases_of_run, settings_of
@@ -86,16 +87,9 @@ def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> Pa
 
 def _player_of(config: pytest.Config) -> PairPlayer:
     """Return the player of this process."""
-    from pytest_libero_max.policies.adapter_digest import adapter_digest, names_its_files
-
     if _PLAYER not in config.stash:
-        settings = settings_of(config)
-        config.stash[_PLAYER] = PairPlayer(
-            settings,
-            cases_of_run(config).with_second_base,
-            lambda: adapter_digest(settings.reference, settings.profile, settings.revision),
-            names_files=names_its_files(settings.reference),
-        )
+        source = PolicySource(settings_of(config))
+        config.stash[_PLAYER] = PairPlayer(source, cases_of_run(config).with_second_base)
     return config.stash[_PLAYER]
 
 

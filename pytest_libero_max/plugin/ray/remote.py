@@ -20,11 +20,11 @@ import pytest
 import pytest_libero_max
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.processes.pair_process import close_in_children
 from pytest_libero_max.machine import end_with_parent
 from pytest_libero_max.plugin.collection import cases_of_run, settings_of
 from pytest_libero_max.plugin.processes.sending import sendable
-from pytest_libero_max.policies.adapter_digest import adapter_digest
 
 
 class RemoteSession:
@@ -109,9 +109,8 @@ class RemoteSession:
 
 def identity(config: pytest.Config) -> Json:
     """Digests that have to be the same wherever pairs of a run are played, by name."""
-    settings = settings_of(config)
     try:
-        adapter = adapter_digest(settings.reference, settings.profile, settings.revision)
+        adapter = PolicySource(settings_of(config)).identity()
     except LiberoMaxError as error:
         adapter = str(error)
     return {
