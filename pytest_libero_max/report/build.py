@@ -49,7 +49,7 @@ from pytest_libero_max.report.writers.summary import alarm_texts
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 from pytest_libero_max.stats.blocks import Outcomes, Result, Substrate
 from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
@@ -120,6 +120,9 @@ def build_report(
     repaired = {error.item_id for error in errors if error.case_id in played}
     _require_planned(failed, {pair.case_id: pair for pair in planned})
     policy = next(iter(played.values())).policy if played else None
+    with_intervals = not ended_by_rule(stopped, planned, policy, played.keys())
+    if with_intervals and stopped is not None and stopped.rule is not None:
+        stopped = None  # pairs in flight have completed the run
     unsupported = {
         pair.case_id: pair.suite
         for pair in unsupported_pairs(planned, policy)
@@ -142,7 +145,6 @@ def build_report(
     )
     study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
     groups = {name: _group(planned, measured, columns, in_order, name) for name in DIMENSIONS}
-    with_intervals = counts.stopped is None or counts.stopped.rule is None
     sections = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
     if study is not None and study.name == Repeats.name:
         tasks = [pair.task for pair in measured]
