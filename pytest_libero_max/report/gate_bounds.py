@@ -78,7 +78,7 @@ def values_at(gate: Gate, ends: Sequence[Ending]) -> list[float | None]:
     if gate.name in _COUNTS:
         return [_COUNTS[gate.name](end) for end in ends]
     if gate.name == "p_value":
-        return [number(mcnemar(end.losses, end.gains).p_value) for end in ends]
+        return [number(10 ** mcnemar(end.losses, end.gains)) for end in ends]
     shares = [_SHARES[gate.name](end) for end in ends]
     if gate.end is None:
         return [number(share.value) for share in shares]

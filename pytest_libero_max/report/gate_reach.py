@@ -132,7 +132,7 @@ def _value_vs(gate: Gate, losses: int, gains: int, cases: int) -> float:
     if gate.name == "gains_vs":
         return gains
     if gate.name == "p_value_vs":
-        return mcnemar(losses, gains).p_value
+        return 10 ** mcnemar(losses, gains)
     if gate.name != EQUIVALENT and gate.end is None:
         return (gains - losses) / cases
     interval = paired_difference(

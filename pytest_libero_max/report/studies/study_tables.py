@@ -206,7 +206,7 @@ _INPUTS = {
 def _inputs(study: Study) -> Table:
     """Success with an input changed, beside Base over the same cases."""
     arms, contrasts = study.arms or {}, study.contrasts or []
-    tests = [None if row.lower is None else mcnemar(row.losses, row.gains).log10_p for row in contrasts]
+    tests = [None if row.lower is None else mcnemar(row.losses, row.gains) for row in contrasts]
     adjusted = holm(tests)
     rows = [
         (
