@@ -26,6 +26,10 @@ class Table:
     """Dimension of the groups that the rows are of, so that a page leads to their cases; empty for none."""
     narrow: int = 0
     """Number of its columns that a report shows in the terminal; 0 for no table."""
+    key: str = ""
+    """Stem of the files that hold it alone; empty for none."""
+    apart: int = 0
+    """Index of the first row that stands apart from those above; 0 for none."""
 
     def headings(self, short: bool = False) -> list[str]:
         """Return the headings of the columns."""

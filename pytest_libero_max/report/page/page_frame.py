@@ -19,21 +19,13 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 from pytest_libero_max.report.document import Document, Table
 from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
+from pytest_libero_max.report.plots import Viewed
 from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
 
 DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
-
-
-class Viewed(NamedTuple):
-    """A name that leads to a view of the table of cases."""
-
-    text: str
-    """The name."""
-    view: str
-    """Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere."""
 
 
 class PageTable(NamedTuple):

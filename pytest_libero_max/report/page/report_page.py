@@ -14,25 +14,19 @@ from pytest_libero_max.report.formats import interval_text, points, rate_text
 from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.page.broken_cards import broken_sections
-from pytest_libero_max.report.page.charts import (
-    category_map,
-    contrasts,
-    direction,
-    forest,
-    histogram,
-    outcome_bar,
-)
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
-from pytest_libero_max.report.page.page_frame import Viewed, page, page_table
+from pytest_libero_max.report.page.page_frame import page, page_table
+from pytest_libero_max.report.plots import Viewed, direction, outcome_bar
 from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
+from pytest_libero_max.report.render.drawing import survival_curves
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_plots import camera_contrasts, category_map, forest, stale_actions
 from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
-from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
@@ -104,10 +98,12 @@ def html(
         pairs_name=pairs_name,
         films=films or {},
         study_notes=[] if study is None else study_notes(study),
-        study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
+        study_plot=camera_contrasts(study.camera)
+        if study is not None and study.camera and study.cases
+        else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
         sections=shown_sections(report),
-        section_figures={timing.TITLE: survival_curves(report)},
+        section_figures={timing.TITLE: survival_curves(report.success_curves)},
         study_tables=[] if study is None else [*map(page_table, study_tables(study))],
         invalid_rows=faults,
         limits_title=LIMITS_TITLE,
@@ -136,14 +132,14 @@ def _results(report: Report) -> dict[str, Any]:
             if column.key in ("base_success", "dynamic_success", "conditional_regression")
         ],
         "outcomes": outcome_bar(overall.outcomes),
-        "forest": forest(overall, report.by["event"]),
+        "forest": forest(report),
         "quantities": [
             (column.title, column.long(overall))
             for column in quantities_in("summary")
             if column.key not in SHOWN_FIRST and not {"coverage", "given_response"} & {*column.tables}
         ],
         "category_map": category_map(report),
-        "stale_histogram": histogram(overall.stale_actions.histogram),
+        "stale_histogram": stale_actions(report),
         "coverage": page_table(group_table("coverage", "Event", by_event)),
         "remarks": remarks if clipping is None else [*remarks, clipping],
         "given_response_note": GIVEN_RESPONSE_NOTE,
