@@ -41,7 +41,6 @@ PLANNED = (
     *_COUNTS,
     "base_sr",
     "dynamic_sr",
-    "trigger_coverage",
 )
 """Quantities of gates that can be planned."""
 

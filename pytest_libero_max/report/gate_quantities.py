@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytest_libero_max.report import monitors, repeats, safety, timing
+from pytest_libero_max.report.measurable import played_text
 from pytest_libero_max.report.measures import Measured
 from pytest_libero_max.report.probe_means import probe_key, probe_quantity
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
@@ -75,9 +76,8 @@ def row_quantity(name: str) -> Quantity[Any]:
 
 def section_value(name: str, end: str | None, report: Report) -> tuple[float | None, str]:
     """Return a quantity of a section, or the end of its interval; or None, and the reason it is not known."""
-    counts = report.pairs
-    if not counts.complete:
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    if not report.pairs.complete:
+        return None, played_text(report.pairs)
     for section in report.sections.values():
         for measure in section.values():
             if isinstance(measure, Measure) and measure.key == name:

@@ -12,15 +12,13 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_bounds import BOUNDED
-from pytest_libero_max.report.gate_quantities import COUNTS, GATED, is_of_pairs
-from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, value_in
-from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.gate_quantities import COUNTS, is_of_pairs
+from pytest_libero_max.report.gates import Gate, decided_value, meets, versus_value
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.intervals import CONFIDENCE
+from pytest_libero_max.stats.blocks import SuccessContrast
+from pytest_libero_max.stats.comparison import contrasts
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired import Pairs, measure
-from pytest_libero_max.stats.paired_difference import paired_difference
-from pytest_libero_max.stats.significance import mcnemar
 
 _CURE = "Gate more pairs, a wider limit, or the estimate; libero-max plan gates says what can be met."
 _NARROWER = "It would pass whatever the policy does: give a narrower limit, or gate dynamic_sr."
@@ -50,7 +48,8 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     if gate.name in COUNTS:
         values: list[float] = [0, len(pairs)]
     else:
-        values = [value for outcome in extremes(pairs) if (value := value_of(gate, outcome)) is not None]
+        rows = map(measure, extremes(pairs))
+        values = [value for row in rows if (value := decided_value(gate, row)) is not None]
     exact = gate.name in (*COUNTS, *EXACT)
     if _none_meets(gate, values) and (exact or gate.operator not in ("==", "!=")):
         raise OptionError.seen(
@@ -79,9 +78,12 @@ def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
     cases, succeeded = len(earlier), sum(earlier)
     if not cases:
         return
-    values = [
-        _value_vs(gate, losses, gains, cases) for losses in (0, succeeded) for gains in (0, cases - succeeded)
+    found = [
+        versus_value(gate, _contrast(succeeded, losses, gains, cases))
+        for losses in (0, succeeded)
+        for gains in (0, cases - succeeded)
     ]
+    values = [value for value in found if value is not None]
     there = f"of which Dynamic succeeded in {succeeded} of the {cases} there"
     if _none_meets(gate, values):
         raise OptionError.seen(
@@ -125,33 +127,17 @@ def _within(gate: Gate, least: float, most: float) -> bool:
     return Fraction(repr(least)) <= gate.threshold <= Fraction(repr(most))
 
 
-def _value_vs(gate: Gate, losses: int, gains: int, cases: int) -> float:
-    """Return the quantity of a gate against another run, of which so many cases were lost and gained."""
-    if gate.name == "regressions_vs":
-        return losses
-    if gate.name == "gains_vs":
-        return gains
-    if gate.name == "p_value_vs":
-        return 10 ** mcnemar(losses, gains)
-    if gate.name != EQUIVALENT and gate.end is None:
-        return (gains - losses) / cases
-    interval = paired_difference(
-        losses, gains, cases, EQUIVALENCE_CONFIDENCE if gate.name == EQUIVALENT else CONFIDENCE
-    )
-    assert interval is not None
-    return (
-        max(-interval.lower, interval.upper) if gate.name == EQUIVALENT else getattr(interval, gate.end or "")
-    )
+def _contrast(earlier: int, losses: int, gains: int, cases: int) -> SuccessContrast:
+    """Return the contrast with another run, of whose successes so many are lost, and of the others gained."""
+    there = np.arange(cases) < earlier
+    here = there.copy()
+    here[:losses] = False
+    here[earlier : earlier + gains] = True
+    return contrasts({"there": there, "here": here})[0]
 
 
 def _label(dimension: str, pair: PlannedPair) -> str:
     return DIMENSIONS[dimension].label(pair)
-
-
-def value_of(gate: Gate, pairs: Pairs) -> float | None:
-    """Return the quantity of a gate in an outcome; None where it has none or is undecidable."""
-    row = measure(pairs)
-    return None if GATED[gate.name].of_change and lacks_of(row) else value_in(gate, row)
 
 
 def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:

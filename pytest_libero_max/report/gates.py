@@ -58,7 +58,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, did_you_mean
@@ -86,11 +86,11 @@ from pytest_libero_max.report.gate_quantities import (
     row_quantity,
     section_value,
 )
-from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.measurable import lack_of_run, lacks_of
 from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.blocks import Result, SuccessContrast, SuccessDifference, TaskInterval
+from pytest_libero_max.stats.blocks import SuccessContrast, SuccessDifference, TaskInterval
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval
@@ -527,16 +527,27 @@ def equivalence_interval(contrast: SuccessContrast) -> Interval | None:
     )
 
 
-def value_in(gate: Gate, row: Result) -> float | None:
+def value_in(gate: Gate, row: Any) -> float | None:
     """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured.
 
     Args:
         gate: A gate that names no other run and no count of pairs.
-        row: The result.
+        row: The result, or what has the same fields as far as the quantity reads them.
     """
     column = row_quantity(gate.name)
     value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
     return value
+
+
+def decided_value(gate: Gate, row: Any) -> float | None:
+    """Return :func:`value_in`; None also where the change of these pairs says nothing of the event."""
+    return None if row_quantity(gate.name).of_change and lacks_of(row) else value_in(gate, row)
+
+
+def verdict_in(gate: Gate, row: Any) -> Verdict:
+    """Return the verdict on a gate over a set of pairs all of which are played; see :func:`value_in`."""
+    value = decided_value(gate, row)
+    return "undecidable" if value is None else "passed" if meets(gate, value) else "failed"
 
 
 def _whole_track(report: Report) -> tuple[float | None, str]:
@@ -553,11 +564,8 @@ def _beyond_sham(gate: Gate, report: Report) -> tuple[float | None, str]:
     sham = report.sham
     if sham is None:
         return None, "no pair played the sham event. Add --libero-max-sham=SHARE"
-    if not report.pairs.complete:
-        counts = report.pairs
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
-    if lacks := lacks_of(report.overall):
-        return None, "; ".join(lacks)
+    if lack := lack_of_run(report):
+        return None, lack
     return getattr(sham.beyond, gate.end or "value"), "no pair to measure it on"
 
 
@@ -567,15 +575,17 @@ def _versus(
     contrast = contrasts.get(gate.run or "", f"there is no comparison with {gate.run!r}")
     if isinstance(contrast, str):
         return None, contrast
-    if not report.pairs.complete:
-        counts = report.pairs
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
-    if lacks := lacks_of(report.overall):
-        return None, "; ".join(lacks)
+    if lack := lack_of_run(report):
+        return None, lack
+    if gate.name == EQUIVALENT:
+        return versus_value(gate, contrast), "there is no common case"
+    return versus_value(gate, contrast), f"no case tells this run and {gate.run!r} apart"
+
+
+def versus_value(gate: Gate, contrast: SuccessContrast) -> float | None:
+    """Return the quantity of a gate against another run; None without a case."""
     if gate.name == EQUIVALENT:
         interval = equivalence_interval(contrast)
-        return (None if interval is None else max(-interval.lower, interval.upper)), "there is no common case"
+        return None if interval is None else max(-interval.lower, interval.upper)
     found = VERSUS[gate.name][0](contrast)
-    if isinstance(found, SuccessDifference):
-        found = {"lower": found.lower, "upper": found.upper}.get(gate.end or "", found.value)
-    return found, f"no case tells this run and {gate.run!r} apart"
+    return getattr(found, gate.end or "value") if isinstance(found, SuccessDifference) else found

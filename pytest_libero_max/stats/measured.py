@@ -7,10 +7,11 @@ from typing import Protocol, TypeVar
 from msgspec import structs
 
 from pytest_libero_max.stats import blocks
-from pytest_libero_max.stats.blocks import Block, Bootstrap, MeanDifference, Outcomes, Rate
+from pytest_libero_max.stats.blocks import Block, Bootstrap, McNemar, MeanDifference, Outcomes, Rate
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
+from pytest_libero_max.stats.significance import mcnemar
 
 B = TypeVar("B", bound=Block)
 
@@ -70,6 +71,18 @@ def table_change_of(table: Outcomes, *, with_interval: bool = True) -> MeanDiffe
     """Return the paired change of a table of outcomes with its exact interval; see :func:`rate_of`."""
     exact = paired_difference(table.regression, table.change_associated_success, table.total)
     return mean_difference_of(table.change, exact if with_interval else None)
+
+
+def mcnemar_of(table: Outcomes) -> McNemar:
+    """Return the test of regressions against gains; without a p-value where there is no pair."""
+    losses, gains = table.regression, table.change_associated_success
+    log10_p = mcnemar(losses, gains) if table.total else None
+    return McNemar(
+        regressions=losses,
+        gains=gains,
+        p_value=None if log10_p is None else number(10**log10_p),
+        log10_p_value=number(log10_p),
+    )
 
 
 def ends(interval: _Ends | None) -> tuple[float | None, float | None]:

@@ -14,7 +14,6 @@ from pytest_libero_max.stats.blocks import (
     Bootstraps,
     Change,
     GivenResponse,
-    McNemar,
     Outcomes,
     RatesByTask,
     Result,
@@ -25,6 +24,7 @@ from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
 from pytest_libero_max.stats.measured import (
     bootstrap_of,
+    mcnemar_of,
     mean_difference_of,
     number,
     rate_of,
@@ -33,7 +33,6 @@ from pytest_libero_max.stats.measured import (
 from pytest_libero_max.stats.outcome_table import BoolArray, at_floor, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.significance import mcnemar
 
 _SHARE = (0.0, 1.0)
 
@@ -138,7 +137,6 @@ def measure_groups(groups: Sequence[Pairs], planned: Sequence[int] | None = None
 def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None, planned: int) -> Result:
     triggered = Ratio(int(pairs.triggered.sum()), len(pairs))
     responded = Ratio(int(pairs.responded.sum()), len(pairs))
-    log10_p = mcnemar(outcomes.regression, outcomes.change_associated_success) if outcomes.total else None
     given = tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded])
     return Result(
         planned=planned,
@@ -156,12 +154,7 @@ def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None, planned: 
         outcomes=outcomes,
         conditional_regression=rate_of(outcomes.conditional_regression),
         retained=ratio_of(outcomes.retained),
-        mcnemar=McNemar(
-            regressions=outcomes.regression,
-            gains=outcomes.change_associated_success,
-            p_value=None if log10_p is None else number(10**log10_p),
-            log10_p_value=number(log10_p),
-        ),
+        mcnemar=mcnemar_of(outcomes),
         trigger_coverage=rate_of(triggered),
         response_coverage=rate_of(responded),
         stale_actions=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
