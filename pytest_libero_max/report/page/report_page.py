@@ -30,8 +30,8 @@ from pytest_libero_max.report.studies.study_tables import study_notes, study_tab
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
-    chance_rows,
     clipping_text,
+    noise_rows,
     note_texts,
     selection_text,
     title_text,
@@ -102,7 +102,7 @@ def html(
         if study is not None and study.camera and study.cases
         else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
-        sections=shown_sections(report),
+        sections=[(part, [*map(page_table, part.tables)]) for part in shown_sections(report)],
         section_figures={timing.TITLE: survival_curves(report.success_curves)},
         study_tables=[] if study is None else [*map(page_table, study_tables(study))],
         invalid_rows=faults,
@@ -116,7 +116,7 @@ def html(
 def _results(report: Report) -> dict[str, Any]:
     """Return the values of the template for a run with played pairs."""
     overall, clipping = report.overall, clipping_text(report)
-    remarks = [f"{title}: {text}" for title, text in chance_rows(report)]
+    remarks = [f"{title}: {text}" for title, text in noise_rows(report)]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
     given = page_table(group_table("given_response", "Event", by_event))
     change = overall.paired_change

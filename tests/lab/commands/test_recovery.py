@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.lab.recovery.recovery import compare_recovery
+from pytest_libero_max.lab.recovery.recovery_sections import document_of
 from pytest_libero_max.report.render.terminal import document_lines
-from pytest_libero_max.report.studies.recovery import compare_recovery
-from pytest_libero_max.report.studies.recovery_sections import document_of
 from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import plain
 from tests.report.studies.test_recovery import GATED, NATIVE
