@@ -1,4 +1,4 @@
-"""Pairs that Base fails, that broke and that were gained: grouped by cause and event, a part of them by name."""
+"""Pairs that Base fails, that broke and that were gained: by cause and event, a part of them by name."""
 
 from __future__ import annotations
 
@@ -203,18 +203,13 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
     sections = []
     for part in parts_of(report, films):
         head = ["", "Pair", "Event", "Cause (pairs)", "What happened", *(["Film"] if films else [])]
-        rows = [
-            [
-                part.letter,
-                Code(pair.item_id),
-                group.what,
-                f"{group.cause} ({group.number})".strip(),
-                pair.sentence,
-                *([Link("film", quote(films[pair.item_id])) if pair.item_id in films else ""] if films else []),
-            ]
-            for group in part.groups
-            for pair in group.named
-        ]
+        rows = []
+        for group in part.groups:
+            cause = f"{group.cause} ({group.number})".strip()
+            for pair in group.named:
+                film = Link("film", quote(films[pair.item_id])) if pair.item_id in films else ""
+                cells = (part.letter, Code(pair.item_id), group.what, cause, pair.sentence)
+                rows.append([*cells, *([film] if films else [])])
         texts = [f"{part.more} more: `changed_pairs` of report.json, and report.html."] if part.more else []
         sections.append(Section(part.title, [Table("", head, rows)], texts, lead=part.note))
     if sections and without_causes(report):
@@ -247,7 +242,8 @@ def broken_lines(
                 filmed = "  filmed" if pair.item_id in films else ""
                 lines.append(f"{part.letter}   {printable(pair.item_id)}{filmed}")
         if part.more:
-            lines.append(f"{part.more} more: in the table of cases of report.html.")
+            by = "outcome and cause" if any(group.cause for group in part.groups) else "outcome"
+            lines.append(f"{part.more} more: in the table of cases of report.html, by {by}.")
     lines += [NO_CAUSES] if without_causes(report) else []
     if lines and films:
         home = Path(next(iter(films.values()))).parent

@@ -6,7 +6,27 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pytest_libero_max.report.plots import Drawable
 from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
+
+
+class Code(str):
+    """A name that is shown as it is."""
+
+
+class Strong(str):
+    """A text to be seen first."""
+
+
+class Link(str):
+    """A text that leads to a file beside the document."""
+
+    address: str
+
+    def __new__(cls, text: str, address: str) -> Link:
+        link = super().__new__(cls, text)
+        link.address = address
+        return link
 
 
 @dataclass(frozen=True)
@@ -73,6 +93,14 @@ class Section:
     """Paragraphs below them."""
     items: Sequence[str] = ()
     """A list below these."""
+    lead: str = ""
+    """Paragraph above its tables; empty for none."""
+    plots: Sequence[Drawable | str] = ()
+    """Plots above its tables, or figures as SVG, on pages; other renderers leave them out."""
+    folded: bool = False
+    """True if a page shows the titles of its tables, which unfold."""
+    key: str = ""
+    """Name by which a page knows it; empty for none."""
 
 
 @dataclass(frozen=True)

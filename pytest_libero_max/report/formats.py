@@ -112,6 +112,8 @@ class Text(Format):
     """A text, a whole number, or nothing."""
 
     def long(self, value: object) -> str:
+        if isinstance(value, str):
+            return value
         return MISSING if value is None else str(value)
 
 

@@ -43,6 +43,11 @@ class Ending:
     def __mul__(self, times: int) -> Ending:
         return Ending(*(times * count for count in astuple(self)))
 
+    @property
+    def dynamic(self) -> int:
+        """Pairs that Dynamic completes."""
+        return self.base - self.losses + self.gains
+
     # What follows is a row of a report, as far as these counts tell it: quantities are read from both alike.
 
     @property

@@ -4,7 +4,7 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.broken_cards import broken_sections
+from pytest_libero_max.report.page.broken_cards import broken_cards
 from pytest_libero_max.report.plots import Histogram, direction, outcome_bar
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.run_plots import category_map, forest
@@ -96,10 +96,10 @@ def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is(
         sentence="The record holds no stages.",
     )  # fmt: skip
     report = structs.replace(report, changed_pairs=[*changed, gained])
-    lost, won = broken_sections(report, {names[3]: ["films/a b.mp4"]}, {names[3]: 25})
-    assert lost.title == "What broke: 16 of 128 Base successes lost"
+    lost, won = broken_cards(report, {names[3]: ["films/a b.mp4"]}, {names[3]: 25})
+    assert lost.part.title == "What broke: 16 of 128 Base successes lost"
     first, second = lost.cards
-    assert (first.number, first.cause, first.event) == (15, "missed moved goal", "camera_shift")
+    assert (first.number, first.cause, first.what) == (15, "missed moved goal", "camera_shift")
     assert (first.film, first.sentence) == ("films/a%20b.mp4#t=1.35", "S3.")
     assert first.view == "event=camera_shift&outcome=regression&cause=missed_moved_goal"
     assert first.case == f"{first.view}&case={names[3]}"
@@ -122,6 +122,6 @@ def test_small_groups_are_counted_below_the_cards() -> None:
         for cause in range(10)
         for k in range(10 - cause)
     ]
-    (section,) = broken_sections(structs.replace(_report(), changed_pairs=pairs), {}, {})
+    (section,) = broken_cards(structs.replace(_report(), changed_pairs=pairs), {}, {})
     assert [card.number for card in section.cards] == [10, 9, 8, 7, 6, 5, 4, 3]
     assert section.more == 2 + 1

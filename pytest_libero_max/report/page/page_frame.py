@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -39,6 +39,8 @@ class PageTable(NamedTuple):
     """Cells as text; the first one may lead to the cases of the row."""
     note: str
     """Text below; empty for none."""
+    words: bool
+    """True if the cells of all columns are texts."""
 
 
 def page_table(table: Table) -> PageTable:
@@ -46,7 +48,8 @@ def page_table(table: Table) -> PageTable:
     rows: list[list[Viewed | str]] = [[*row] for row in table.texts()]
     if table.dimension:
         rows = [[Viewed(str(name), _view(table.dimension, str(name))), *cells] for name, *cells in rows]
-    return PageTable(table.title, table.headings(), rows, table.note)
+    words = all(isinstance(cell.value, str) for row in table.cells() for cell in row[1:])
+    return PageTable(table.title, table.headings(), rows, table.note, words)
 
 
 def _view(dimension: str, name: str) -> str:
@@ -60,14 +63,32 @@ def _view(dimension: str, name: str) -> str:
     return urlencode({dimension: name})
 
 
-def document_page(template: str, document: Document, cases: Json | None = None, **values: Any) -> str:
-    """Render a document with a template that extends ``document.html``; see :func:`page`."""
+def document_page(
+    template: str,
+    document: Document,
+    cases: Json | None = None,
+    own_way: Collection[str] = (),
+    **values: Any,
+) -> str:
+    """Render a document with a template that extends ``document.html``; see :func:`page`.
+
+    Args:
+        template: The template.
+        document: The document.
+        cases: Data of the table of cases.
+        own_way: Keys of the sections that the template shows in its own way.
+        values: Values that the template asks for.
+    """
     return page(
         template,
         document.title,
         cases,
         document=document,
-        sections=[(section, [*map(page_table, section.tables)]) for section in document.sections],
+        sections=[
+            (section, [*map(page_table, section.tables)])
+            for section in document.sections
+            if section.key not in own_way
+        ],
         caveats_title=CAVEATS_TITLE,
         limits_title=LIMITS_TITLE,
         **values,
