@@ -39,7 +39,6 @@ class Named(NamedTuple):
     """A pair to name."""
 
     item_id: str
-    """Name of the test item."""
     sentence: str
     """What happened; empty where that is not known."""
 
@@ -54,7 +53,6 @@ class Group(NamedTuple):
     what: str
     """The event, with the programs that were played in its place; ``in Base``."""
     number: int
-    """Number of pairs."""
     named: Sequence[Named]
     """Those to name, the first ones."""
 
@@ -63,9 +61,7 @@ class Part(NamedTuple):
     """The pairs of an outcome."""
 
     outcome: str
-    """The outcome."""
     letter: str
-    """Letter of it."""
     title: str
     """Heading: their number and that of all that could be."""
     note: str

@@ -34,7 +34,6 @@ class Table:
     """One table."""
 
     title: str
-    """Heading."""
     head: Sequence[str | Quantity[Any]]
     """Headings of the columns, or their quantities; the first one is of the names of the rows."""
     rows: Sequence[Sequence[Any]]
@@ -48,6 +47,8 @@ class Table:
     """Number of its columns that a report shows in the terminal; 0 for no table."""
     key: str = ""
     """Stem of the files that hold it alone; empty for none."""
+    sortable: bool = False
+    """True if readers of a page may sort its rows."""
     apart: int = 0
     """Index of the first row that stands apart from those above; 0 for none."""
 
@@ -86,9 +87,7 @@ class Section:
     """A part of a document."""
 
     title: str = ""
-    """Heading; empty for none."""
     tables: Sequence[Table] = ()
-    """Its tables."""
     texts: Sequence[str] = ()
     """Paragraphs below them."""
     items: Sequence[str] = ()
@@ -108,7 +107,6 @@ class Document:
     """Everything that a terminal, a Markdown file and a page show."""
 
     title: str
-    """Heading."""
     warnings: Sequence[str] = ()
     """What has to be known before any number."""
     texts: Sequence[str] = ()

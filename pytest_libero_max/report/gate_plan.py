@@ -126,7 +126,6 @@ class Advice:
     """A gate and the number of pairs from which on it finds a loss."""
 
     gate: Gate
-    """The gate."""
     pairs: int | None
     """The smallest of :data:`SIZES` that suffices; None where none does."""
     without: float

@@ -139,7 +139,6 @@ class Gate:
     """A condition a report has to meet."""
 
     text: str
-    """As written."""
     name: str
     """The quantity, without scope and end."""
     scope: tuple[str, str] | None

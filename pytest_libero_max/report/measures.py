@@ -40,7 +40,6 @@ class Unit(NamedTuple):
     """A unit of measures."""
 
     scale: Scale
-    """Values that there can be."""
     digits: int
     """Decimals that are printed; of a share those of percent."""
     sign: bool

@@ -43,7 +43,6 @@ class Viewed(NamedTuple):
     """A name that leads to a view of the table of cases."""
 
     text: str
-    """The name."""
     view: str
     """Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere."""
 
@@ -100,7 +99,6 @@ class Row(NamedTuple):
     note: str
     """Number of pairs."""
     text: str
-    """The numbers."""
     dots: Sequence[tuple[float, str]] = ()
     """Values with their kinds."""
     span: tuple[float, float, str] | None = None
@@ -114,7 +112,6 @@ class Plot:
     """Rows over one axis."""
 
     title: str
-    """What is plotted."""
     head: tuple[str, str]
     """Headings of the names and of the numbers."""
     rows: Sequence[Row]
@@ -156,9 +153,7 @@ class Segment(NamedTuple):
     outcome: str
     """Key of the outcome, which is the class of its colour."""
     title: str
-    """Title for people."""
     pairs: int
-    """Number of pairs."""
     width: float
     """Share of the bar, percent."""
 
@@ -177,20 +172,15 @@ class Bars(NamedTuple):
     """The outcomes of several runs as bars."""
 
     title: str
-    """What is plotted."""
     rows: Sequence[tuple[str, Sequence[Segment]]]
-    """Names and parts."""
 
 
 class Heat(NamedTuple):
     """A cell of a map."""
 
     change: float
-    """Paired change."""
     pairs: int
-    """Number of pairs."""
     view: str
-    """View of the table of cases."""
 
     @property
     def text(self) -> str:
@@ -212,9 +202,7 @@ class HeatMap(NamedTuple):
     """Changes by two groupings."""
 
     title: str
-    """What is plotted."""
     columns: Sequence[str]
-    """Names of the columns."""
     rows: Sequence[tuple[Viewed, Sequence[Heat | None]]]
     """Names and cells; None where no pair was played."""
 
@@ -223,11 +211,9 @@ class Histogram(NamedTuple):
     """Pairs by a whole number from 0 on."""
 
     title: str
-    """What is plotted."""
     axis: str
     """What the number is."""
     counts: Sequence[int]
-    """Pairs by number."""
 
     @classmethod
     def of(cls, title: str, axis: str, counts: Mapping[str, int]) -> Histogram:
@@ -249,13 +235,11 @@ class Scatter(NamedTuple):
     """Points over success in Base, in panels side by side."""
 
     title: str
-    """What is plotted."""
     axis: str
     """What a point is."""
     panels: Mapping[str, Sequence[tuple[float, float, str]]]
     """By title, points: Base success, paired change, and kind."""
     legend: Sequence[tuple[str, str]]
-    """Kinds and names."""
 
 
 Drawable = Plot | Bars | HeatMap | Histogram | Scatter

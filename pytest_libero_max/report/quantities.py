@@ -35,7 +35,6 @@ class Cell(NamedTuple):
     value: Any
     """The number, or a block with its counts and interval."""
     format: Format
-    """Format of it."""
 
 
 TableKind = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]

@@ -24,7 +24,6 @@ class Rates:
     """Success of a group of pairs; None for what is not known."""
 
     pairs: int | None
-    """Number of pairs."""
     base: float | None
     """Base success rate, 0 to 1."""
     dynamic: float | None
@@ -50,7 +49,6 @@ class PolicyRow:
     """One policy in the tables."""
 
     name: str
-    """Name of the policy."""
     published: bool
     """True for results of the paper."""
     horizon: int | None
@@ -58,7 +56,6 @@ class PolicyRow:
     query_interval: int | None
     """Q, the execution horizon."""
     outcomes: Outcomes
-    """Pairs by outcome."""
     by: Mapping[str, Mapping[str, Rates]]
     """Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group."""
     macro: float | None

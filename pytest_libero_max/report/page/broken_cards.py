@@ -20,7 +20,6 @@ class Card(NamedTuple):
     """Pairs of one cause under one event."""
 
     number: int
-    """Number of pairs."""
     cause: str
     """In words; empty where it was not recorded."""
     what: str
@@ -45,7 +44,6 @@ class Cards(NamedTuple):
     more: int
     """Number of pairs in other groups."""
     view: str
-    """View of the table of cases with all of them."""
 
 
 def broken_cards(

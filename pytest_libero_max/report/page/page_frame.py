@@ -17,9 +17,9 @@ from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
-from pytest_libero_max.report.document import Document, Table
+from pytest_libero_max.report.document import Document, Link, Table
 from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
-from pytest_libero_max.report.plots import Viewed
+from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
@@ -28,28 +28,43 @@ DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
 
 
+class PageCell(NamedTuple):
+    """A cell of a table as templates print it."""
+
+    text: str
+    order: float | str
+    """By which its column is sorted."""
+    view: str = ""
+    """View of the table of cases that it leads to; empty for none."""
+    address: str = ""
+    """File that it leads to; empty for none."""
+
+
 class PageTable(NamedTuple):
     """A table as templates print it."""
 
     title: str
-    """Heading; empty for none."""
     head: Sequence[str]
-    """Headings of the columns."""
-    rows: Sequence[Sequence[Viewed | str]]
-    """Cells as text; the first one may lead to the cases of the row."""
+    rows: Sequence[Sequence[PageCell]]
     note: str
-    """Text below; empty for none."""
-    words: bool
-    """True if the cells of all columns are texts."""
+    kinds: str
+    """Classes of it."""
 
 
 def page_table(table: Table) -> PageTable:
     """Return a table whose rows lead to their cases, where they are of the groups of a dimension."""
-    rows: list[list[Viewed | str]] = [[*row] for row in table.texts()]
+    rows = [[_page_cell(cell) for cell in row] for row in table.cells()]
     if table.dimension:
-        rows = [[Viewed(str(name), _view(table.dimension, str(name))), *cells] for name, *cells in rows]
+        rows = [[name._replace(view=_view(table.dimension, name.text)), *cells] for name, *cells in rows]
     words = all(isinstance(cell.value, str) for row in table.cells() for cell in row[1:])
-    return PageTable(table.title, table.headings(), rows, table.note, words)
+    kinds = ["rows", *(["words"] * (words or table.sortable)), *(["sorted"] * table.sortable)]
+    return PageTable(table.title, table.headings(), rows, table.note, " ".join(kinds))
+
+
+def _page_cell(cell: Cell) -> PageCell:
+    text, number = cell.format.long(cell.value), cell.format.numbers(cell.value).get("")
+    address = cell.value.address if isinstance(cell.value, Link) else ""
+    return PageCell(text, "" if number is None else number, address=address)
 
 
 def _view(dimension: str, name: str) -> str:
