@@ -91,8 +91,6 @@ class Program:
 
         Args:
             event: Name of the case's event.
-            suite: Its suite.
-            entity: The entity that its trigger names.
         """
         said = {"event": event, "suite": suite, "entity": entity}
         return all(_matches(said[key], patterns) for key, patterns in self.only.items()) and not any(
@@ -172,7 +170,6 @@ def find_program(text: str, folder: Path = Path()) -> Program:
 
     Args:
         text: The name of one of this package, or the path of a file.
-        folder: Folder that a path begins in.
 
     Raises:
         OptionError: It is neither, or the file breaks the format.

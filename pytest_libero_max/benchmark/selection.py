@@ -51,7 +51,6 @@ class Selection:
 
         Args:
             case_ids: Ids of the chosen cases, in any order.
-            of: Number of cases of the whole track or manifest.
             asked: The user's selection, apart from the shard.
             shard: Number and count, for example ``(1, 4)``.
         """

@@ -117,7 +117,6 @@ def decode_json(content: bytes | str, cure: str) -> Any:
     """Decode JSON to plain values: finite numbers, no constant that JSON does not know.
 
     Args:
-        content: UTF-8.
         cure: Advice where it is not JSON; ends the message.
 
     Raises:
@@ -159,10 +158,7 @@ def checked(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> A
     """Return a plain value as a type: lists as tuples, numbers as floats, objects as structs.
 
     Args:
-        value: The value.
-        kind: The type.
         where: Name of the value in a message, a place in words where it ends in ``": "``.
-        error: Class of the error.
 
     Raises:
         LiberoMaxError: Of that class: the value, or one inside it, breaks the rule of its type. It names it.
@@ -320,8 +316,6 @@ def require_plain(value: Any, where: str, levels: int) -> None:
     """Check that a value of no declared form has numbers that do not overflow, and an end.
 
     Args:
-        value: JSON.
-        where: Its name in a message.
         levels: Most lists and objects in each other.
 
     Raises:

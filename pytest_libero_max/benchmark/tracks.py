@@ -50,7 +50,6 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
 
     Args:
         name: One of :func:`all_track_names`.
-        folder: Folder of the tracks.
 
     Raises:
         OptionError: There is no such track; suggests the closest.

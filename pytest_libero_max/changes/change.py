@@ -82,15 +82,15 @@ class Change(Protocol):
         ...
 
 
-def check_evidence(change: Change, evidence: Evidence) -> None:
-    """Check that the evidence is of this change.
+def check_evidence(operation: str, factors: frozenset[Factor], evidence: Evidence) -> None:
+    """Check that evidence is of a change with this operation and these factors.
 
     Raises:
         ChangeError: It is of another one, or was read from a record.
     """
-    factors = tuple(sorted(change.factors))
-    if (evidence.operation, evidence.factors) != (change.operation, factors):
+    names = tuple(sorted(factors))
+    if (evidence.operation, evidence.factors) != (operation, names):
         raise ChangeError(
-            f"evidence of {evidence.operation!r} on {list(evidence.factors)}, but {change.operation!r} on "
-            f"{list(factors)} is to be taken back. Give the evidence that its own apply returned."
+            f"evidence of {evidence.operation!r} on {list(evidence.factors)}, but {operation!r} on "
+            f"{list(names)} is to be taken back. Give the evidence that its own apply returned."
         )

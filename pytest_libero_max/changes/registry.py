@@ -102,10 +102,7 @@ OPERATIONS: Registry[ChangeType] = Registry(
 
 
 def change_from_dict(raw: Mapping[str, Any]) -> Change:
-    """Build a change from its manifest object, checking every field.
-
-    Args:
-        raw: ``operation`` and its parameters; ``change_from_dict(x).to_dict() == x``.
+    """Build a change from its manifest object; ``change_from_dict(x).to_dict() == x``.
 
     Raises:
         ChangeError: The operation or a field is unknown, a field is missing, or a value breaks its rule.

@@ -72,13 +72,7 @@ class EventKind(ABC):
 
     @abstractmethod
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
-        """Fix every parameter for an eligible task.
-
-        Args:
-            variant: 0 or 1.
-            task: Contents of the scene.
-            identity: Configuration of the case; the source of all seeds.
-        """
+        """Fix every parameter for an eligible task."""
 
     @abstractmethod
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
@@ -88,8 +82,6 @@ class EventKind(ABC):
 
         Args:
             entities: The world's entities by name.
-            trigger: The entity that the event is triggered by.
-            seed: The scenario seed.
         """
 
     def event(self, variant: int, seed: int, scenario: Scenario, trigger: Trigger) -> Event:

@@ -101,7 +101,6 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
 
     Args:
         raw: ``type`` and the trigger's parameters.
-        where: Name of it in an error.
 
     Raises:
         ManifestError: The type or a field is unknown, a field is missing, or a value breaks its rule.

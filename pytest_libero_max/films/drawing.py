@@ -60,8 +60,6 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
     """Return the words in the picture of an arm after a number of policy steps.
 
     Args:
-        record: The pair.
-        name: The arm.
         step: Policy steps, of the film; an arm may have ended before.
         shared_until: Policy steps that all arms of the film share.
     """
@@ -106,9 +104,6 @@ def film_frames(
     While nothing new is to be seen, a frame stays for up to a second.
 
     Args:
-        record: The pair.
-        traces: Of its arms, for the curves.
-        ticks: Views, from the first step to the last.
         size: Side of the pictures in ``ticks``, pixels.
         caption: Kind of the pictures, where they are not those of the world's cameras; then each has its
             name below.

@@ -93,10 +93,6 @@ def policy_look(
     A policy that was shown every step is followed step by step.
 
     Args:
-        case: The case.
-        record: The record of the pair.
-        traces: Traces, which have the steps of the queries.
-        shown: Conversion to the images.
         size: Side of the pictures in which the images are shown, pixels.
 
     Returns:

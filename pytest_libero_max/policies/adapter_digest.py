@@ -41,9 +41,7 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     modules whose names are computed at run time.
 
     Args:
-        text: The reference as the user typed it.
         profile: Name or path of the profile, for the address of a server.
-        revision: Identity of the weights behind servers.
 
     Raises:
         AdapterError: The reference leads nowhere, or a file cannot be read.
@@ -81,7 +79,6 @@ def files_read(text: str, run_begun_s: float | None = None) -> Iterator[None]:
     """Collect the files that loading a policy reads in the block, where they belong to its identity.
 
     Args:
-        text: The reference as the user typed it.
         run_begun_s: When the run began, in seconds since 1970; None for now.
     """
     if not names_its_files(text):

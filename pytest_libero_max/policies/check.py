@@ -52,7 +52,6 @@ def check_policy(policy: Any, where: str) -> Policy:
     """Return ``policy`` if it has every member of the Policy contract.
 
     Args:
-        policy: The object that an adapter offers.
         where: Its name in an error, for example ``adapter.py:policy``.
 
     Raises:

@@ -272,10 +272,6 @@ def published_seed(policy_seed: int, query: Query) -> int:
     """Seed of a query as LIBERO-MAX's authors derive it: the first four bytes of SHA-256 of ``seed:index``.
 
     A query after new seeds (a sham event), which they do not have, keeps its own seed.
-
-    Args:
-        policy_seed: Seed of the case.
-        query: The query.
     """
     if query.seed != query_seed(policy_seed, query.index):
         return query.seed
@@ -286,7 +282,6 @@ def query_seed(policy_seed: int, index: int, reseeds: int = 0) -> int:
     """Seed of a query, 0 to 2**32 - 1: the first four bytes of SHA-256 of ``libero-max-query|seed|index``.
 
     Args:
-        policy_seed: Seed of the case.
         index: Number of the query in the episode, from 0.
         reseeds: Number of times that the policy was given new seeds before it; ends the text if not 0.
     """

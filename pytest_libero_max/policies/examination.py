@@ -73,7 +73,6 @@ def made_up(policy: Policy, world: Any, suite: str = "libero_spatial") -> Shown:
     """Return observations of a world at rest and moved a little, for :func:`examine`.
 
     Args:
-        policy: Policy with the cameras and image size.
         world: A world; it is reset and stepped.
         suite: Of the world's task.
     """

@@ -82,7 +82,6 @@ class FilesRead:
 
         Args:
             folder: The policy's folder; None where it has none.
-            code: Files that the digest of the adapter covers.
             run_begun_s: When the run began, in seconds since 1970; None for now.
         """
         if not self._hooked:  # a hook stays until the process ends

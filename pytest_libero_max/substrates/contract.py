@@ -75,7 +75,6 @@ class Catalogue(Hashable, Protocol):
         """Return the requirements of a variation's scene that this machine lacks, in words; empty for none.
 
         Args:
-            variation: One of :meth:`variations`.
             models: False to count models that not every installation has as missing, even if they are here.
         """
         ...

@@ -110,7 +110,6 @@ class MujocoWorld(ABC):
         scene: Stable key of the scene, for example ``embedded/libero_spatial/0``.
         language: The task's instruction.
         model: The compiled model, already complete; a reset restores its current values.
-        data: Its data.
         entities: Entities that a case can name. Objects need exactly one free joint on their root body.
         robot: The names of the robot's parts.
 

@@ -56,7 +56,6 @@ def model_fields(model: mujoco.MjModel, compiled: Mapping[str, NDArray[Any]]) ->
     """Digest of every field of a compiled model: sizes, arrays, names, options, statistics, visual settings.
 
     Args:
-        model: The model.
         compiled: Values as they were compiled, for arrays that may have been changed since.
     """
     fields = {}

@@ -566,7 +566,6 @@ def _control_step(fixed: Any, push: Any, substeps: Any, settle: Any, warned: Any
         fixed: Numbers and addresses, as :class:`Stepper` puts them together. Of arrays whose size is not
             needed the shape is given as (1,).
         push: Change of the gripper's command in a substep.
-        substeps: Number of substeps.
         settle: True to bring derived data up to date at the end.
         warned: MuJoCo's counts of its warnings.
     """

@@ -60,10 +60,7 @@ def collect(
     """Record the episodes that a folder does not hold yet.
 
     Args:
-        plans: The episodes.
         folder: Made if missing.
-        settings: Of the folder: those that it was begun with.
-        jobs: Processes.
         report: Called with the number of finished episodes and of all, after each task.
 
     Returns:

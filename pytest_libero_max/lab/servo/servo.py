@@ -165,11 +165,7 @@ def act(
     """Return the objects seen now, and the route to follow from now on.
 
     Args:
-        scene: Knowledge of all scenes of the suite.
-        memory: From the query before.
         image: (256, 256, 3), upright.
-        hand: From proprioception.
-        instruction: The task in words.
     """
     wish = understand(scene, instruction)
     route, target = memory.route, memory.target
@@ -244,8 +240,6 @@ def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array,
     """Up with the target, over the destination, down, open the fingers, and up again.
 
     Args:
-        scene: For the heights.
-        wish: The object to carry.
         target: Its position at the start, (3,) m.
         destination: Its destination, (3,) m.
         start: Position of the hand at the start, (3,) m.

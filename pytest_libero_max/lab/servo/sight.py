@@ -124,10 +124,6 @@ def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash
     """Return the place in an area where an object is most likely to stand.
 
     Args:
-        likely: Of the whole image.
-        camera: Camera of the image.
-        shape: Of the object.
-        area: Area in which to look.
         leash: Score that is taken off for each m from the middle of the area.
     """
     xs, ys = (

@@ -64,12 +64,7 @@ def devices() -> list[tuple[str, str | None]]:
 
 
 def device_report(plan: Plan, say: Callable[[str], None]) -> Iterator[str]:
-    """Yield the lines of the report, in Markdown, as they are measured.
-
-    Args:
-        plan: What is measured.
-        say: Is told what is measured next.
-    """
+    """Yield the lines of the report, in Markdown, as they are measured."""
     yield from ["# What this machine draws and serves", "", *_machine(), ""]
     substrates = [DEFAULT]
     try:

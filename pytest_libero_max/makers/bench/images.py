@@ -74,10 +74,6 @@ def measure_rates(
     time is not counted.
 
     Args:
-        name: Of the substrate.
-        options: Of the substrate.
-        scenes: Suites and numbers of tasks.
-        processes: Numbers of processes that draw at once.
         seconds: Time to draw for, each.
         size: Side of an image in pixels.
 
@@ -146,9 +142,6 @@ def compare_images(
     """Compare images with those where everything is drawn, and with those of another process.
 
     Args:
-        name: Of the substrate.
-        options: Of the substrate.
-        scenes: Suites and numbers of tasks.
         size: Side of an image in pixels.
 
     Raises:

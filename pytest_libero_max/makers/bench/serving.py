@@ -61,7 +61,6 @@ def measure_serving(
 
     Args:
         reference: Policy to serve, as for ``--libero-max-policy``; None: :class:`Zeros`.
-        clients: Numbers of processes that ask at once.
         seconds: Time to ask for, each.
 
     Raises:

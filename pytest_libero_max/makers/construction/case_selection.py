@@ -67,7 +67,6 @@ def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
     Args:
         examine: Called in rounds, never twice about the same case. The selection is a function of its
         answers.
-        pool: The pool.
 
     Returns:
         The cases, sorted by id.
@@ -98,7 +97,6 @@ def propose(kept: Places, failed: Collection[str], pool: Pool = OWN_POOL) -> Pla
         kept: Cases with a place already. A LIBERO-Plus case gives it up only where difficulties could not be
             as even otherwise.
         failed: Ids of cases that must not be used.
-        pool: The pool.
 
     Raises:
         ManifestError: A cell cannot be filled.

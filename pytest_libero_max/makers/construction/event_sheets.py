@@ -32,8 +32,6 @@ def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, s
     wrist's before and after. What the event moved is outlined where it was, with an arrow to where it is.
 
     Args:
-        path: The file to write.
-        substrate: Builds the worlds.
         track: The cases, with every event and variant. Of two sources, the first variant
             shows the first one, and the second variant the other.
         size: Side of one picture in pixels.
@@ -56,8 +54,6 @@ def write_page_pictures(folder: Path, substrate: Substrate, track: str = ORIGINA
     """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``.
 
     Args:
-        folder: Folder of the files.
-        substrate: Builds the worlds.
         track: Cases, as for :func:`write_event_sheet`.
     """
     for name, seen in _seen(substrate, _PAGE_PX, track):

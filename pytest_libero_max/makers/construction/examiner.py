@@ -121,7 +121,6 @@ class Examiner:
         """Certificates by case id, in the order of the cases.
 
         Args:
-            cases: The cases to play.
             expert: Adapter of the scripted expert, as on the command line of a run.
 
         Raises:
@@ -162,7 +161,6 @@ class Ledger(Generic[Found]):
 
     Args:
         path: The file, which need not exist. A last line that was cut off is removed from it.
-        kind: Type of a line.
 
     Raises:
         ManifestError: A line is damaged.

@@ -56,7 +56,6 @@ def bind(folder: Path, name: str, seed_file: Path) -> str:
 
     Args:
         folder: Folder of the draw, for example ``cases/2026Q4``.
-        name: Name of the draw.
         seed_file: File for the seed, which stays secret until the draw is made.
 
     Returns:
@@ -87,7 +86,6 @@ def read_draw(folder: Path, seed_file: Path | None = None) -> Draw:
     """Read the seed of a draw, and check that it is the one whose digest was published.
 
     Args:
-        folder: Folder of the draw.
         seed_file: File of the seed; None for the one that the folder reveals.
 
     Raises:
@@ -177,8 +175,6 @@ def select_fresh(
 
     Args:
         examine: Called in rounds, never twice about the same case; returns the ids of those that fail.
-        frozen: The tracks that it is fresh against.
-        draw: Name and seed.
 
     Returns:
         The cases, each at the place of its partner in the old track.

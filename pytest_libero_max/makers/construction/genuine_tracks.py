@@ -42,8 +42,6 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     """Choose the cases of some tracks on genuine scenes.
 
     Args:
-        examine: The preflights of some cases by id.
-        catalogue: The installed variations.
         names: Names from :data:`TRACKS`.
 
     Raises:

@@ -128,8 +128,6 @@ def add_certificates(
     """Let an expert play the cases of some tracks of a folder that were examined and have no certificate yet.
 
     Args:
-        folder: Frozen tracks.
-        names: Names of the tracks.
         certify: Returns the expert's results on some cases, by id.
 
     Raises:

@@ -168,7 +168,6 @@ def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
     Args:
         data: C order, or Fortran order for an array of one axis or none.
         dtype: NumPy's name of a real type, for example ``<f4``.
-        shape: The lengths of its axes.
 
     Raises:
         ServerError: They contradict each other, or the type is not one of plain numbers.

@@ -32,9 +32,7 @@ class Pool:
     """Equal servers, of which one is asked until it is given up.
 
     Args:
-        group: The servers.
         seat: Number of this process among those that play; spreads them over the servers.
-        override: H and Q that replace those of the profile.
 
     Attributes:
         policy: The policy behind the server that is asked.
@@ -247,12 +245,6 @@ def open_fleet(
     servers: Servers, seat: int = 0, horizon: int | None = None, query_interval: int | None = None
 ) -> ServerFleet:
     """Return the policy behind some servers, connected to one of each group.
-
-    Args:
-        servers: The servers.
-        seat: Number of this process among those that play.
-        horizon: Replaces H of the profiles.
-        query_interval: Replaces Q of the profiles.
 
     Raises:
         ServerError: No server of a group answers.

@@ -42,12 +42,6 @@ def load_served(
 ) -> ServedPolicy:
     """Return the policy at an address, connected.
 
-    Args:
-        text: The address.
-        profile_text: Name or path of the profile.
-        horizon: Replaces H of the profile.
-        query_interval: Replaces Q of the profile.
-
     Raises:
         AdapterError: The address or the profile cannot be used.
         ServerError: The server was given up.
@@ -65,10 +59,6 @@ def open_server(
     """Return the policy at an address, connected.
 
     Args:
-        address: The address.
-        profile: Profile of the policy.
-        horizon: Replaces H of the profile.
-        query_interval: Replaces Q of the profile.
         revision: Identity of the weights, as the user declares it; follows that of the server, if it has one.
 
     Raises:

@@ -138,8 +138,6 @@ def watched(connection: socket.socket, address: Address, own: str, silence: str 
 
     Args:
         connection: The connection that waits; it is shut down.
-        address: Address of the server.
-        own: Protocol in which it is asked.
         silence: What is waited for; logged where the server is not recognised.
 
     Raises:

@@ -80,8 +80,6 @@ class Request:
 
         Args:
             observation: The world's observation.
-            query: The query.
-            episode: The episode it belongs to.
             layout: Another request than that of the profile, with names of the same inputs.
 
         Raises:

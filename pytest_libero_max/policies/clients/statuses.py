@@ -24,9 +24,6 @@ def status_error(status: int, reason: str, path: str, content: bytes) -> ServerE
     """Return the error of an answer that is none.
 
     Args:
-        status: Status of HTTP.
-        reason: Its words.
-        path: Path that was asked for.
         content: The body, which is quoted unless it is a page.
     """
     words = content.strip()

@@ -118,8 +118,6 @@ class Client:
     no interruption.
 
     Args:
-        name: Name of the server in messages.
-        link: The connection.
         patience_s: Longest time to wait for a server that cannot be reached.
         on_open: Called with the server's greeting each time it is connected to.
         sleep: Waits some seconds.
@@ -167,7 +165,6 @@ class Client:
         """Ask, and read the reply.
 
         Args:
-            request: The request.
             read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
 
         Raises:

@@ -65,7 +65,6 @@ class Host:
     Args:
         policy: A checked policy that reads no simulator.
         revision: Identity of its weights or code, where its spec says nothing.
-        batching: Number of queries that are answered together.
         metrics: Counters; None to count nothing.
 
     Raises:

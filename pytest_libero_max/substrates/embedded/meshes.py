@@ -202,8 +202,6 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
         profile: (radius, z) in m, ordered so that the outside lies to the right of the direction of travel:
         for a
             solid, from the bottom of the axis outwards and up to the top of the axis.
-        segments: Facets around the axis.
-        crease_deg: Corners of the profile sharper than this stay sharp.
     """
     points = np.asarray(profile, float)
     steps = np.diff(points, axis=0)
@@ -254,7 +252,6 @@ def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: 
             twice in a row.
         half_width: Half axis of the cross-section across that plane, m.
         half_depth: Half axis of the cross-section in that plane, m.
-        segments: Facets around the rod.
     """
     points = np.asarray(path, float)
     tangents = np.gradient(points, axis=0)

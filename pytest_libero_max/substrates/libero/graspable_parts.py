@@ -53,7 +53,6 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
 
     Args:
         env: The package's environment.
-        model: Its model.
     """
     found = {}
     for name, fixture in env.fixtures_dict.items():

@@ -103,7 +103,6 @@ class InstalledCatalogue:
         """Return the requirements of a task's scene that are not here, in words; empty for none.
 
         Args:
-            variation: The task.
             models: True to count LIBERO-Plus's own models and what its motion blur needs.
         """
         if variation.source == "plus":

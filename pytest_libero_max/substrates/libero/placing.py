@@ -97,8 +97,6 @@ def put_where_free(
     """Put an entity at the first place that is free.
 
     Args:
-        world: World of the entity; nothing else of it moves.
-        entity: An object or a fixture.
         candidates: (2,) each, m, world frame, in the order in which they are tried.
         pose: Height and orientation it is to have: a position of which x and y are not used, and wxyz.
         suits: Further condition on a place, tried before anything is moved.

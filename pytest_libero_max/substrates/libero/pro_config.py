@@ -160,9 +160,7 @@ def published_config(category: str, suite: str, index: int, world: LiberoWorld) 
 
     Args:
         category: One of those that change LIBERO's own scene.
-        suite: LIBERO suite.
         index: Of the task in it.
-        world: Its scene.
     """
     if category == "visual_noise_glare":
         return {

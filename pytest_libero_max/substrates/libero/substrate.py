@@ -45,7 +45,6 @@ class LiberoSubstrate:
 
     Args:
         installations: Installed packages; by default whatever ``import libero`` would find.
-        semantics: See :class:`.world.LiberoWorld`.
         instruction: Prompt that a policy gets where a case fixes none: ``published``, the authors', which
             for most of LIBERO-Plus's tasks has the name of the variation in it; or ``clean``, without.
         variation_of: Finds the package's own source variation that a case of LIBERO-Plus or LIBERO-PRO plays,

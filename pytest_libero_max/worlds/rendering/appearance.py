@@ -67,7 +67,6 @@ def left(before: Mapping[str, Points], world: World) -> list[Points]:
 
     Args:
         before: What :func:`places_of` returned.
-        world: The world now.
     """
     now = places_of(world)
     return [
@@ -83,8 +82,6 @@ def outlines(
     """Return where places are in the pictures of a world, by camera; each (n, 2) pixels.
 
     Args:
-        places: The places.
-        world: The world now.
         images: Upright pictures of its cameras. Pictures of another name are left out.
     """
     import cv2

@@ -318,7 +318,6 @@ class _Uploaded:
         freed: True if it cannot be used any more.
 
     Args:
-        model: Model with the textures and meshes.
         side: Of the largest image, pixels.
         shadows: True if some light casts them.
 

@@ -40,7 +40,6 @@ class Gr00tLink:
     """A connection to a GR00T server.
 
     Args:
-        address: Its address.
         dialect: A key of :data:`DIALECTS`.
     """
 

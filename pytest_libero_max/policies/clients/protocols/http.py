@@ -68,7 +68,6 @@ class HttpLink:
     remembers more than the query says does not fit this protocol.
 
     Args:
-        address: Its address.
         path: Of the URL, where the address has none.
         codec: A key of :data:`CODECS`.
     """
@@ -178,7 +177,6 @@ def unpacked(content: bytes, encoding: str | None) -> bytes:
     """Return a body without its compression.
 
     Args:
-        content: The body.
         encoding: Header ``Content-Encoding``; gzip is recognised without it.
 
     Raises:

@@ -116,7 +116,6 @@ def extent(name: str, opened: frozenset[str] = frozenset()) -> tuple[float, floa
     """Range of x and y of a category as it stands, m, relative to its origin.
 
     Args:
-        name: Category.
         opened: Regions whose drawers are open; an empty name opens whatever the category can open.
     """
     points = np.concatenate(list(_points(category(name).root, np.zeros(3), np.eye(3), opened)))

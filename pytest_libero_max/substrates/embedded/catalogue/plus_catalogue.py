@@ -104,7 +104,6 @@ def plus_variation(suite: str, index: int) -> Variation:
     """Return one variation of a suite, without making the others.
 
     Args:
-        suite: LIBERO suite.
         index: Index in :func:`plus_suite`.
     """
     place = index

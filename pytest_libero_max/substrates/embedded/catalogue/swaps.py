@@ -39,7 +39,6 @@ def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]
     """Return the changes by which instances take each other's places, as near to them as there is room.
 
     Args:
-        task: The task.
         takes_place_of: Instance by the instance whose place it takes. What rests on something goes along
             with it; what takes the place of such a rider is put down where that was.
     """
