@@ -161,8 +161,8 @@ def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -
     )
 
 
-def _bracketed(asked: Sequence[str]) -> str:
-    return f"({', '.join(asked) or 'all cases'})"
+def _bracketed(options: Sequence[str]) -> str:
+    return f"({', '.join(options) or 'all cases'})"
 
 
 def _joined(one: Shards | None, other: Shards | None) -> Shards | None:

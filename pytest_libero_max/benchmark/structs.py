@@ -135,10 +135,10 @@ def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
         ReportError: It is not JSON, a field is missing or unknown, or holds a value that it cannot hold.
     """
     try:
-        found: AnyStruct = _decoder(kind).decode(content)
+        decoded: AnyStruct = _decoder(kind).decode(content)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return convert(decode_json(content, "The line is damaged."), kind)
-    return found
+    return decoded
 
 
 def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
@@ -212,9 +212,9 @@ def _checked_struct(value: Any, kind: type[Struct], where: str, error: type[Libe
     require_fields(value, kind, where, error)
     hints = _hints(kind)
     at = where if where.endswith(": ") else f"{where}."
-    found = {key: checked(value[key], hints[key], at + key, error) for key in _names(kind) if key in value}
+    values = {key: checked(value[key], hints[key], at + key, error) for key in _names(kind) if key in value}
     try:
-        return kind(**found)
+        return kind(**values)
     except ValueError as broken:  # a rule that a struct checks itself
         raise error(f"{where.removesuffix(': ')}: {broken}.") from broken
 

@@ -82,7 +82,7 @@ def all_track_names(folder: Path = FOLDER) -> tuple[str, ...]:
     Those in a folder below come last: the genuine ones and those of fresh draws, such as ``2026Q4/lite``.
     """
     below = sorted(path for path in folder.iterdir() if path.is_dir())
-    return (*track_names(folder), *(f"{path.name}/{one}" for path in below for one in track_names(path)))
+    return (*track_names(folder), *(f"{path.name}/{track}" for path in below for track in track_names(path)))
 
 
 def load_track(name: str, folder: Path = FOLDER) -> Manifest:

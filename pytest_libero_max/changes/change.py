@@ -48,7 +48,6 @@ class Change(Protocol):
     @property
     def factors(self) -> frozenset[Factor]:
         """Everything :meth:`apply` may touch. All else stays bit-identical."""
-        ...
 
     def apply(self, world: AlterableWorld) -> Evidence:
         """Alter the world now.
@@ -57,7 +56,6 @@ class Change(Protocol):
             ChangeError: The world lacks a requirement of the change.
             EntityError: It names an entity the world does not have.
         """
-        ...
 
     def scaled(self, strength: float) -> Change:
         """Return the change at another magnitude: ``scaled(0)`` alters nothing, ``scaled(1)`` is the change.
@@ -65,7 +63,6 @@ class Change(Protocol):
         Raises:
             ChangeError: ``strength`` is not within 0 to 1, or the change cannot be divided.
         """
-        ...
 
     def reverted(self, evidence: Evidence) -> Change:
         """Return the change that takes this one back: its factors get their former values, bit for bit.
@@ -75,11 +72,9 @@ class Change(Protocol):
         Raises:
             ChangeError: The evidence is of another change, or the change cannot be taken back; says why.
         """
-        ...
 
     def to_dict(self) -> dict[str, Any]:
         """Return the change as a manifest spells it, ``operation`` included."""
-        ...
 
 
 def check_evidence(operation: str, factors: frozenset[Factor], evidence: Evidence) -> None:

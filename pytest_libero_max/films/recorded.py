@@ -192,8 +192,8 @@ class RecordedRun:
         names = [name for name in RENDERING if name in then and then[name] != now.get(name)]
         if not names:
             return None
-        told = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)
-        return f"Drawn by another renderer than in the run ({told}): pixels may differ slightly."
+        differences = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)
+        return f"Drawn by another renderer than in the run ({differences}): pixels may differ slightly."
 
     def _differences(self, record: PairRecord, case: Case) -> str:
         scene = scene_fingerprints(self.substrate.world(case), case.init_state_index)
@@ -262,19 +262,19 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     records = sorted(stored.records, key=lambda record: record.item_id)
     if not names:
         return [record for record in records if is_selected(record, which)]
-    asked: set[str] = set()
+    wanted: set[str] = set()
     for name in names:
         exact = {record.item_id for record in records if name in (record.case_id, record.item_id)}
-        found = exact or {record.item_id for record in records if matches(name, _keywords(record))}
-        if not found:
+        matching = exact or {record.item_id for record in records if matches(name, _keywords(record))}
+        if not matching:
             raise OptionError.seen(
                 "case",
                 name,
                 f" is neither a measured pair of this run nor a part of the name of one. "
                 f"{did_you_mean(name, [record.item_id for record in records])}",
             )
-        asked |= found
-    return [record for record in records if record.item_id in asked]
+        wanted |= matching
+    return [record for record in records if record.item_id in wanted]
 
 
 def _keywords(record: PairRecord) -> tuple[str, ...]:

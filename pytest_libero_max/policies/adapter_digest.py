@@ -107,13 +107,13 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
     if first is None:
         return ()
     folder, inside = _scope(reference, first)
-    found: set[Path] = set()
+    files: set[Path] = set()
     new = {first, *([] if reference.is_file else _files(tuple(reference.target.split(".")), folder, inside))}
     while new:
-        found |= new
+        files |= new
         names = {name for file in new for name in _imported(file, folder) if name[: len(inside)] == inside}
-        new = {helper for name in names for helper in _files(name, folder, inside)} - found
-    return tuple(sorted(found))
+        new = {helper for name in names for helper in _files(name, folder, inside)} - files
+    return tuple(sorted(files))
 
 
 def _scope(reference: Reference, first: Path) -> tuple[Path | None, tuple[str, ...]]:

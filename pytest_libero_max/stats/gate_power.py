@@ -97,8 +97,8 @@ def chance_by_task(
         draw = random.random(n)
         differences = (draw > 1 - chances.gain).astype(np.int64) - (draw < chances.loss)
         losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
-        found = task_interval(differences, labels, paired_difference(losses, gains, n)).interval
-        met += found is not None and holds(found.lower, found.upper)
+        interval = task_interval(differences, labels, paired_difference(losses, gains, n)).interval
+        met += interval is not None and holds(interval.lower, interval.upper)
     return met / DRAWS
 
 

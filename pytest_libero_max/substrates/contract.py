@@ -27,7 +27,6 @@ class Substrate(Protocol):
     @property
     def name(self) -> str:
         """Name of the substrate, as records have it."""
-        ...
 
     def world(self, case: Case) -> World:
         """Return the world that plays a case: built on first use, shared by every case of the same scene.
@@ -35,7 +34,6 @@ class Substrate(Protocol):
         Raises:
             SubstrateError: The substrate cannot build this case; the message names the missing requirement.
         """
-        ...
 
     def fingerprint(self, images: bool = False) -> Mapping[str, str]:
         """Return what could change a result in every scene: package versions, installation, GL backend.
@@ -45,11 +43,9 @@ class Substrate(Protocol):
         Args:
             images: True to name as well what draws images, for which a GL context may have to be opened.
         """
-        ...
 
     def close(self) -> None:
         """Close every world."""
-        ...
 
 
 class Catalogue(Hashable, Protocol):
@@ -61,15 +57,12 @@ class Catalogue(Hashable, Protocol):
         Raises:
             ManifestError: Another source.
         """
-        ...
 
     def metadata(self, variation: Variation) -> TaskMetadata:
         """Contents of the scene of a variation."""
-        ...
 
     def variant(self, variation: Variation) -> Json | None:
         """Entry of a variation in a manifest's ``substrate_variant``, if it has one."""
-        ...
 
     def lacks(self, variation: Variation, *, models: bool = True) -> str:
         """Return the requirements of a variation's scene that this machine lacks, in words; empty for none.
@@ -77,7 +70,6 @@ class Catalogue(Hashable, Protocol):
         Args:
             models: False to count models that not every installation has as missing, even if they are here.
         """
-        ...
 
 
 @dataclass(frozen=True)

@@ -84,11 +84,11 @@ def fingerprint() -> dict[str, str]:
     import numpy.linalg  # noqa: F401
     import scipy.linalg  # noqa: F401
 
-    found = loaded_blas()
-    if not found:
+    libraries = loaded_blas()
+    if not libraries:
         return {"blas": "not OpenBLAS"}
-    kinds = sorted({blas.kind for blas in found})
-    threads = sorted({blas.threads for blas in found})
+    kinds = sorted({blas.kind for blas in libraries})
+    threads = sorted({blas.threads for blas in libraries})
     return {"blas": "/".join(kinds), "blas_threads": "/".join(map(str, threads))}
 
 

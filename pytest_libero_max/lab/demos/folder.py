@@ -108,7 +108,7 @@ def _collect(
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
-    return [found for plan in plans if (found := find(plan, folder)) is not None]
+    return [path for plan in plans if (path := find(plan, folder)) is not None]
 
 
 def find(plan: Planned, folder: Path) -> Found | None:

@@ -116,8 +116,8 @@ def _likelihoods(category: str) -> Chances:
 
 def chances(image: NDArray[np.uint8], category: str) -> Chances:
     """Likelihood that each pixel of an upright image shows an object of a category, by its colour alone."""
-    found: Chances = _likelihoods(category)[colour_codes(image)]
-    return found
+    likelihoods: Chances = _likelihoods(category)[colour_codes(image)]
+    return likelihoods
 
 
 def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash: float = 0.0) -> Sighting:

@@ -57,10 +57,14 @@ def devices() -> list[tuple[str, str | None]]:
         OptionError: ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` asks for what is not there.
         SimulatorError: Nothing draws.
     """
-    found: list[tuple[str, str | None]] = [(device(), None)]
+    result: list[tuple[str, str | None]] = [(device(), None)]
     if gl.require() == "egl" and not egl.chosen()[0].software:
-        found += [(f"egl, {one}", str(one.number)) for one in egl.listed() if one.software][:1]
-    return found
+        result += [
+            (f"egl, {device_listed}", str(device_listed.number))
+            for device_listed in egl.listed()
+            if device_listed.software
+        ][:1]
+    return result
 
 
 def device_report(plan: Plan, say: Callable[[str], None]) -> Iterator[str]:
@@ -96,7 +100,7 @@ def _machine() -> Iterator[str]:
     yield f"- Python {platform.python_version()}, {platform.system()} {platform.machine()}"
     yield f"- {_processor()}, {len(os.sched_getaffinity(0))} cores, {memory_bytes() / GIB:.0f} GiB memory"
     yield f"- load before: {os.getloadavg()[0]:.1f} (it should be near 0)"
-    yield from (f"- {one}{', the processor' if one.software else ''}" for one in egl.listed())
+    yield from (f"- {listed}{', the processor' if listed.software else ''}" for listed in egl.listed())
     for name in (gl.VARIABLE, egl.VARIABLE, egl.VISIBLE, "LP_NUM_THREADS"):
         if name in os.environ:
             yield f"- {name}={os.environ[name]}"

@@ -149,12 +149,12 @@ def compare_images(
     """
     context = multiprocessing.get_context("spawn")
     for suite, index in scenes:
-        found = []
+        results = []
         for _ in range(2):
             with ProcessPoolExecutor(1, context) as pool:
-                found.append(pool.submit(_compare, name, options, suite, index, size).result())
-        (unequal, digests), (_, again) = found
-        yield SameImages(f"{suite}/{index}", len(digests), unequal, digests == again)
+                results.append(pool.submit(_compare, name, options, suite, index, size).result())
+        (unequal, digests), (_, repeated) = results
+        yield SameImages(f"{suite}/{index}", len(digests), unequal, digests == repeated)
 
 
 def _compare(
@@ -183,14 +183,14 @@ def _images(world: World, size: int) -> list[Image]:
     return [seen[f"{camera}_image"] for camera in CAMERAS]
 
 
-def same_lines(found: Sequence[SameImages]) -> list[str]:
+def same_lines(results: Sequence[SameImages]) -> list[str]:
     """Return a table in Markdown."""
     return [
         "| scene | images | unequal to those with everything drawn | the same in another process |",
         "| --- | ---: | ---: | --- |",
         *(
-            f"| {one.scene} | {one.images} | {one.unequal} | {'yes' if one.repeated else 'no'} |"
-            for one in found
+            f"| {result.scene} | {result.images} | {result.unequal} | {'yes' if result.repeated else 'no'} |"
+            for result in results
         ),
     ]
 

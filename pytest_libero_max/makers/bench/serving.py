@@ -122,7 +122,8 @@ def serving_lines(rates: Sequence[ServingRate]) -> list[str]:
         "| clients | queries/s, all | median, ms | 99 %, ms |",
         "| ---: | ---: | ---: | ---: |",
         *(
-            f"| {one.clients} | {one.queries / one.seconds:.0f} | {one.median_ms:.1f} | {one.p99_ms:.1f} |"
-            for one in rates
+            f"| {rate.clients} | {rate.queries / rate.seconds:.0f} | {rate.median_ms:.1f} "
+            f"| {rate.p99_ms:.1f} |"
+            for rate in rates
         ),
     ]

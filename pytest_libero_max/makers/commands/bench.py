@@ -212,8 +212,8 @@ def _bench_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.substrates.libero.installation import find_installations
     from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
-    found = find_installations(options.libero, assets=options.libero_assets)
-    with closing(LiberoSubstrate(found)) as substrate:
+    installations = find_installations(options.libero, assets=options.libero_assets)
+    with closing(LiberoSubstrate(installations)) as substrate:
         times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
     print("\n".join(times.lines()))
 

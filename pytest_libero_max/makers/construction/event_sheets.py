@@ -94,8 +94,8 @@ def _with_arrows(image: Image, world: World, camera: str, moved: Sequence[tuple[
         seen = [outlines([place], world, {camera: image}).get(camera) for place in way]
         if seen[0] is None or seen[1] is None:
             continue
-        corners = [found[0] for found in seen if found is not None]
-        begin, end = (tuple(int(value) for value in found.mean(axis=0).round()) for found in corners)
+        corners = [position[0] for position in seen if position is not None]
+        begin, end = (tuple(int(value) for value in position.mean(axis=0).round()) for position in corners)
         for color, width in ((_INK, 3), (_OLD_PLACE, 1)):
             cv2.polylines(drawn, [corners[0]], True, color, width, cv2.LINE_AA)
             cv2.arrowedLine(drawn, begin, end, color, width, cv2.LINE_AA, tipLength=0.25)

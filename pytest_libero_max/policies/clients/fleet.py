@@ -176,9 +176,9 @@ class ServerFleet:
     def __getattr__(self, name: str) -> Any:
         if name == "_pool":  # not yet
             raise AttributeError(name)
-        found = getattr(self._pool.policy, name)
-        if not callable(found):
-            return found
+        member = getattr(self._pool.policy, name)
+        if not callable(member):
+            return member
         # A wrapper keeps the method: it has to reach the server that is asked by then.
         return lambda *arguments: getattr(self._pool.policy, name)(*arguments)
 
@@ -271,15 +271,11 @@ def in_order_of(addresses: Sequence[str], seat: int) -> tuple[str, ...]:
 
 
 def _common_spec(servers: Servers, specs: Sequence[PolicySpec]) -> PolicySpec:
-    """Return one spec for the groups of servers.
-
-    Raises:
-        AdapterError: They differ in a field that all pairs of a run share.
-    """
+    """Return one spec for the groups of servers."""
     first = specs[0]
     if len(specs) == 1:
-        one = servers.groups[0]
-        suites = _suites(servers, specs) if one.marks else first.suites
+        group_alone = servers.groups[0]
+        suites = _suites(servers, specs) if group_alone.marks else first.suites
         return replace(first, name=servers.name or first.name, suites=suites)
     for group, spec in zip(servers.groups, specs, strict=True):
         for name in _EQUAL:
@@ -308,8 +304,8 @@ def _suites(servers: Servers, specs: Sequence[PolicySpec]) -> tuple[str, ...] | 
     if any(mark not in SUITE_BUDGETS for group in servers.groups for mark in group.marks):
         return None
     named = {mark for group in servers.groups for mark in group.marks}
-    found: set[str] = set()
+    suites: set[str] = set()
     for group, spec in zip(servers.groups, specs, strict=True):
         own = set(SUITE_BUDGETS) if spec.suites is None else set(spec.suites)
-        found |= own & set(group.marks) if group.marks else own - named
-    return None if found == set(SUITE_BUDGETS) else tuple(sorted(found))
+        suites |= own & set(group.marks) if group.marks else own - named
+    return None if suites == set(SUITE_BUDGETS) else tuple(sorted(suites))

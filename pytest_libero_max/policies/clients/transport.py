@@ -92,7 +92,6 @@ class Link(Protocol):
             Unreachable: No server answers there.
             ServerError: The server does not speak the protocol.
         """
-        ...
 
     def ask(self, request: Any) -> Any:
         """Send a request and return the reply.
@@ -101,11 +100,9 @@ class Link(Protocol):
             Unreachable: The connection was lost, or no answer came in time.
             ServerError: The server reports an error, or its reply cannot be read.
         """
-        ...
 
     def close(self) -> None:
         """Close the connection; nothing happens if it is closed."""
-        ...
 
 
 class Client:
@@ -241,9 +238,6 @@ class Client:
 
         One that has answered is waited for: a balancer, for example, may answer in the place of a server that
         is started again.
-
-        Raises:
-            ServerError: It is given up.
         """
         if self._has_answered or isinstance(error, NoConnection):
             return

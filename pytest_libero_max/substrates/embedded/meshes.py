@@ -157,12 +157,12 @@ def _bevels(rims: dict[str, tuple[Array, Array]]) -> list[Mesh]:
         octants.setdefault(tuple(int(v) for v in np.sign(point)), []).append(number)
     polygons = list(octants.values())
     for first, second in combinations(FACES, 2):
-        one, other = face_axes(first)[0], face_axes(second)[0]
-        if one @ other == 0:
+        first_normal, second_normal = face_axes(first)[0], face_axes(second)[0]
+        if first_normal @ second_normal == 0:
             near = [
                 n
                 for n, p in enumerate(points)
-                if owners[n] in (first, second) and p @ one > 0 and p @ other > 0
+                if owners[n] in (first, second) and p @ first_normal > 0 and p @ second_normal > 0
             ]
             polygons.append(near)
     meshes = []

@@ -105,8 +105,12 @@ def write_pro_sheet(
 
 def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
     """Return a variation of that level, of the task if it has one, in the middle of those there are."""
-    found = [one for one in plus_suite(suite) if (one.category, one.difficulty) == (category, level)]
-    own = [one for one in found if one.base_index == index] or found
+    matches = [
+        variation
+        for variation in plus_suite(suite)
+        if (variation.category, variation.difficulty) == (category, level)
+    ]
+    own = [variation for variation in matches if variation.base_index == index] or matches
     return own[len(own) // 2]
 
 

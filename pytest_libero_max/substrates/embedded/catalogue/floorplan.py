@@ -276,8 +276,8 @@ def _site(link: Link, origin: Array, name: str) -> Array:
     at = origin + np.asarray(link.pos)
     for site in link.sites:
         if site.name == name:
-            found: Array = at + np.asarray(site.pos)
-            return found
+            position: Array = at + np.asarray(site.pos)
+            return position
     inside = [_site(child, at, name) for child in link.links]
     return next((place for place in inside if place.size), np.empty(0))
 
@@ -285,7 +285,9 @@ def _site(link: Link, origin: Array, name: str) -> Array:
 def owner_of(task: Task, name: str) -> str:
     """Return the instance that a region belongs to; an instance belongs to itself."""
     names = (*task.objects, *task.fixtures)
-    return max((one for one in names if name == one or name.startswith(f"{one}_")), key=len)
+    return max(
+        (instance for instance in names if name == instance or name.startswith(f"{instance}_")), key=len
+    )
 
 
 def start_of(task: Task, name: str) -> tuple[float, float]:
