@@ -138,6 +138,7 @@ class SetLamps(Blended):
     def _direction(self, direction: Array, share: float) -> list[float]:
         x, y, z = (float(part) for part in direction)
         azimuth = math.atan2(y, x) + math.radians((self.azimuth_degrees or 0.0) * share)
+        # Rounding may leave the quotient a hair beyond 1, for which acos raises.
         polar = math.degrees(math.acos(max(-1.0, min(1.0, -z / math.hypot(x, y, z)))))
         polar = min(max(polar + (self.tilt_degrees or 0.0) * share, 0.0), _LOWEST_LAMP_DEG)
         away = math.sin(math.radians(polar))

@@ -61,6 +61,7 @@ class SensorCorruption:
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         key = hashlib.sha256(f"libero-max-sensor|{self.seed}|{step}|{camera}".encode()).digest()
+        # Little-endian by name, here and below: the same stream on a processor of the other byte order.
         stream = np.random.RandomState(np.frombuffer(key, dtype="<u4").astype(np.uint32))
         # The place is drawn first, and relative to the room there is, so that it stays
         # the same when the image size or the strength of the noise differs.

@@ -198,7 +198,7 @@ class _Insertion(_PoseChange):
                 )
 
     def _alter(self, world: AlterableWorld) -> dict[str, Any]:
-        # All targets are computed before anything moves: an anchor may be one of the objects.
+        # All targets are computed before anything moves, and nothing moves unless everything can.
         targets = []
         for place in self._places():
             position = world.position(place.relative_to) + place.offset_m

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -77,7 +77,7 @@ def device_report(plan: Plan, say: Callable[[str], None]) -> Iterator[str]:
     except SubstrateError as error:
         yield from [f"Genuine scenes were not measured: {error}", ""]
     for name, number in devices():
-        with _drawn_by(number):
+        with nullcontext() if number is None else egl.asked_for(number):
             for substrate in substrates:
                 yield from [f"## {substrate} scenes, drawn by {name}", ""]
                 say(f"images of {substrate} scenes, drawn by {name}")
@@ -113,18 +113,3 @@ def _processor() -> str:
         lines = []
     named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(named, platform.processor() or "unknown processor")
-
-
-@contextmanager
-def _drawn_by(number: str | None) -> Iterator[None]:
-    """Let the processes that are started meanwhile draw with a device; None: the one they choose."""
-    before = os.environ.get(egl.VARIABLE)
-    if number is not None:
-        os.environ[egl.VARIABLE] = number
-    try:
-        yield
-    finally:
-        if before is None:
-            os.environ.pop(egl.VARIABLE, None)
-        else:
-            os.environ[egl.VARIABLE] = before

@@ -134,6 +134,7 @@ def _in_time(hosts: list[Resolved], until: float) -> Iterator[tuple[int, Any, fl
 
 
 def _tune(connection: socket.socket) -> None:
+    # Else the end of a request may wait until the server has acknowledged its beginning (Nagle).
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for option, value in _KEEP_ALIVE:

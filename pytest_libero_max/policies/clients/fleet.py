@@ -174,7 +174,7 @@ class ServerFleet:
             self._set_cadence(pool)
 
     def __getattr__(self, name: str) -> Any:
-        if name == "_pool":  # not yet
+        if name == "_pool":  # copy and pickle ask before there is one; looking for it would never end
             raise AttributeError(name)
         member = getattr(self._pool.policy, name)
         if not callable(member):

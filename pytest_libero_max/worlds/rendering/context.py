@@ -82,7 +82,7 @@ def shared_context() -> Any:
         if backend == "egl":
             from mujoco.egl import GLContext
 
-            with egl.selected():
+            with egl.asked_for(str(egl.chosen()[0].number)):
                 context = GLContext(1, 1)
         else:
             from mujoco.osmesa import GLContext

@@ -119,24 +119,14 @@ def _choose() -> tuple[Device, int]:
 
 
 @contextlib.contextmanager
-def selected() -> Iterator[None]:
-    """Let MuJoCo, which reads the variable when it makes a context, make it on the chosen device."""
-    with _environment(str(chosen()[0].number)):
-        yield
+def asked_for(number: str | None) -> Iterator[None]:
+    """Set the variable in the block, for MuJoCo and for processes that are started; None hides it.
 
-
-@contextlib.contextmanager
-def unasked() -> Iterator[None]:
-    """Hide the variable from robosuite, which fails to import where its number is not CUDA's as well."""
-    with _environment(None):
-        yield
-
-
-@contextlib.contextmanager
-def _environment(value: str | None) -> Iterator[None]:
+    MuJoCo reads it when it makes a context. Robosuite fails to import where its number is not CUDA's as well.
+    """
     before = os.environ.pop(VARIABLE, None)
-    if value is not None:
-        os.environ[VARIABLE] = value
+    if number is not None:
+        os.environ[VARIABLE] = number
     try:
         yield
     finally:

@@ -93,7 +93,7 @@ def require() -> str:
 def import_robosuite() -> None:
     """Import robosuite as :func:`prepare` settles it, whatever device draws; its loops are kept by Numba."""
     prepare()
-    with egl.unasked(), named_user_cache(), unwarned():
+    with egl.asked_for(None), named_user_cache(), unwarned():
         importlib.import_module("robosuite")
 
 
