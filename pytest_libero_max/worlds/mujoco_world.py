@@ -345,6 +345,7 @@ class MujocoWorld(ABC):
         fingerprint.update(self._controller_state().data)
         rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
+        # Nothing for delta, the first control there was: digests of published runs stay what they were.
         if self._control != "delta":
             fingerprint.update(self._control.encode())
         return fingerprint.digest()

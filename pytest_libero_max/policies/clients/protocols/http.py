@@ -148,7 +148,7 @@ class HttpLink:
             response = connection.getresponse()
             asked_at = -math.inf  # the answer has begun
             content = response.read(MOST_BYTES + 1)
-            # With a size, http.client does not complain of an answer that ends early: it leaves the rest here.
+            # Given a size, http.client does not complain of an answer that ends early.
             if response.length and len(content) <= MOST_BYTES:
                 raise Unreachable(f"the connection was lost after {len(content)} bytes of the answer")
             return response, unpacked(content, response.getheader("Content-Encoding"))
