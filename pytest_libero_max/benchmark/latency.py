@@ -38,7 +38,7 @@ class Latency:
     runner: Runner = "async"
     """Behaviour of the robot until the answer is there. Of no meaning at 0 steps."""
     drawn: tuple[tuple[int, int], ...] = ()
-    """Where the delay of each query is drawn: values of d and their weights. Empty: it is ``steps``."""
+    """Distribution of the delay of each query: values of d and their weights. Empty: it is ``steps``."""
     key: str = ""
     """Text that the draws follow from, set by :meth:`drawn_for`."""
 

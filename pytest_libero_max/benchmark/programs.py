@@ -67,7 +67,7 @@ class Program:
     arms: tuple[Json, ...]
     """The arms that are spelled out, in the order in which they are played."""
     about: str = field(default="", compare=False)
-    """What is played, in words; empty where it does not say."""
+    """Description of what is played; empty where it has none."""
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
     """Patterns of the cases that it fits, by ``event``, ``suite`` and ``entity`` (of the trigger); a case has
     to match one of each. Empty: it fits all."""

@@ -97,7 +97,7 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
 
 
 def unexamined_cases(name: str, folder: Path = FOLDER) -> frozenset[str]:
-    """Return the ids of the cases that were not examined, of all tracks beside a track.
+    """Return the ids of the cases that were not examined, of all tracks in the folder of a track.
 
     Raises:
         ManifestError: The table differs from its checksum.

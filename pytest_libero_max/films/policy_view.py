@@ -47,7 +47,7 @@ class Shown:
     instruction: Callable[[str], str] = str
     """Converts the policy's instruction to the model's."""
     policy: Policy | None = None
-    """The policy where one was loaded; it is told of the episode."""
+    """The policy where one was loaded; its episode is begun."""
     every_step: bool = False
     """The policy was shown every step, and not queries alone."""
 

@@ -148,7 +148,7 @@ def _imported(file: Path, folder: Path | None) -> Iterator[tuple[str, ...]]:
 
 
 def _ours(names: Iterable[tuple[str, ...]], folder: Path) -> Iterator[tuple[str, ...]]:
-    """Those of the absolute names that are not found elsewhere on the import path first."""
+    """Yield the absolute names that the import path finds in the folder, or nowhere."""
     for name in names:
         spec = find_spec(name[0])
         places = [] if spec is None else [spec.origin, *(spec.submodule_search_locations or ())]

@@ -31,7 +31,7 @@ _TURNS: Mapping[str, Callable[[Image], Image]] = MappingProxyType(
 USUAL = "rotated by 180 degrees"
 
 INPUTS = ("orientation and colours of images", "which camera is which", "orientation of the hand")
-"""What is compared of the inputs of a model, and of nothing else."""
+"""Attributes of the inputs that are compared; others are not."""
 
 _SAMPLES = 32
 """Rows, and columns, of an image that are compared."""
@@ -151,7 +151,7 @@ def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str
 
 
 class _View(NamedTuple):
-    """What an image shows: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
+    """Content of an image: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
 
     camera: str
     turn: str

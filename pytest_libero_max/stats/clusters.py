@@ -36,7 +36,7 @@ class ClusterInterval:
     """Number of clusters that are resampled. With few (below about 30) the interval is too narrow."""
     replicates: int
     seed: int
-    """Of the private generator; the same seed gives the same interval."""
+    """Seed of the private generator; the same seed gives the same interval."""
 
 
 def cluster_bootstrap(

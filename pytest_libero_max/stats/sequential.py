@@ -67,7 +67,7 @@ class TotalSequence:
         self._ends = least, most
 
     def add(self, number: int) -> None:
-        """See the next number."""
+        """Take the next number into account."""
         least, most = self._ends
         for side, steps in zip(self._sides, (number - least, most - number), strict=True):
             side.add(steps)

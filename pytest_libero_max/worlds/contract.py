@@ -190,7 +190,7 @@ class World(Protocol):
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
         """Return the number of pixels of a (size, size) image that show each entity, occlusion included.
 
-        Counted before any pixel filter, which changes colours and hides no entity here.
+        The count is made before any pixel filter, which changes colours and hides no entity here.
 
         Raises:
             SubstrateError: No such camera.

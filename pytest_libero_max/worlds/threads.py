@@ -39,7 +39,7 @@ def use_one_blas_thread() -> None:
     also add up in another order, so that the last bits of a result would depend on their number.
 
     A number that the user has set in ``OPENBLAS_NUM_THREADS`` is kept. Otherwise a library that has been
-    loaded already, for example by a ``conftest.py``, is told at once; one that is loaded later reads the
+    loaded already, for example by a ``conftest.py``, is set at once; one that is loaded later reads the
     variable.
     """
     if os.environ.setdefault(_VARIABLE, "1") == "1":

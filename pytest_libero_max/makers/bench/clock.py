@@ -1,4 +1,4 @@
-"""What measurements share: processor time, and processes that begin together."""
+"""Common parts of measurements: processor time, and processes that begin together."""
 
 from __future__ import annotations
 

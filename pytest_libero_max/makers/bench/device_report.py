@@ -32,10 +32,10 @@ GENUINE = "libero"
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured."""
+    """Settings of a report."""
 
     options: SubstrateOptions
-    """Where a genuine LIBERO is."""
+    """Location of a genuine LIBERO."""
     scenes: Sequence[tuple[str, int]]
     """Suites and numbers of tasks."""
     processes: Sequence[int]

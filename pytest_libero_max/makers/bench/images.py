@@ -102,7 +102,7 @@ def _draw(
 
 @dataclass(frozen=True)
 class SameImages:
-    """What of the images of one scene is the same bit for bit."""
+    """Equality of the images of one scene, bit for bit."""
 
     scene: str
     """For example ``libero_spatial/0``."""

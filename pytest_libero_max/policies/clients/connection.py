@@ -1,6 +1,6 @@
 """Opens the connection to a policy server, alike for every protocol: the name, TCP, TLS.
 
-What cannot be is said within :data:`CONNECT_S`: no such name, no way there, nothing that listens, a firewall.
+An impossible connection fails within :data:`CONNECT_S`: no such name, no route, no listener, a firewall.
 A server that accepts the connection and is silent is busy, and is given the time of an answer.
 """
 

@@ -144,8 +144,8 @@ class ServerFleet:
     """A policy behind several servers, as the pair runner knows policies.
 
     Each process asks one server of a group until that is given up. Then another one is asked the same query,
-    or, where the server kept the policy's memory, the pair is played again. What is not defined here, such as
-    the memory or the number of actions returned, is that of the policy behind the server that is asked.
+    or, where the server kept the policy's memory, the pair is played again. Other members, such as
+    the memory or the number of actions returned, are those of the policy behind the server that is asked.
 
     Attributes:
         troubles: Sentences about servers that were left out, in order; the caller may empty it.

@@ -118,7 +118,7 @@ class Client:
         patience_s: Longest time to wait for a server that cannot be reached.
         on_open: Called with the server's greeting each time it is connected to.
         sleep: Waits some seconds.
-        timeout_s: Longest time of the link for one answer, to be told; None where it is not known.
+        timeout_s: Longest time of the link for one answer, for messages; None where it is not known.
         recognise: Returns a sentence about a server that speaks another protocol; None where it does not, or
             is not known.
 

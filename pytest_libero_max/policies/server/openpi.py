@@ -47,7 +47,7 @@ class _Frame(msgspec.Struct):
 
 
 class _Request(msgspec.Struct):
-    """A request; fields beside these are ignored."""
+    """A request; further fields are ignored."""
 
     prompt: str
     observation: dict[str, np.ndarray[Any, Any]]

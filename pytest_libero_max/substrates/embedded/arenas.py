@@ -58,7 +58,7 @@ class Arena:
     spares_edges: bool = False
     """True if LIBERO shrinks a region by the object's nominal radius before it draws a place."""
     friction: Vector = (1.0, 0.005, 0.0001)
-    """Of the surface: sliding, torsional, rolling."""
+    """Friction of the surface: sliding, torsional, rolling."""
     solids: tuple[Solid, ...] = ()
     """Collision shapes of the table, in the frame of its body; empty for the bare floor."""
     floor: Callable[[], Image] = textures.tiles

@@ -1,7 +1,7 @@
 """Which geoms may show in a part of an image, so that the others need not be drawn.
 
 A geom is drawn triangle by triangle, each by itself, so leaving one out changes no pixel where all of it lies
-beside the image or behind something opaque. What is decided here is decided for boxes around geoms and around
+beside the image or behind something opaque. Decisions are made for boxes around geoms and around
 pieces of large meshes, and with margins far above what a processor or a GPU rounds.
 """
 
@@ -73,7 +73,7 @@ class Camera:
     def seen(self, points: Array) -> tuple[Array, Array]:
         """Return column and row of points, (..., 2), and their distance forward, (...) m.
 
-        Those that are nearer than :attr:`near_m` are taken for points at that distance.
+        Points nearer than :attr:`near_m` count as points at that distance.
         """
         local = (points - self.eye) @ (self.pixels @ self.axes).T
         depths: Array = local[..., 2]

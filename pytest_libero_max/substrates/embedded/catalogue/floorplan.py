@@ -49,9 +49,8 @@ class Footprint:
     """A rectangle or a disc on the table or floor."""
 
     x: float
-    """Of its middle, m, world."""
     y: float
-    """Of its middle, m, world."""
+    """Middle, m, world."""
     half_x: float
     """Half its side along its own x axis, m."""
     half_y: float
