@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -27,7 +28,7 @@ def moved(number: int) -> PairRecord:
     """A pair in which the hand goes as many metres as its number in Dynamic, and one in Base."""
     record = record_of(PAIRS[number], True, True)
     ways = {"base": 1.0, "dynamic": float(number)}
-    rest = {"jerk_m_s3": None, "step_m": [], "step_jerk_m_s3": []}
+    rest: dict[str, Any] = {"jerk_m_s3": None, "step_m": [], "step_jerk_m_s3": []}
     arms = {
         name: replace(arm, probes={"motion": {**rest, "path_m": ways[name]}})
         for name, arm in record.arms.items()

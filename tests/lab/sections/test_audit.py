@@ -59,7 +59,7 @@ def report() -> Report:
 
 def test_the_table_says_which_inputs_are_needed(report: Report) -> None:
     assert report.study is not None
-    assert report.study.by_event is report.study.contrasts is None
+    assert (report.study.by_event, report.study.contrasts) == (None, None)
     (table,) = input_tables(report)
     rows = {row[0]: row for row in table.texts()}
     assert rows["base"][2] == "14/15"
