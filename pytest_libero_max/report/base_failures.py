@@ -17,9 +17,6 @@ from pytest_libero_max.report.report_document import BaseFailures, Report
 
 TITLE = "What broke in Base"
 
-LOW_BASE = 0.5
-"""Base success below which its failures are shown."""
-
 _MOST_NAMED = 20
 
 
