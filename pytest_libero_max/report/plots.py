@@ -120,6 +120,8 @@ class Plot:
     """Kinds and names of the dots, where rows have several; the dots of a row are in this order."""
     signed: bool = True
     """True for changes in percentage points; False for shares in percent."""
+    note: str = ""
+    """Help for reading it; empty for none."""
 
     @cached_property
     def axis(self) -> Axis:

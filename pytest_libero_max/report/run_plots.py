@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
+from pytest_libero_max.report.group_tables import FLOOR_MARK, FLOOR_NOTE
 from pytest_libero_max.report.plots import (
     Drawable,
     Heat,
@@ -30,7 +31,7 @@ def forest(report: Report) -> Plot:
         change_row(_name(name, row), _pairs(row), row.paired_change, _change(row.paired_change))
         for name, row in [("all pairs", report.overall), *shown]
     ]
-    return Plot("Paired change by event", ("Event (pairs)", "pp [95%]"), rows)
+    return Plot("Paired change by event", ("Event (pairs)", "pp [95%]"), rows, note=_floor_note(report))
 
 
 def base_to_dynamic(report: Report) -> Plot:
@@ -41,7 +42,8 @@ def base_to_dynamic(report: Report) -> Plot:
         text = f"{percent(base)} to {percent(dynamic)}"
         rows.append(rates_row(_name(name, row), _pairs(row), base, dynamic, text))
     head = ("Event (pairs)", "Base to Dynamic")
-    return Plot("Base to Dynamic success by event", head, rows, signed=False)
+    title, note = "Base to Dynamic success by event", _floor_note(report)
+    return Plot(title, head, rows, signed=False, note=note)
 
 
 def category_map(report: Report) -> HeatMap:
@@ -64,7 +66,7 @@ def stale_actions(report: Report) -> Histogram:
     """Return the number of pairs by number of stale actions."""
     return Histogram.of(
         "Stale-action exposure, pairs by actions",
-        "stale actions before the next query",
+        "number of stale actions before the next query",
         report.overall.stale_actions.histogram,
     )
 
@@ -89,7 +91,12 @@ RUN_PLOTS: Mapping[str, Callable[[Report], Drawable]] = {
 
 def _name(name: str, row: Result) -> Viewed:
     view = "" if name == "all pairs" else urlencode({"event": name})
-    return Viewed(f"{name}{' *' * bool(row.floor)}", view)
+    return Viewed(f"{name}{FLOOR_MARK * bool(row.floor)}", view)
+
+
+def _floor_note(report: Report) -> str:
+    rows = [report.overall, *report.by["event"].values()]
+    return FLOOR_NOTE if any(row.floor for row in rows) else ""
 
 
 def _pairs(row: Result) -> str:

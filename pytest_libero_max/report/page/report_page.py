@@ -56,6 +56,7 @@ def html(
         cases,
         own_way=(GATES, BROKEN),
         pairs=pairs,
+        substrate=report.substrate.note,
         broken=broken_cards(report, films or {}, _event_steps(stored)),
         parts=("Breakdowns", "Events", "Provenance") if pairs.played else ("Events", "Provenance"),
         gates=[(gate, gate.finding.replace(" ", "-"), _against(gate.lost)) for gate in gates],

@@ -75,8 +75,12 @@ def _plot(plot: Plot) -> str:
             shapes.append(_dot(place(value), down, kind, 7 if len(row.dots) == 2 and lane == 0 else 5))
         shapes.append(text(left + _PLOT + 16, y + 4, row.text, color=MUTED))
     shapes += _legend(plot.legend, bottom)
+    bottom += 18 * len(plot.legend)
+    if plot.note:
+        bottom += 18
+        shapes.append(text(_MARGIN, bottom + 4, plot.note, size=11, color=MUTED))
     width = left + _PLOT + 28 + _LETTER * max((len(row.text) for row in plot.rows), default=0)
-    return document(width, bottom + _MARGIN + 18 * len(plot.legend), plot.title, shapes)
+    return document(width, bottom + _MARGIN, plot.title, shapes)
 
 
 def _label(row: Row) -> str:
