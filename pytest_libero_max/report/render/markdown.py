@@ -48,6 +48,11 @@ def section_markdown(section: Section) -> str:
     return "\n\n".join([*parts, *(["\n".join(markdown_list(section.items))] if section.items else [])])
 
 
+def _has_words(section: Section) -> bool:
+    """Return True for a section that is more than its plots."""
+    return bool(section.tables or section.texts or section.items or (section.lead and not section.plots))
+
+
 def document_markdown(document: Document, figures: Mapping[str, str] | None = None) -> str:
     """Return a document as the content of a file.
 
@@ -58,7 +63,7 @@ def document_markdown(document: Document, figures: Mapping[str, str] | None = No
     parts = [f"# {markdown_text(document.title)}"]
     parts += [f"**{markdown_text(text)}**" for text in document.warnings]
     parts += map(markdown_text, document.texts)
-    parts += [section_markdown(part) for part in document.sections if part.tables or part.texts or part.items]
+    parts += [section_markdown(part) for part in document.sections if _has_words(part)]
     parts += [f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in (figures or {}).items()]
     lists = {CAVEATS_TITLE: document.caveats, LIMITS_TITLE: document.statements}
     parts += [f"## {title}\n\n" + "\n".join(markdown_list(texts)) for title, texts in lists.items() if texts]
