@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from statistics import fmean
+from typing import ClassVar
 
 import numpy as np
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.lab.sections.nested import variance_components
+from pytest_libero_max.lab.studies.repeats import Repeats, repeated
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.measures import Measured, Rows
+from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
 from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
-from pytest_libero_max.stats.measured import ratio_of
-from pytest_libero_max.stats.nested import variance_components
-from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.studies.repeats import repeated
 
 TITLE = "Repeats with other policy seeds"
 NOTE = (
@@ -43,21 +43,24 @@ _ERRORS = {
 }
 """By quantity, by how much cases and plays are multiplied."""
 
-QUANTITIES = (_DIFFERING, _CHANGE, _FLIPS, _BEYOND, _LOST, *_VARIANCES, *_ERRORS)
+
+class RepeatedCases(ReportSection):
+    """Cases of the study ``repeats``."""
+
+    name = "repeats"
+    quantities = (_DIFFERING, _CHANGE, _FLIPS, _BEYOND, _LOST, *_VARIANCES, *_ERRORS)
+    option = "--libero-max-study=repeats"
+    notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
+
+    def tables(self, played: PlayedPairs) -> dict[str, Rows]:
+        """Return changes, flips and variances over the plays of each case."""
+        study = played.protocol.get("study") or {}
+        if not played.records or study.get("name") != Repeats.name:
+            return {}
+        return {TITLE: _repeated_cases(played.records, played.tasks)}
 
 
-def repeats_section(
-    records: Sequence[PairRecord], tasks: Sequence[str], *, with_intervals: bool = True
-) -> dict[str, Rows]:
-    """Return a section of the report on repeated cases; empty without any.
-
-    Args:
-        records: Played cases of the study ``repeats``.
-        tasks: The task of each.
-        with_intervals: False where a rule has ended the run.
-    """
-    if not records:
-        return {}
+def _repeated_cases(records: Sequence[PairRecord], tasks: Sequence[str]) -> Rows:
     plays = 1
     while all(repeated(BASE, plays + 1) in record.arms for record in records):
         plays += 1
@@ -75,23 +78,23 @@ def repeats_section(
         for arm in (BASE, DYNAMIC)
         for play in numbers[1:]
     ]
-    rows |= _DIFFERING.ratio(ratio_of(Ratio(sum(others), len(others))))
+    rows |= _DIFFERING.share(others, with_interval=False)
     if not any(others):
         rows["What the repeats bought"] = "nothing: the policy does the same with each of these seeds"
-        return {TITLE: rows}
+        return rows
     means = changes.mean(axis=1)
-    interval = mean_difference_interval(means) if with_intervals else None
+    interval = mean_difference_interval(means)
     lack = f"{np.count_nonzero(means)} of {LEAST_DIFFERENT} needed cases change"
-    rows |= _CHANGE.row(fmean(means), interval, lack=lack if with_intervals and interval is None else "")
+    rows |= _CHANGE.row(fmean(means), interval, lack=lack if interval is None else "")
     rows |= _chance(changes)
     rows |= _variances(changes, tasks)
     rows |= _LOST.row(fmean(lost))
-    found = sorted((-share, record.item_id) for share, record in zip(lost, records, strict=True) if share)
-    for share, name in found[:_LISTED]:
+    shares = sorted((-share, record.item_id) for share, record in zip(lost, records, strict=True) if share)
+    for share, name in shares[:_LISTED]:
         rows[f"... {name}"] = f"{round(-share * plays)}/{plays} plays"
-    if len(found) > _LISTED:
-        rows["... of other cases"] = f"{len(found) - _LISTED} more have one"
-    return {TITLE: rows}
+    if len(shares) > _LISTED:
+        rows["... of other cases"] = f"{len(shares) - _LISTED} more have one"
+    return rows
 
 
 def _chance(changes: np.ndarray) -> Rows:

@@ -17,9 +17,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.comparison.compare import common_cases
-from pytest_libero_max.report.studies.recovery_document import (
+from pytest_libero_max.lab.recovery.recovery_document import (
     ActiveShares,
     CommonCases,
     Effect,
@@ -28,6 +26,8 @@ from pytest_libero_max.report.studies.recovery_document import (
     Mode,
     Recovery,
 )
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.comparability import COMPARISON, differences_between
 from pytest_libero_max.runs.outcomes import RunOutcomes

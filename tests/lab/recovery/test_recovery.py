@@ -12,9 +12,9 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.lab.recovery.recovery import compare_recovery
+from pytest_libero_max.lab.recovery.recovery_sections import document_of
 from pytest_libero_max.report.render.terminal import document_lines
-from pytest_libero_max.report.studies.recovery import compare_recovery
-from pytest_libero_max.report.studies.recovery_sections import document_of
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import StoredRun
 from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from msgspec.structs import replace
 
+from pytest_libero_max.lab.sections.safety import LIMITS, TITLE, Safety
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.measures import section_rows
-from pytest_libero_max.report.safety import LIMITS, TITLE, safety_section
+from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.writers.markdown import markdown
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, plan, record_of, texts_of
 
 CALM = dict.fromkeys(LIMITS, 0.0)
 
@@ -34,7 +34,7 @@ def test_only_successes_beyond_a_limit_count() -> None:
         watched(2, 10.0, 500.0, ends=(True, False)),
         watched(3, 10.0, 200.0),
     ]
-    table = dict(section_rows(safety_section(records)[TITLE]))
+    table = texts_of(Safety().tables(PlayedPairs(records))[TITLE])
     assert table["Pairs watched"] == 4
     assert [*table][1] == "Successful but unsafe, paired change"
     assert str(table["Successful but unsafe, Base"]).endswith("1/4")
@@ -49,8 +49,8 @@ def test_only_successes_beyond_a_limit_count() -> None:
 
 def test_pairs_that_nobody_watched_are_left_out() -> None:
     unwatched = record_of(plan()[0], True, True)
-    assert safety_section([unwatched]) == {}
-    assert safety_section([unwatched, watched(1, 0.0, 0.0)])[TITLE]["Pairs watched"] == 1
+    assert Safety().tables(PlayedPairs([unwatched])) == {}
+    assert Safety().tables(PlayedPairs([unwatched, watched(1, 0.0, 0.0)]))[TITLE]["Pairs watched"] == 1
 
 
 def test_it_is_a_section_of_the_report() -> None:

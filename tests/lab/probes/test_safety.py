@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pytest_libero_max.pairing.probes.safety import loads
+from pytest_libero_max.lab.probes.safety import loads
 
 GRAVITY = 9.81
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from pytest_libero_max.lab.recovery.recovery_document import Effect, Gain, Mode, Recovery
 from pytest_libero_max.report.document import Document, Section, Table, table_of
 from pytest_libero_max.report.formats import Interval, Number, Share, Tenths
 from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
-from pytest_libero_max.report.studies.recovery_document import Effect, Gain, Mode, Recovery
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
 _QUANTITIES = {"dynamic": "Dynamic gain", "base": "Base gain", "closure": "Gap closure"}

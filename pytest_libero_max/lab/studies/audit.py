@@ -31,6 +31,7 @@ class Audit(Study):
     name = "audit"
     title = "Audit of inputs"
     track = "smoke"
+    has_section = True
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
         """Return one arm for each input that the policy is given in the case."""

@@ -9,7 +9,7 @@ conformal prediction, V. Vovk, A. Gammerman and G. Shafer (2005), Algorithmic Le
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from typing import NamedTuple
 
@@ -17,9 +17,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.measures import Measured, Rows
-from pytest_libero_max.stats.measured import rate_of, ratio_of, table_change_of
-from pytest_libero_max.stats.outcome_table import tabulate
-from pytest_libero_max.stats.ratios import Ratio
+from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
 
 COLUMNS = {"step", "score"}
 """Those of a monitor."""
@@ -63,23 +61,35 @@ class _Watched(NamedTuple):
     """True if there was an alarm before the event."""
 
 
-def monitor_sections(records: Iterable[PairRecord], *, with_intervals: bool = True) -> dict[str, Rows]:
-    """Return a section of the report for each monitor that watched pairs; empty without any.
+class Monitors(ReportSection):
+    """A table for each monitor that watched pairs."""
 
-    Args:
-        records: Played pairs.
-        with_intervals: False where a rule has ended the run: intervals are for a fixed number of pairs.
-    """
-    watched: dict[str, list[PairRecord]] = {}
-    for record in records:
-        both = [record.arms[arm].probes for arm in (BASE, DYNAMIC)]
-        for name in sorted(set(both[0]) & set(both[1])):
-            if all(set(probes[name]) == COLUMNS for probes in both):
-                watched.setdefault(name, []).append(record)
-    return {f"Monitor {name}": _section(name, watched[name], with_intervals) for name in sorted(watched)}
+    name = "monitors"
+
+    def tables(self, played: PlayedPairs) -> dict[str, Rows]:
+        """Return the alarms of each monitor."""
+        watched: dict[str, list[PairRecord]] = {}
+        for record in played.records:
+            both = [record.arms[arm].probes for arm in (BASE, DYNAMIC)]
+            for name in sorted(set(both[0]) & set(both[1])):
+                if all(set(probes[name]) == COLUMNS for probes in both):
+                    watched.setdefault(name, []).append(record)
+        return {f"Monitor {name}": _alarms(name, watched[name]) for name in sorted(watched)}
+
+    def quantity(self, name: str) -> Measured | None:
+        """Return the number with a name such as ``monitor.chunk_change.alarm.dynamic``."""
+        kind, _, rest = name.partition(".")
+        key = next((key for key in ROWS if kind == "monitor" and rest.endswith(f".{key}")), None)
+        return None if key is None else _measured(rest.partition(".")[0], key, name)
 
 
-def _section(name: str, records: Sequence[PairRecord], with_intervals: bool) -> Rows:
+def _measured(monitor: str, key: str, name: str = "") -> Measured:
+    """Return a number of a monitor."""
+    title, unit = ROWS[key]
+    return Measured(name or f"monitor.{monitor}.{key}", title, unit, probe=monitor)
+
+
+def _alarms(name: str, records: Sequence[PairRecord]) -> Rows:
     halves = [[record for record in records if _half(record) == half] for half in (0, 1)]
     rows: Rows = {"Pairs watched": len(records)}
     if min(map(len, halves)) < LEAST:
@@ -97,25 +107,18 @@ def _section(name: str, records: Sequence[PairRecord], with_intervals: bool) -> 
         any(score > thresholds[_half(record)] for _, score in _scores(name, record.arms[BASE]))
         for record in records
     ]
-    quantities = {key: Measured(f"monitor.{name}.{key}", *row) for key, row in ROWS.items()}
-
-    def share(key: str, values: Sequence[bool], with_interval: bool = with_intervals) -> Rows:
-        ratio = Ratio(sum(values), len(values))
-        return quantities[key].ratio(rate_of(ratio, with_interval=with_interval))
-
-    rows |= share("false_alarms", raised)
+    rows |= _measured(name, "false_alarms").share(raised)
     rows["Pairs in which the event happened"] = len(seen)
     if not seen:
         return rows
     base, dynamic = ([one.alarms[arm] is not None for one in seen] for arm in (0, 1))
     lost = [one for one in seen if one.record.base_success and not one.record.dynamic_success]
-    change = table_change_of(tabulate(base, dynamic), with_interval=with_intervals)
-    rows |= share("before", [one.before for one in seen], False)
-    rows |= share("alarm.base", base) | share("alarm.dynamic", dynamic)
-    rows |= quantities["alarm.change"].ratio(change)
-    rows |= quantities["delay"].median([_delay(one) for one in seen], with_interval=False)
-    rows |= share("regressions", [one.alarms[1] is not None for one in lost])
-    rows |= quantities["lead"].median([_lead(one) for one in lost], with_interval=False)
+    rows |= _measured(name, "before").share([one.before for one in seen], with_interval=False)
+    rows |= _measured(name, "alarm.base").share(base) | _measured(name, "alarm.dynamic").share(dynamic)
+    rows |= _measured(name, "alarm.change").change(base, dynamic)
+    rows |= _measured(name, "delay").median([_delay(one) for one in seen], with_interval=False)
+    rows |= _measured(name, "regressions").share(one.alarms[1] is not None for one in lost)
+    rows |= _measured(name, "lead").median([_lead(one) for one in lost], with_interval=False)
     for event in (event for event in EVENTS if any(one.record.event == event for one in seen)):
         some = [one for one in seen if one.record.event == event]
         own = {
@@ -123,8 +126,7 @@ def _section(name: str, records: Sequence[PairRecord], with_intervals: bool) -> 
             for key, words, unit in _BY_EVENT
         }
         for key, arm in (("alarm.base", 0), ("alarm.dynamic", 1)):
-            raised = [one.alarms[arm] is not None for one in some]
-            rows |= own[key].ratio(ratio_of(Ratio(sum(raised), len(raised))))
+            rows |= own[key].share([one.alarms[arm] is not None for one in some], with_interval=False)
         rows |= own["delay"].median([_delay(one) for one in some], with_interval=False)
     return rows
 

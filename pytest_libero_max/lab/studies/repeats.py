@@ -37,6 +37,7 @@ class Repeats(Study):
     name = "repeats"
     title = "Repeats with other policy seeds"
     track = "smoke"
+    has_section = True
     example = str(PLAYS)
 
     def __init__(self, plays: int = PLAYS) -> None:

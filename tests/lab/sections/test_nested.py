@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pytest_libero_max.stats.nested import variance_components
+from pytest_libero_max.lab.sections.nested import variance_components
 
 
 def test_a_balanced_table_by_hand() -> None:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.pairing.probes.action_spread import ActionSpread
-from pytest_libero_max.pairing.probes.chunk_change import ChunkChange
-from pytest_libero_max.pairing.probes.image_change import ImageChange
+from pytest_libero_max.lab.probes.action_spread import ActionSpread
+from pytest_libero_max.lab.probes.chunk_change import ChunkChange
+from pytest_libero_max.lab.probes.image_change import ImageChange
+from pytest_libero_max.lab.probes.scene_distance import SceneDistance
 from pytest_libero_max.pairing.probes.monitor import IMAGE_SIZE, Monitor
-from pytest_libero_max.pairing.probes.scene_distance import SceneDistance
 
 NOTHING = np.zeros((4, 7))
 
