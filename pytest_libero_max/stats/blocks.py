@@ -284,7 +284,7 @@ class Result(Block, frozen=True, kw_only=True, omit_defaults=True):
     outcomes: Outcomes
     """Pairs by outcome, written (Base, Dynamic)."""
     conditional_regression: Rate
-    """Of the Base successes, those that fail in Dynamic."""
+    """Share of the Base successes that fail in Dynamic."""
     retained: Ratio
     """Dynamic successes over Base successes, newly solved cases included."""
     mcnemar: McNemar
