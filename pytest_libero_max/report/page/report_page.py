@@ -37,7 +37,6 @@ from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
     clipping_text,
-    noise_rows,
     note_texts,
     selection_text,
     title_text,
@@ -120,7 +119,6 @@ def html(
 def _results(report: Report) -> dict[str, Any]:
     """Return the values of the template for a run with played pairs."""
     overall, clipping = report.overall, clipping_text(report)
-    remarks = [f"{title}: {text}" for title, text in noise_rows(report)]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
     given = page_table(group_table("given_response", "Event", by_event))
     change = overall.paired_change
@@ -145,7 +143,7 @@ def _results(report: Report) -> dict[str, Any]:
         "category_map": category_map(report),
         "stale_histogram": histogram(overall.stale_actions.histogram),
         "coverage": page_table(group_table("coverage", "Event", by_event)),
-        "remarks": remarks if clipping is None else [*remarks, clipping],
+        "remarks": [] if clipping is None else [clipping],
         "given_response_note": GIVEN_RESPONSE_NOTE,
         "given_response": None if all_respond else given,
         "highlights": highlights,

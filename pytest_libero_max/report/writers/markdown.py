@@ -31,7 +31,6 @@ from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
     clipping_text,
-    noise_rows,
     note_texts,
     stopped_texts,
     title_text,
@@ -130,7 +129,6 @@ def _gates(gates: Sequence[GateRow]) -> list[str]:
 def _quantities(report: Report) -> list[tuple[str, str]]:
     return [
         *((column.title, column.long(report.overall)) for column in quantities_in("summary")),
-        *noise_rows(report),
     ]
 
 
