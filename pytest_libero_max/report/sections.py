@@ -91,7 +91,7 @@ def shown_sections(report: Report) -> list[Section]:
     """Return the sections of a report as they are shown, and the columns of probes over all pairs."""
     own, notes = _of_each(lambda section: section.shown(report)), _of_each(lambda section: section.notes)
     sections = [
-        own.get(title) or Section(title, [rows_table(rows, notes.get(title, ""))])
+        own.get(title) or Section(title, [rows_table(rows)], lead=notes.get(title, ""))
         for title, rows in report.sections.items()
     ]
     columns = [(one.title, one.cell(report.overall)) for one in probe_quantities([report.overall])]
