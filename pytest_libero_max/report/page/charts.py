@@ -13,9 +13,6 @@ from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.formats import Ends, Estimate, interval_text, points
 from pytest_libero_max.report.page.page_frame import Viewed
 from pytest_libero_max.report.report_document import Cell, Report
-from pytest_libero_max.report.studies.study_document import (
-    Camera,
-)
 from pytest_libero_max.stats.blocks import Outcomes, Result
 
 OUTCOME_TITLES = {
@@ -139,19 +136,6 @@ def forest(overall: Result, events: Mapping[str, Result]) -> Plot:
         text = f"{points(change.value)} {interval_text(change, signed=True)}" if name.view else ""
         rows.append(Row(name, pairs, text, [(axis.at(change.value), kind)], span))
     return axis.plot(("Event (pairs)", "pp [95%]"), rows)
-
-
-def contrasts(study: Camera) -> Plot:
-    """Return the contrasts of a camera study with their intervals."""
-    axis = _Axis(end or 0.0 for row in study.contrasts for end in (row.value, row.lower, row.upper))
-    rows = []
-    for row in study.contrasts:
-        kind, at = direction(row), axis.at(row.value or 0.0)
-        span = (axis.at(row.lower or 0.0), axis.at(row.upper or 0.0), kind)
-        text = f"{points(row.value)} {interval_text(row, signed=True)}"
-        name = f"{study.conditions[row.first]} - {study.conditions[row.second]}"
-        rows.append(Row(name, "", text, [(at, kind)], span))
-    return axis.plot(("Contrast", "pp [95%]"), rows)
 
 
 def runs_by_event(comparison: Comparison) -> Plot:

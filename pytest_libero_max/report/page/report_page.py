@@ -16,7 +16,6 @@ from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.page.broken_cards import broken_sections
 from pytest_libero_max.report.page.charts import (
     category_map,
-    contrasts,
     direction,
     forest,
     histogram,
@@ -104,8 +103,7 @@ def html(
         pairs_name=pairs_name,
         films=films or {},
         study_notes=[] if study is None else study_notes(study),
-        study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
-        study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
+        study_figures=[*study_figures(study).values()],
         sections=shown_sections(report),
         section_figures={timing.TITLE: survival_curves(report)},
         study_tables=[] if study is None else [*map(page_table, study_tables(study))],

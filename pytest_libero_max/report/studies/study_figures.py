@@ -39,14 +39,11 @@ def study_figures(study: Study | None) -> dict[str, str]:
     """
     if study is None or study.cases == 0:
         return {}
-    for name, sweep in (("cadence", study.cadence), ("latency", study.latency)):
-        if sweep is not None:
-            return {name: sweep_plot(study.title, sweep.settings)}
-    if study.camera is None:
-        return {}
-    figures = {"study-contrasts": contrast_plot(study.title, study.camera)}
-    if len(study.camera.approach) > 1:
-        figures["study-strength"] = strength_plot(study.title, study.camera)
+    figures = {study.name: sweep_plot(study.title, study.settings)} if study.settings else {}
+    if study.camera is not None:
+        figures["study-contrasts"] = contrast_plot(study.title, study.camera)
+        if len(study.camera.approach) > 1:
+            figures["study-strength"] = strength_plot(study.title, study.camera)
     return figures
 
 
