@@ -1,8 +1,8 @@
 """Programs: the arms of a case with their schedules, as plain data that needs no simulator.
 
 A program is an object with a ``name`` and a list of ``arms``, in a case of a manifest or in a file of its own
-(JSON or TOML) that is laid over the cases of a run. An arm is a ``name`` and a ``schedule``: entries that happen one after
-another, each with a ``trigger`` and either a ``change`` or the index of an earlier entry it ``reverts``::
+(JSON or TOML) that is laid over the cases of a run. An arm is a ``name`` and a ``schedule``: entries that
+happen one after another, each with a ``trigger`` and either a ``change`` or the index of an earlier entry it ``reverts``::
 
     {"name": "transient", "arms": [
       {"name": "dynamic", "schedule": [
@@ -11,8 +11,8 @@ another, each with a ``trigger`` and either a ``change`` or the index of an earl
 
 The word ``"event"`` stands for the trigger or the change of the case's own event, and ``{"event": FIELD}``
 inside a trigger or a change for one of its fields. An arm may also have a ``cadence``, a ``latency`` and a
-``policy``, the name of the one that goes on from its first entry. ``base`` and ``dynamic`` are part of every program; where
-they are not spelled out, nothing happens in Base, and the case's event happens in Dynamic.
+``policy``, the name of the one that goes on from its first entry. ``base`` and ``dynamic`` are part of every
+program; where they are not spelled out, nothing happens in Base, and the case's event happens in Dynamic.
 :mod:`pytest_libero_max.events.schedules` turns programs into triggers and changes.
 """
 
@@ -73,8 +73,8 @@ class Program:
     about: str = field(default="", compare=False)
     """What is played, in words; empty where it does not say."""
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
-    """Patterns of the cases that it fits, by ``event``, ``operation`` (of its change), ``suite`` and ``entity``
-    (of its trigger); a case has to match one of each. Empty: it fits all."""
+    """Patterns of the cases that it fits, by ``event``, ``operation`` (of its change), ``suite`` and
+    ``entity`` (of its trigger); a case has to match one of each. Empty: it fits all."""
     without: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
     """Patterns of the cases that it does not fit, likewise: none may match."""
     because: str = field(default="", compare=False)

@@ -243,8 +243,8 @@ def _require_policies(arms: Sequence[Arm], policies: Mapping[str, Policy]) -> No
             raise AdapterError.seen(
                 f"policy of arm {arm.name!r}",
                 arm.policy,
-                f", but it is not among the policies of the settings. {did_you_mean(arm.policy, policies)} Add "
-                "it to PairSettings(policies=...).",
+                f", but it is not among the policies of the settings. {did_you_mean(arm.policy, policies)} "
+                "Add it to PairSettings(policies=...).",
             )
 
 

@@ -68,8 +68,8 @@ class Stage:
         """
         if policy.spec.control != self.spec.control:
             raise AdapterError(
-                f"policy {policy.spec.name!r} has control={policy.spec.control!r}, but {self.spec.name!r}, from "
-                f"which it goes on, has {self.spec.control!r}. Play arms of one control."
+                f"policy {policy.spec.name!r} has control={policy.spec.control!r}, but goes on from "
+                f"{self.spec.name!r} with {self.spec.control!r}. Play arms of one control."
             )
         stage = Stage(self.case, self.world, policy, self.clock, self.watch, self.probes, self.films)
         stage._words_at_reset[:] = self._words_at_reset

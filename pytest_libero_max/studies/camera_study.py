@@ -22,7 +22,7 @@ RESET = "reset"
 
 
 class CameraStudy(Study):
-    """Base, Reset and Mid-task, at one strength or several: ``reset_25`` and ``dynamic_25`` are at a quarter."""
+    """Base, Reset and Mid-task, at one strength or several (``reset_25``, ``dynamic_25``: a quarter)."""
 
     @property
     def strengths(self) -> dict[float, tuple[str, str]]:
@@ -76,6 +76,7 @@ def _require_same_camera(item_id: str, reset: ArmRecord, middle: ArmRecord) -> N
     at_start, in_the_middle = (arm.firings[0].evidence["after"] for arm in (reset, middle))
     if at_start != in_the_middle:
         raise ProtocolError(
-            f"{item_id}: the camera is {at_start} after the change at the start, but {in_the_middle} after the "
-            "change in the middle. A policy or the scene moved it in between, so the arms cannot be compared."
+            f"{item_id}: the camera is {at_start} after the change at the start, but {in_the_middle} after "
+            "the change in the middle. A policy or the scene moved it in between, so the arms cannot be "
+            "compared."
         )

@@ -1,6 +1,6 @@
 """Sweeps: Base and Dynamic once more at each of several cadences (H and Q), or of several latencies.
 
-Another cadence or latency may change the executed prefix, so every setting has a Base and a Dynamic of its own.
+Another cadence or latency may change the executed prefix, so every setting has its own Base and Dynamic.
 """
 
 from __future__ import annotations

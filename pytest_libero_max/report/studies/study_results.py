@@ -1,4 +1,4 @@
-"""The part of a report that is about a study or a program: computed from the records, like everything else."""
+"""The part of a report that is about a study or a program: computed from the records, like the rest."""
 
 from __future__ import annotations
 

@@ -188,12 +188,13 @@ _SETTING: tuple[Quantity[Setting], ...] = (
 """The columns of the table of settings."""
 
 _NOTE = (
-    "Every cadence and every latency has an executed prefix of its own; another policy goes on from that of Base. "
-    "Less own: success less that of the run's own Base or Dynamic, over the same cases. Stale: median and mean of "
-    "the steps from the event to the first action after a query that followed it, which is a delay of feedback and "
-    "no measure of safety. Waiting: share of the steps without an action to execute. d: control steps from an "
-    "observation to the first action that may follow from it; until then the robot goes on with the chunk before, "
-    "or with sync waits. A smaller change alone is no better result: read it with Dynamic success."
+    "Every cadence and every latency has an executed prefix of its own; another policy goes on from that "
+    "of Base. Less own: success less that of the run's own Base or Dynamic, over the same cases. Stale: "
+    "median and mean of the steps from the event to the first action after a query that followed it, "
+    "which is a delay of feedback and no measure of safety. Waiting: share of the steps without an action"
+    " to execute. d: control steps from an observation to the first action that may follow from it; until"
+    " then the robot goes on with the chunk before, or with sync waits. A smaller change alone is no "
+    "better result: read it with Dynamic success."
 )
 
 
