@@ -2,7 +2,8 @@
 
 A program is an object with a ``name`` and a list of ``arms``, in a case of a manifest or in a file of its own
 (JSON or TOML) that is laid over the cases of a run. An arm is a ``name`` and a ``schedule``: entries that
-happen one after another, each with a ``trigger`` and either a ``change`` or the index of an earlier entry it ``reverts``::
+happen one after another, each with a ``trigger`` and either a ``change`` or the index of an earlier entry it
+``reverts``::
 
     {"name": "transient", "arms": [
       {"name": "dynamic", "schedule": [

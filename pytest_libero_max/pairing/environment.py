@@ -87,8 +87,8 @@ class ArmEnv:
         if self._arm.is_late or self._arm.policy is not None:
             what = "latency" if self._arm.is_late else "policy"
             raise AdapterError(
-                f"arm {self._arm.name!r} has a {what}, but whoever steps an environment decides what is done, and "
-                f"when. Leave the {what} out."
+                f"arm {self._arm.name!r} has a {what}, but whoever steps an environment decides what "
+                f"is done, and when. Leave the {what} out."
             )
         self._stage = Stage(case, world, _Outside(replace(spec, repeatable=False)), probes=probes)
         self._base = base

@@ -244,8 +244,9 @@ def camera_tables(study: Camera) -> list[Table]:
             "Condition",
             [_OF_RATE[0], *within, _OF_RATE[1]],
             rates,
-            note="Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution, with "
-            "the composition of the sources kept: for comparison with it, and far too narrow for rare outcomes.",
+            note="Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution, "
+            "with the composition of the sources kept: for comparison with it, and far too narrow for rare "
+            "outcomes.",
             narrow=2,
         ),
         _joint(study),
@@ -255,9 +256,10 @@ def camera_tables(study: Camera) -> list[Table]:
             _OF_CONTRAST,
             named,
             note="Gain: only the first condition succeeds; loss: only the second. The interval of the "
-            "difference is exact; the paper's resamples cases within each source, and is too narrow where few differ. "
-            "All are pointwise: no number of contrasts is corrected for. Reset and Mid-task differ in more "
-            "than the moment: in how long the new view is seen, in the states visited and in the steps left.",
+            "difference is exact; the paper's resamples cases within each source, and is too narrow where"
+            " few differ. All are pointwise: no number of contrasts is corrected for. Reset and Mid-task "
+            "differ in more than the moment: in how long the new view is seen, in the states visited and "
+            "in the steps left.",
             narrow=5,
         ),
         *(
