@@ -48,18 +48,18 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[PolicySpec]:
         AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
     """
     own = policy.spec
-    other = own if cadence is None else at_cadence(own, cadence)
-    if other == own:
+    declared = own if cadence is None else at_cadence(own, cadence)
+    if declared == own:
         yield own
         return
     try:
-        policy.spec = other
+        policy.spec = declared
     except AttributeError as error:
         raise AdapterError(
             f"The spec of policy {own.name!r} cannot be assigned ({error}), but playing it at another "
             "cadence replaces it. Make `spec` a plain attribute."
         ) from error
     try:
-        yield other
+        yield declared
     finally:
         policy.spec = own

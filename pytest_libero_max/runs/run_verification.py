@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.errors import ReportError
@@ -113,7 +113,8 @@ def _command(run: StoredRun, places: Places, working: Path) -> list[str]:
         if document is not None:
             file = working.with_name(f"{name}.json")
             file.write_text(json.dumps(document), encoding="utf-8")
-            places = replace(places, **{name: str(file)})
+            named: dict[str, Any] = {name: str(file)}
+            places = replace(places, **named)
     command = replay_command(run, places)[:-1]
     command.remove(f"--libero-max-output={OUTPUT}")
     return command

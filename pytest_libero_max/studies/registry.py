@@ -25,8 +25,6 @@ FILES = (".json", ".toml")
 """Ends of the names of files that hold a study."""
 
 _CODE = {
-    "audit": "audit:Audit",
-    "repeats": "repeats:Repeats",
     "cadence": "sweeps:CadenceSweep",
     "latency": "sweeps:LatencySweep",
 }

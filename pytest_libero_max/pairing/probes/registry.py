@@ -34,7 +34,9 @@ def _class_in(name: str) -> type[Probe[Any]]:
 
 def own_schema(name: str) -> tuple[Column, ...] | None:
     """Return the columns of a probe of this package; None of any other, which is not imported."""
-    return _class_in(name).schema if name in {*_own(), "stages"} else None
+    if name == "stages":
+        return _class_in(name).schema
+    return PROBES[name].schema if PROBES.is_ours(name) else None
 
 
 def _accept(name: str, value: object) -> Probe[Any]:

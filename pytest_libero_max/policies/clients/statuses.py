@@ -24,9 +24,6 @@ def status_error(status: int, reason: str, path: str, content: bytes) -> ServerE
     """Return the error of an answer that is none.
 
     Args:
-        status: Status of HTTP.
-        reason: Its words.
-        path: Path that was asked for.
         content: The body, which is quoted unless it is a page.
     """
     words = content.strip()
@@ -34,13 +31,13 @@ def status_error(status: int, reason: str, path: str, content: bytes) -> ServerE
     text = f"HTTP status {status} {reason} for {path or '/'}{body}"
     if status in _TOKENS:
         given = server_token() is not None
-        told = (
+        reason_shown = (
             f"The token in {TOKEN_VARIABLE} is not accepted"
             if given
             else f"Give the token in {TOKEN_VARIABLE}"
         )
         also = ", or the path of the address is another" if status == 403 else ""
-        return Refused(f"{text}. {told}{also}")
+        return Refused(f"{text}. {reason_shown}{also}")
     if status in _NEVER:
         return Refused(f"{text}. Give the path of the policy in the address, or the port of its server")
     if 300 <= status < 400:

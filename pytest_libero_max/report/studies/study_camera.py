@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -222,16 +223,21 @@ _GROUPS = {
 """Headings of the groups of cases."""
 
 
+def _within(source: str, row: ConditionRate | ConditionContrast) -> Any:
+    return row.by_source[source]
+
+
+def _over_groups(key: str, row: ConditionContrast) -> GroupInterval:
+    return row.by_groups[key]
+
+
 def camera_tables(study: Camera) -> list[Table]:
     """Return the tables of a camera study, in the order in which they are read."""
     labels = study.conditions
     sources = [*next(iter(study.rates.values())).by_source]
-    within = [Quantity(name, name, lambda row, name=name: row.by_source[name], Rate()) for name in sources]
-    changes = [Quantity(name, name, lambda row, name=name: row.by_source[name], Change()) for name in sources]
-    groups = [
-        Quantity(key, title, lambda row, key=key: row.by_groups[key], _Groups())
-        for key, title in _GROUPS.items()
-    ]
+    within = [Quantity(name, name, partial(_within, name), Rate()) for name in sources]
+    changes = [Quantity(name, name, partial(_within, name), Change()) for name in sources]
+    groups = [Quantity(key, title, partial(_over_groups, key), _Groups()) for key, title in _GROUPS.items()]
     named = [(f"{labels[row.first]} - {labels[row.second]}", row) for row in study.contrasts]
     gaps = [
         (f"(Mid-task - Reset) at {float(row.first):.0%} - at {float(row.second):.0%}", row)

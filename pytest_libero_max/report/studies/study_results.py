@@ -39,7 +39,7 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
     program = program_of_run(protocol) if study is None else study.program
     if study is None and not any(record.arms.keys() - _USUAL for record in records):
         return None
-    head = {
+    head: dict[str, Any] = {
         "name": "arms" if study is None else study.name,
         "title": "arms of programs" if study is None else study.title,
         "about": "" if program is None else program.about,

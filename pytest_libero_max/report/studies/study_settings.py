@@ -64,7 +64,7 @@ def settings_of(arms: Sequence[Json], records: Sequence[PairRecord]) -> list[Pla
     spelled = {arm["name"]: [*arm.get("schedule", [])] for arm in arms}
     of_dynamic = spelled.get(DYNAMIC, _EVENT)
     own = PlayedSetting(*_way({"name": DYNAMIC}, records))
-    ways: dict[tuple[Any, ...], dict[str, str]] = {}
+    ways: dict[tuple[Any, ...], dict[str, Any]] = {}
     for arm in arms:
         schedule = spelled[arm["name"]]
         if arm.keys() & {"cadence", "latency", "policy"} and schedule in ([], of_dynamic):
@@ -80,11 +80,8 @@ def settings_of(arms: Sequence[Json], records: Sequence[PairRecord]) -> list[Pla
 
 def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
     """Return policy, latency, Q and H of an arm."""
-    spec, name = records[0].policy, arm.get("policy", "")
-    if name:
-        spec = next(
-            (record.arms[arm["name"]].policy for record in records if arm["name"] in record.arms), spec
-        )
+    name, played = arm.get("policy", ""), (record.arms.get(arm["name"]) for record in records)
+    spec = next((one.policy for one in played if one is not None and one.policy), records[0].policy)
     cadence, text = arm.get("cadence", {}), arm.get("latency", records[0].arm(BASE).latency)
     return (
         name,

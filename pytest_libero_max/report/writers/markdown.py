@@ -16,21 +16,19 @@ from pytest_libero_max.report.render.markdown import (
     code,
     markdown_table,
     markdown_text,
+    section_markdown,
     table_markdown,
 )
 from pytest_libero_max.report.report_document import BaseFailures, Report
 from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.statements import LIMITS_TITLE
-from pytest_libero_max.report.studies.study_document import (
-    Study,
-)
-from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
+from pytest_libero_max.report.studies.study_tables import study_section
 from pytest_libero_max.report.writers import broken
 from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
-    chance_rows,
     clipping_text,
+    noise_rows,
     note_texts,
     stopped_texts,
     title_text,
@@ -89,10 +87,9 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         "cases: differences between them are descriptions, not effects.",
         "",
     ]
-    lines += [] if report.study is None else _study(report.study)
-    for title, note, rows in shown_sections(report):
-        lines += [f"## {markdown_text(title)}", "", *([note, ""] if note else [])]
-        lines += [*markdown_table(("Name", "Value"), rows), ""]
+    study = [] if report.study is None else [study_section(report.study)]
+    for section in (*study, *shown_sections(report)):
+        lines += [section_markdown(section), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
@@ -130,7 +127,7 @@ def _gates(gates: Sequence[GateRow]) -> list[str]:
 def _quantities(report: Report) -> list[tuple[str, str]]:
     return [
         *((column.title, column.long(report.overall)) for column in quantities_in("summary")),
-        *chance_rows(report),
+        *noise_rows(report),
     ]
 
 
@@ -181,11 +178,3 @@ def _base(report: Report, groups: Sequence[BaseFailures], films: Mapping[str, st
 
 def _film_link(film: str | None) -> str:
     return Written(f"[film]({quote(film)})") if film else ""
-
-
-def _study(study: Study) -> list[str]:
-    lines = [f"## Study: {markdown_text(study.title)}", ""]
-    lines += [line for note in study_notes(study) for line in (markdown_text(note), "")]
-    for table in study_tables(study):
-        lines += [table_markdown(table, 3), ""]
-    return lines
