@@ -85,7 +85,8 @@ def header(tmp_path_factory: pytest.TempPathFactory) -> Json:
     path.write_text(STUDY)
     study = find_study("mine.toml", path.parent)
     assert (study.source, study.track) == (str(path), "lite")
-    return json.loads(json.dumps(study.to_dict()))
+    values: Json = json.loads(json.dumps(study.to_dict()))
+    return values
 
 
 @pytest.fixture(scope="module")
@@ -145,8 +146,8 @@ def test_another_policy_goes_on_from_the_state_that_the_event_finds(world: TinyW
     for name, interval in (("taken_over", 3), ("slower", 6)):
         assert arms[name].firings[0].prefix_proof == event.prefix_proof
         assert arms[name].firings[0].evidence == event.evidence
-        assert arms[name].policy is not None
-        assert (arms[name].policy["reference"], arms[name].policy["query_interval"]) == ("other", interval)
+        spec = arms[name].policy or {}
+        assert (spec["reference"], spec["query_interval"]) == ("other", interval)
         asked = [query.step for query in pair.rollouts[name].queries if query.step >= event.step]
         assert asked == list(range(arms[name].response_step or 0, BUDGET, interval))
         assert arms[name].response_step == arms[DYNAMIC].response_step
