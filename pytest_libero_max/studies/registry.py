@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections.abc import Callable
 from functools import partial
@@ -17,6 +16,7 @@ from pytest_libero_max.errors import ManifestError, OptionError, ReportError
 from pytest_libero_max.registry import Registry
 from pytest_libero_max.studies.camera_study import CameraStudy
 from pytest_libero_max.studies.study import Study
+from pytest_libero_max.studies.sweeps import CadenceSweep, LatencySweep, Sweep
 
 FOLDER = Path(__file__).parent
 """Folder of the studies of this package that are data, a file each."""
@@ -24,10 +24,6 @@ FOLDER = Path(__file__).parent
 FILES = (".json", ".toml")
 """Ends of the names of files that hold a study."""
 
-_CODE = {
-    "cadence": "sweeps:CadenceSweep",
-    "latency": "sweeps:LatencySweep",
-}
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
 
 
@@ -91,14 +87,10 @@ def _from_file(name: str, settings: str | None) -> Study:
 
 def _own() -> dict[str, Callable[[], Callable[[str | None], Study]]]:
     files = (path.stem for path in sorted(FOLDER.glob("*.json")))
+    sweeps: tuple[type[Sweep], ...] = (CadenceSweep, LatencySweep)
     return {name: partial(partial, _from_file, name) for name in files} | {
-        name: partial(_load, name) for name in _CODE
+        kind.name: partial(_accept, kind.name, kind) for kind in sweeps
     }
-
-
-def _load(name: str) -> Callable[[str | None], Study]:
-    module, _, kind = _CODE[name].partition(":")
-    return _accept(name, getattr(importlib.import_module(f"pytest_libero_max.studies.{module}"), kind))
 
 
 def _accept(name: str, kind: object) -> Callable[[str | None], Study]:

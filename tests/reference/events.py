@@ -90,7 +90,8 @@ is as it was before. A case carries its program under `program`, beside `scenari
 - Arms that differ from Base and Dynamic in cadence, latency or policy alone are reported as
   [settings](../studies/README.md#a-study-of-your-own), the others by event.
 - `about` says what the program plays. `only` and `without` say which cases it fits, by patterns of `event`,
-  `operation` (of its change), `suite` and `entity` (of its trigger), and `because` why; a run leaves the others out and says so.
+  `operation` (of its change), `suite` and `entity` (of its trigger), and `because` why; a run leaves the
+  others out and says so.
 - The name of the program ends the ids of the test items, its digest is in the run's header, and the digest of
   each case covers it: a run is not resumed, merged or compared with one of another program.
 
