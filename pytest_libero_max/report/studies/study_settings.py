@@ -105,15 +105,14 @@ def measured_settings(
 
 def best_settings(settings: Sequence[PlayedSetting], records: Sequence[PairRecord]) -> dict[str, BestSetting]:
     """Return the best setting for Base and for Dynamic, of those that every case was played in."""
-    rows = [
-        (label, setting)
-        for label, setting in zip(_labels(settings), settings, strict=True)
-        if all({setting.base, setting.dynamic} <= record.arms.keys() for record in records)
-    ]
-    return {
-        f"{part}_success": best_of({label: _ends(records, getattr(one, part)) for label, one in rows})
-        for part in ("base", "dynamic")
-    }
+    best = {}
+    for part in ("base", "dynamic"):
+        arms: dict[str, str] = {}  # settings of several policies may have one Base
+        for label, setting in zip(_labels(settings), settings, strict=True):
+            if all({setting.base, setting.dynamic} <= record.arms.keys() for record in records):
+                arms.setdefault(getattr(setting, part), label)
+        best[f"{part}_success"] = best_of({label: _ends(records, arm) for arm, label in arms.items()})
+    return best
 
 
 def _labels(settings: Sequence[PlayedSetting]) -> list[str]:

@@ -213,9 +213,10 @@ def setting_text(setting: Setting) -> str:
 
 
 def _settings(settings: list[Setting]) -> Table:
-    return table_of(
-        "Settings", "Setting", _SETTING, [(setting_text(one), one) for one in settings], note=_NOTE, narrow=4
-    )
+    late = any(setting.steps for setting in settings)
+    columns = [one for one in _SETTING if late or one.key != "held"]
+    rows = [(setting_text(setting), setting) for setting in settings]
+    return table_of("Settings", "Setting", columns, rows, note=_NOTE, narrow=4)
 
 
 def _best(what: str, best: BestSetting) -> Table:
