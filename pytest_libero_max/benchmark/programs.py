@@ -34,6 +34,7 @@ from pytest_libero_max.benchmark.documents import (
     Json,
     canonical_digest,
     read_content,
+    read_text,
     refuse_constant,
     text_of,
 )
@@ -218,9 +219,10 @@ def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
         OptionError: The file cannot be read, is of neither format, or breaks a rule; names it.
     """
     try:
-        text = text_of(read_content(path))
-        is_toml = path.suffix == ".toml"
-        document = tomllib.loads(text) if is_toml else json.loads(text, parse_constant=refuse_constant)
+        if path.suffix == ".toml":
+            document = tomllib.loads(read_text(path))
+        else:
+            document = json.loads(text_of(read_content(path)), parse_constant=refuse_constant)
     except (OSError, ValueError, RecursionError) as error:
         raise OptionError(
             f"Cannot read {noun} {str(path)!r}: {error}. Give the path of a JSON or TOML file.", path=path
@@ -289,8 +291,8 @@ def _check_arm(value: Json, where: str) -> str:
         check_entry(entry, f"{where}.schedule[{i}]")
     if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence", "latency", "policy"}:
         raise ManifestError(
-            f"{where}: {name!r} has a repetition, a cadence, a latency or a policy, but Base and Dynamic are "
-            "of the run's own. Give them to an arm of another name."
+            f"{where}: {name!r} has a repetition, a cadence, a latency or a policy, but Base and Dynamic share "
+            "their prefix. Give them to an arm of another name."
         )
     if "policy" in value and not schedule:
         raise ManifestError(
