@@ -291,8 +291,8 @@ def _check_arm(value: Json, where: str) -> str:
         check_entry(entry, f"{where}.schedule[{i}]")
     if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence", "latency", "policy"}:
         raise ManifestError(
-            f"{where}: {name!r} has a repetition, a cadence, a latency or a policy, but Base and Dynamic share "
-            "their prefix. Give them to an arm of another name."
+            f"{where}: {name!r} has a repetition, a cadence, a latency or a policy, but Base and Dynamic "
+            "share their prefix. Give them to an arm of another name."
         )
     if "policy" in value and not schedule:
         raise ManifestError(
