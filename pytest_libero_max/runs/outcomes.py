@@ -19,7 +19,7 @@ from pytest_libero_max.runs.agreement import Agreement, SamePlay
 from pytest_libero_max.runs.comparability import Side
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, decode_line, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.worlds.rendering.context import renderers
@@ -100,8 +100,8 @@ class RunOutcomes:
 
     @property
     def stopped_by_rule(self) -> bool:
-        """True if a rule stopped the run, see :attr:`.Stopped.by_rule`."""
-        return self.stopped is not None and self.stopped.by_rule
+        """True if a rule kept the run from its planned number of pairs, see :func:`.ended_by_rule`."""
+        return ended_by_rule(self.stopped, self.run.planned, self.policy, {*self.case_ids})
 
     @property
     def side(self) -> Side:

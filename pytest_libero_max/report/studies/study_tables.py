@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from pytest_libero_max.report.document import Section, Table, table_of
+from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import (
     NOT_AVAILABLE,
     Change,
@@ -46,11 +46,6 @@ def study_tables(study: Study) -> list[Table]:
         tables.append(_settings(study.settings))
         tables += [_best(part, study.best[f"{part.lower()}_success"]) for part in ("Base", "Dynamic")]
     return [*tables, *_arms(study)]
-
-
-def study_section(study: Study) -> Section:
-    """Return a study as a section of a document."""
-    return Section(f"Study: {study.title}", study_tables(study), study_notes(study))
 
 
 def study_notes(study: Study) -> list[str]:

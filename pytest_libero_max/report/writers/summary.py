@@ -7,6 +7,7 @@ from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
+from pytest_libero_max.report.broken import broken_line, broken_lines
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
 from pytest_libero_max.report.group_tables import group_table
@@ -17,7 +18,6 @@ from pytest_libero_max.report.render.terminal import table_lines
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
 from pytest_libero_max.report.sections import main_measures, section_warnings
 from pytest_libero_max.report.studies.study_tables import study_lines
-from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Result, Substrate
 
