@@ -112,10 +112,11 @@ def cluster(value: str) -> Cluster:
 
 
 def study(text: str) -> str:
-    """Check the name of a study, with settings behind a colon."""
-    from pytest_libero_max.studies.registry import STUDIES
+    """Check the name of a study, with settings behind a colon; a file is read later."""
+    from pytest_libero_max.studies.registry import FILES, STUDIES
 
-    known_in(STUDIES)(text.partition(":")[0])
+    if not text.endswith(FILES):
+        known_in(STUDIES)(text.partition(":")[0])
     return text
 
 

@@ -169,7 +169,7 @@ class Settings:
     program: Program | None = setting(
         "NAME|FILE",
         "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
-        "`libero-max list programs`, or a JSON file",
+        "`libero-max list programs`, or a JSON or TOML file",
         read.text,
         recorded=Recorded("protocol", value=_program_value),
     )
@@ -277,12 +277,13 @@ class Settings:
         recorded=Recorded("protocol", usual=1.0),
     )
     study: Study | None = setting(
-        "NAME[:SETTINGS]",
+        "NAME[:SETTINGS]|FILE",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
         "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
         "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
         "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
-        "smoke: each case 3 or so many times, with other seeds of the policy), or one of another package",
+        "smoke: each case 3 or so many times, with other seeds of the policy), one of another package, or a "
+        "JSON or TOML file that spells one",
         read.study,
         recorded=Recorded("protocol", value=lambda study: study.to_dict()),
     )

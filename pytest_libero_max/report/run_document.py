@@ -120,7 +120,9 @@ def _breakdowns(report: Report) -> Section:
 def _study(study: Study) -> Section:
     figures = study_figures(study)
     figures.pop("study-contrasts", None)
-    contrasts = [camera_contrasts(study.camera)] if study.camera is not None and study.cases else []
+    contrasts = (
+        [camera_contrasts(study.title, study.camera)] if study.camera is not None and study.cases else []
+    )
     notes = " ".join(study_notes(study))
     return Section(
         f"Study: {study.title}", study_tables(study), lead=notes, plots=[*contrasts, *figures.values()]

@@ -71,13 +71,16 @@ def stale_actions(report: Report) -> Histogram:
     )
 
 
-def camera_contrasts(study: Camera) -> Plot:
-    """Return the contrasts of a camera study with their intervals."""
+def camera_contrasts(title: str, study: Camera) -> Plot:
+    """Return the contrasts of a camera study with their intervals, and numbers of gains and losses."""
+    labels = study.conditions
     rows = [
-        change_row(f"{study.conditions[row.first]} - {study.conditions[row.second]}", "", row, _change(row))
+        change_row(
+            f"{labels[row.first]} - {labels[row.second]}", f"+{row.gains} -{row.losses}", row, _change(row)
+        )
         for row in study.contrasts
     ]
-    return Plot("Contrasts", ("Contrast", "pp [95%]"), rows)
+    return Plot(f"{title}: paired contrasts", ("Contrast (gain, loss)", "pp [95%]"), rows)
 
 
 RUN_PLOTS: Mapping[str, Callable[[Report], Drawable]] = {
