@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.lab.recovery.recovery import compare_recovery
+from pytest_libero_max.lab.recovery import compare_recovery
 from pytest_libero_max.lab.sections.safety import PROBE, beyond
 from pytest_libero_max.report.formats import (
     change_text,

@@ -231,7 +231,8 @@ def broken_lines(
                 continue
             sentence = group.named[0].sentence
             first = ": " if group.number == 1 else "; the first: "
-            what = ", ".join(filter(None, (group.cause, group.what)))
+            words = [group.cause, group.what if group.event or not group.cause else ""]
+            what = ", ".join(filter(None, words))
             head = f"{group.number} x {what}{first + sentence if sentence else ''}"
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
             for pair in group.named:

@@ -29,7 +29,6 @@ from pytest_libero_max.report.report_document import (
     Macros,
     MissingAsFailures,
     MissingPair,
-    NoiseFloor,
     PairCounts,
     PlayedSelection,
     PresentShards,
@@ -58,7 +57,6 @@ from pytest_libero_max.stats.measured import (
 )
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
 from pytest_libero_max.stats.paired import Pairs, measure
-from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.substrates.registry import scores_of
 
 METHODS: Mapping[str, str | float] = {
@@ -151,7 +149,6 @@ def build_report(
         substrate=substrate_of(provenance, planned),
         caveats=caveats_of(map(Played.of, in_order)),
         overall=overall,
-        noise_floor=_noise_floor(played.values()),
         returned=_returned(played.values()),
         clipped_actions=_clipped_actions(played.values()),
         changed_pairs=changed_pairs(played.values()),
@@ -197,16 +194,6 @@ def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFai
 def _causes(records: Iterable[PairRecord], arm: str) -> dict[str, int]:
     found = Counter(why.cause for record in records if (why := diagnose(record, arm)) is not None)
     return {cause: found[cause] for cause in CAUSES if found[cause]}
-
-
-def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:
-    """Frequency with which a second Base of the same case ends otherwise; None where none was played."""
-    repeated = [(record.base_success, record.base_repeat) for record in records if record.base_repeat]
-    if not repeated:
-        return None
-    flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
-    identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
-    return NoiseFloor(flips=rate_of(flips), identical=ratio_of(identical))
 
 
 def _returned(records: Iterable[PairRecord]) -> Returned | None:

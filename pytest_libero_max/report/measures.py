@@ -79,12 +79,12 @@ class _AsMeasured(Format):
 MEASURE = _AsMeasured()
 
 
-def rows_table(rows: Mapping[str, Measure | Plain], note: str = "") -> Table:
+def rows_table(rows: Mapping[str, Measure | Plain]) -> Table:
     """Return names and values as a table."""
     cells = [
         (name, Cell(value, MEASURE if isinstance(value, Measure) else TEXT)) for name, value in rows.items()
     ]
-    return Table("", ("Name", "Value"), cells, note)
+    return Table("", ("Name", "Value"), cells)
 
 
 def rows_without_intervals(rows: Rows) -> Rows:

@@ -25,7 +25,6 @@ from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
     clipping_text,
-    noise_rows,
     note_texts,
     stopped_texts,
     title_text,
@@ -66,7 +65,7 @@ def _sections(report: Report, films: Mapping[str, str], gates: Sequence[GateRow]
         yield Section(tables=[_gates(gates)], key=GATES)
     overall = report.overall
     rows = [(one.title, one.cell(overall)) for one in quantities_in("summary")]
-    yield Section("All pairs", [Table("", ("Quantity", "Value"), [*rows, *noise_rows(report)])])
+    yield Section("All pairs", [Table("", ("Quantity", "Value"), rows)])
     yield from (replace(section, key=BROKEN) for section in broken_sections(report, films))
     if report.study is not None:
         yield _study(report.study)

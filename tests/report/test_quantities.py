@@ -49,8 +49,8 @@ def test_a_column_stands_in_every_file_it_names(column: Quantity[Any]) -> None:
         assert row[name] == ("" if number is None else str(number))
     if "summary" in column.tables:
         assert f"| {column.title} | {column.long(overall)} |" in markdown(REPORT)
-        row = f"<th scope='row'>{column.title}</th><td>{column.long(overall)}</td>"
-        assert html(REPORT, [], []).count(row) == 1
+        line = f"<th scope='row'>{column.title}</th><td>{column.long(overall)}</td>"
+        assert html(REPORT, [], []).count(line) == 1
     for table in {"coverage", "given_response"} & {*column.tables}:
         shown = column.title if table == "coverage" else column.short_heading
         cell = f"<td data-title='{shown}'>{column.long(UNANSWERED.overall)}</td>"

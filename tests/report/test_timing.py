@@ -133,9 +133,10 @@ def _quiet() -> dict[str, Any]:
 def test_it_is_in_report_and_page(ends: tuple[int | None, int | None]) -> None:
     records = [took(number, *ends) for number in range(4)]
     report = build_report(records, [], PAIRS[:8], PROVENANCE)
-    assert f"## {TITLE}\n\n| Name | Value |\n" in markdown(report)
-    assert NOTE in markdown(report)
-    assert f"<h2>{TITLE}</h2><figure>{survival_curves(report.success_curves)}" in html(report, [], [])
+    assert f"## {TITLE}\n\n{NOTE}\n" in markdown(report)
+    page = html(report, [], [])
+    assert f"<h2>{TITLE}</h2><p>{NOTE}</p>" in page
+    assert f"<figure>{survival_curves(report.success_curves)}" in page
     assert report.success_curves is not None
     left = [0 if end else 4 for end in ends]
     assert [report.success_curves.base[-1], report.success_curves.dynamic[-1]] == left
