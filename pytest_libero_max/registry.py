@@ -32,7 +32,7 @@ ENTRY_POINTS = {
     "pytest_libero_max.studies": "a subclass of `Study`, under its name",
     "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
-    "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` of a policy and a setting, under its name",
+    "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` with `modes`, under its name",
     "pytest_libero_max.commands": "a module with a function `add_command`, under the name of the command",
     "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
 }

@@ -172,12 +172,10 @@ class GivenPolicy(PolicySource):
 
 def wrapped(policy: Policy, settings: Settings) -> Policy:
     """Return a policy behind the wrappers that the settings ask for."""
-    from pytest_libero_max.policies.wrapping import WRAPPERS
+    from pytest_libero_max.policies.wrappers import WRAPPERS
 
-    for name in ("restore", "adaptive"):
-        mode = getattr(settings, name)
-        if mode not in (None, "native"):
-            policy = WRAPPERS[name](policy, mode)
+    for name, mode in settings.wrap.items():
+        policy = WRAPPERS[name](policy, mode)
     return policy
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.keywords import matches
 from pytest_libero_max.errors import (
     LiberoMaxError,
@@ -29,7 +28,7 @@ from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
-from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
+from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import CONTROL_HZ, World
 from pytest_libero_max.worlds.rendering.context import RENDERING
@@ -246,9 +245,9 @@ def open_recorded(
             f"with {traces_setting(provenance)}."
         )
     cases_played = {case.case_id: case for case in cases_of_run(provenance, cases)}
-    substrate = open_substrate(
-        provenance["substrate"]["name"], _options(provenance["substrate"], installations, assets)
-    )
+    chosen_there = ChosenSubstrate.described(provenance["substrate"])
+    options = replace(chosen_there.options, installations=tuple(installations), assets=assets)
+    substrate = open_substrate(chosen_there.name, options)
     try:
         yield RecordedRun(home, stored, cases_played, substrate)
     finally:
@@ -289,14 +288,3 @@ def _keywords(record: PairRecord) -> tuple[str, ...]:
     """Names of a pair that ``-k`` looks at: the item, and its markers."""
     markers = (record.event, record.family, record.suite, f"variant_{record.variant}", record.source)
     return (record.case_id, record.item_id, *markers)
-
-
-def _options(described: Json, installations: Sequence[Path], assets: Path | None) -> SubstrateOptions:
-    known = SubstrateOptions()
-    return SubstrateOptions(
-        tuple(installations),
-        assets,
-        described.get("semantics", known.semantics),
-        described.get("instruction_source", known.instruction),
-        described.get("source_variations", known.variations),
-    )

@@ -113,13 +113,13 @@ class RunEnd:
     def _film(self, ended: int) -> None:
         """Make the films that the options ask for, unless the user has interrupted the run."""
         keeper = self.keeper
-        if self.settings.film == "none" or keeper.report is None:
+        if self.settings.film.which == "none" or keeper.report is None:
             return
         from pytest_libero_max.plugin.run_films import chosen_for_films, make_films
 
         records, selected = chosen_for_films(self.settings, keeper.records, keeper.report.changed_pairs)
         folder = _relative(self.settings.output, self.config.invocation_params.dir)
-        later = f"libero-max film {folder} --select={self.settings.film}"
+        later = f"libero-max film {folder} --select={self.settings.film.which}"
         if not records:
             return
         if ended == pytest.ExitCode.INTERRUPTED:
@@ -135,7 +135,8 @@ class RunEnd:
         self.notes += notes
         rest = f"; for all of them: {later}" if made < selected else ""
         seconds = time.perf_counter() - begun
-        self._filmed.append(f"Filmed: {made} of {selected} {self.settings.film} ({seconds:.0f} s){rest}")
+        which = self.settings.film.which
+        self._filmed.append(f"Filmed: {made} of {selected} {which} ({seconds:.0f} s){rest}")
 
     def _verify(self, ended: int) -> list[str]:
         """Play pairs again that the option asks for; return lines of the summary."""

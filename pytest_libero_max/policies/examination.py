@@ -253,7 +253,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
         yield note(
             "seed",
             "the same query got two different answers, and repeatable=False says so",
-            mistake="Measure how often Base flips by itself: --libero-max-noise-floor=16.",
+            mistake="Measure how often Base flips by itself: --libero-max-noise=floor:16.",
         )
     elif first.tobytes() == other.tobytes():
         yield ok("seed", "deterministic: the same answer with another seed as well")

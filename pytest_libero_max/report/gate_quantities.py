@@ -34,7 +34,7 @@ LARGEST = "largest"
 """The largest value of a pair, of a column of a probe, whose mean has no part."""
 
 BEYOND_SHAM = "beyond_sham"
-"""Dynamic success less that of the sham event, on the pairs that played it (``--libero-max-sham``)."""
+"""Dynamic success less that of the sham event, on the pairs that played it (``noise=sham:SHARE``)."""
 
 
 def measured_called(name: str) -> Measured | None:

@@ -552,7 +552,7 @@ def _whole_track(report: Report) -> tuple[float | None, str]:
 def _beyond_sham(gate: Gate, report: Report) -> tuple[float | None, str]:
     sham = report.sham
     if sham is None:
-        return None, "no pair played the sham event. Add --libero-max-sham=SHARE"
+        return None, "no pair played the sham event. Add --libero-max-noise=sham:SHARE"
     if not report.pairs.complete:
         counts = report.pairs
         return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"

@@ -110,7 +110,8 @@ def unrepeatable_texts(report: Report) -> list[str]:
         return []
     sham = report.sham
     measured = (
-        "No pair of this run was played twice, so the size of this chance is not known: --libero-max-sham=1."
+        "No pair of this run was played twice, so the size of this chance is not known: "
+        "--libero-max-noise=sham:1."
         if sham is None or sham.chance is None
         else f"{sham.pairs} of {report.pairs.played} pairs measure it."
     )

@@ -159,7 +159,7 @@ def test_actions_within_one_are_not_warned_of(run: Run, results: Results) -> Non
 
 
 def test_a_noise_floor_that_was_asked_for_and_not_measured_is_said(run: Run) -> None:
-    asked = "--libero-max-noise-floor=4"
+    asked = "--libero-max-noise=floor:4"
     run(asked, "-k", "camera_shift or illumination_switch or visual_theme_switch").stdout.fnmatch_lines(
         ["Noise floor: Base played twice*asked for 4 pairs, measured on [0-3]*"]
     )

@@ -303,7 +303,7 @@ def test_shards_make_up_the_whole(run: Run, pytester: pytest.Pytester) -> None:
 
 
 def test_the_noise_floor_of_a_policy_that_repeats_itself_is_zero(run: Run, results: Results) -> None:
-    result = run("-k", "v0", "--libero-max-noise-floor=4")
+    result = run("-k", "v0", "--libero-max-noise=floor:4")
     assert results()[1]["noise_floor"]["flips"]["count"] == 0
     noise = results()[1]["noise_floor"]
     assert noise["identical"]["count"] == noise["flips"]["of"] > 0
@@ -338,7 +338,7 @@ def test_the_noise_floor_shows_a_policy_that_does_not(
         policy = Noisy
         """
     )
-    run("-k", "camera_shift", "--libero-max-noise-floor=16", policy="noisy.py")
+    run("-k", "camera_shift", "--libero-max-noise=floor:16", policy="noisy.py")
     noise = results()[1]["noise_floor"]
     assert noise["identical"]["count"] < noise["identical"]["of"] == 2
 
@@ -365,14 +365,14 @@ def test_a_sham_event_shows_what_is_lost_by_chance(
         policy = Seeded
         """
     )
-    result = run("-k", "v0", "--libero-max-sham=1", policy="seeded.py")
+    result = run("-k", "v0", "--libero-max-noise=sham:1", policy="seeded.py")
     sham = results()[1]["sham"]
     assert sham["pairs"] == 8
     assert sham["identical"]["count"] == 0
     result.stdout.fnmatch_lines(["Sham event: other seeds alone * lost *"])
-    run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=again", policy="seeded.py")
+    run("-k", "v0", "--libero-max-noise=sham:1", "--libero-max-output=again", policy="seeded.py")
     assert results("again")[1]["sham"] == sham
-    run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=fixed")
+    run("-k", "v0", "--libero-max-noise=sham:1", "--libero-max-output=fixed")
     assert results("fixed")[1]["sham"]["identical"] == {"count": 8, "of": 8, "value": 1.0}
     assert results("fixed")[1]["sham"]["chance"]["floor"] == 0.0
 
@@ -421,6 +421,6 @@ def test_a_policy_that_draws_noise_of_its_own_is_called_so_and_measured(
     )
     for name in ("report.md", "report.html"):
         assert "NOT REPEATABLE" in (pytester.path / "libero-max-results" / name).read_text()
-    result = run("--libero-max-sham=0", "--libero-max-output=bare", policy="noisy.py")
-    result.stdout.fnmatch_lines(["*--libero-max-sham=1."])
+    result = run("--libero-max-noise=sham:0", "--libero-max-output=bare", policy="noisy.py")
+    result.stdout.fnmatch_lines(["*--libero-max-noise=sham:1."])
     assert results("bare")[1]["sham"] is None

@@ -88,5 +88,5 @@ def test_a_smaller_floor_is_compared_and_none_of_a_policy_that_repeats_itself() 
     assert texts(ended(ssss=10, sfff=8, fsss=2), repeatable=True) == []
     assert len(texts(ended(ssff=0, sfsf=30, ssss=10))) == 1
     (unknown,) = texts(None)
-    assert unknown.endswith("size of this chance is not known: --libero-max-sham=1.")
+    assert unknown.endswith("size of this chance is not known: --libero-max-noise=sham:1.")
     assert "40 of 40 pairs measure it" in texts(ended(sfsf=30, ssss=10))[0]

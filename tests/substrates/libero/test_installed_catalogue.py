@@ -158,7 +158,7 @@ def test_the_command_counts_what_can_host_each_event(
     assert lines["Light Conditions"][0] == "40"
     # As the authors' catalogue has it for every category whose scenes are LIBERO's own.
     assert lines["camera_view_angle"] == ["40", "40", "40", "40", "40", "33", "27", "12", "33"]
-    assert main(["dev", "eligibility", *where, "--source-variations=own"]) == 1
+    assert main(["dev", "eligibility", *where, "--substrate=libero:variations=own"]) == 1
 
 
 def test_a_classification_of_another_registry_is_refused(
