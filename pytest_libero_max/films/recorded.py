@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -52,17 +52,33 @@ def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: s
     return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}", view)
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """How a recorded pair is drawn."""
+
+    size: int = SIZE_PX
+    """Side of a picture, pixels."""
+    every: int = EVERY
+    """Show only every so many steps; a film keeps its speed."""
+    overwrite: bool = False
+    """True if a file that is there already may be replaced."""
+    on_step: Callable[[int], None] = lambda step: None
+    """Called with the policy steps of each picture before it is drawn."""
+
+    def tell(self, ticks: Iterable[Tick]) -> Iterator[Tick]:
+        """Yield pictures, each after :attr:`on_step`."""
+        for tick in ticks:
+            self.on_step(tick.step)
+            yield tick
+
+
 def film_pair(
     path: Path,
     case: Case,
     world: World,
     record: PairRecord,
     traces: Mapping[str, ArmTrace],
-    *,
-    size: int = SIZE_PX,
-    every: int = EVERY,
-    overwrite: bool = False,
-    on_step: Callable[[int], None] | None = None,
+    how: Drawn = Drawn(),
     shown: Shown | None = None,
 ) -> None:
     """Play a recorded pair again and write its film, or nothing at all.
@@ -73,10 +89,7 @@ def film_pair(
         world: Its world; it is left anywhere.
         record: The pair.
         traces: Of its arms.
-        size: Side of a picture, pixels.
-        every: Show only every so many steps; the film keeps its speed.
-        overwrite: True if a film that is there already may be replaced.
-        on_step: Called with the policy steps of each picture before it is drawn.
+        how: Size and the like.
         shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
     Raises:
@@ -86,21 +99,12 @@ def film_pair(
         ChangeError: A change does not fit this world.
         SimulatorError: The simulation broke, or the renderer does not answer.
     """
-    look, also, words = through_cameras(size), frozenset[int](), None
+    look, also, words = through_cameras(how.size), frozenset[int](), None
     if shown is not None:
-        look, also = policy_look(case, record, traces, shown, size)
+        look, also = policy_look(case, record, traces, shown, how.size)
         words = caption(record, shown)
-    ticks = play_again(case, world, record, traces, look, every, also, simulate=shown is not None)
-    if on_step is not None:
-        ticks = tell_steps(ticks, on_step)
-    write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ, overwrite)
-
-
-def tell_steps(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
-    """Yield the pictures of a pair, and pass the policy steps of each on before it is drawn."""
-    for tick in ticks:
-        on_step(tick.step)
-        yield tick
+    ticks = play_again(case, world, record, traces, look, how.every, also, simulate=shown is not None)
+    write_film(path, film_frames(record, traces, how.tell(ticks), how.size, words), CONTROL_HZ, how.overwrite)
 
 
 @dataclass(frozen=True)

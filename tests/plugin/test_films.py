@@ -25,8 +25,7 @@ PAIR = "target_relocation and v0"
 @pytest.fixture(autouse=True)
 def fast(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_out_shadows(monkeypatch)
-    defaults = {**(recorded.film_pair.__kwdefaults__ or {}), "size": 32, "every": 9}
-    monkeypatch.setattr(recorded.film_pair, "__kwdefaults__", defaults)
+    monkeypatch.setattr(recorded.film_pair, "__defaults__", (recorded.Drawn(size=32, every=9), None))
 
 
 def _folder(pytester: pytest.Pytester) -> Path:

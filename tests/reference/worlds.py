@@ -105,9 +105,9 @@ error of the adapter.
 
 ## Published and corrected
 
-`--libero-max-substrate=libero:semantics=WHICH` chooses what a genuine scene reproduces: `published`, the authors' runner of
-8 August 2026, with the same states, observations and images bit for bit on the same MuJoCo; or `corrected`,
-without its known errors.
+`--libero-max-substrate=libero:semantics=WHICH` chooses what a genuine scene reproduces: `published`, the
+authors' runner of 8 August 2026, with the same states, observations and images bit for bit on the same
+MuJoCo; or `corrected`, without its known errors.
 
 {table(("", "Published", "Corrected"), SEMANTICS)}
 

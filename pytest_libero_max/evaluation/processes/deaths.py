@@ -91,19 +91,11 @@ def pair_error(case: Case, death: Death, plays: int) -> PairError:
         death: Of its last process.
         plays: Number of processes that played it.
     """
-    again = f"Played {plays} times" if plays > 1 else "Played once"
-    message = f"{death.error} {again}."
+    more = f" Played {plays} times." if plays > 1 else " Played once."
     if death.text:
-        message += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
+        more += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
     phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE
-    return PairError(
-        case_id=case.case_id,
-        item_id=case.item_id,
-        case_digest=case.digest,
-        kind=type(death.error).__name__,
-        message=message,
-        phase=phase,
-    )
+    return PairError.of(case, death.error, phase, more)
 
 
 def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:

@@ -75,6 +75,7 @@ class HttpLink:
 
     def __init__(self, address: Address, path: str, codec: str) -> None:
         self._first = self._target = replace(address, path=address.path or path)
+        self._usual = path
         self._encode = CODECS[codec]
         self._connection: http.client.HTTPConnection | None = None
         self._has_answered = False
@@ -128,7 +129,8 @@ class HttpLink:
             return response.status, response.getheader("Location"), content
         if response.status != 200:
             location = f" to {response.getheader('Location')}" if response.getheader("Location") else ""
-            raise status_error(response.status, f"{response.reason}{location}", self._target.path, content)
+            reason = f"{response.reason}{location}"
+            raise status_error(response.status, reason, self._target.path, content, self._usual)
         if response.will_close:
             self._connection.close()
         self._kept = self._has_answered = True
