@@ -32,7 +32,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import Manifest, find_case
 from pytest_libero_max.benchmark.sampling import stratified
 from pytest_libero_max.benchmark.tracks import is_manifest_path, load_cases
-from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, did_you_mean
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, counted, did_you_mean
 from pytest_libero_max.evaluation.keeper import RunKeeper
 from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.resolving import resolve
@@ -451,8 +451,8 @@ def _differs(env: ArmOfRun, policy: PolicySpec) -> ProtocolError:
     steps = env.differing
     return ProtocolError(
         f"{env.case.item_id}: policy {policy.name!r} answered differently in arm {env.arm.name!r} at "
-        f"{len(steps)} steps of the executed prefix, at step {steps[0]} first, though it saw what it saw in "
-        "Base. Reset its memory and seed its noise when an episode begins, or declare "
+        f"{counted(len(steps), 'step')} of the executed prefix, at step {steps[0]} first, though it saw "
+        "what it saw in Base. Reset its memory and seed its noise when an episode begins, or declare "
         "PolicySpec(repeatable=False)."
     )
 

@@ -8,7 +8,7 @@ from functools import reduce
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class Selection:
         ids = sorted(case_ids)
         if len(ids) != self.chosen or canonical_digest(ids) != self.digest:
             raise ReportError(
-                f"selection: {self.chosen} of {self.of} cases are chosen, but the run has {len(ids)} planned "
-                "pairs, which are others or another number. The line is damaged."
+                f"selection: {self.chosen} of {counted(self.of, 'case')} are chosen, but the run has "
+                f"{counted(len(ids), 'planned pair')}: others, or another number. The line is damaged."
             )
 
     def text(self, case_set: str) -> str:
@@ -89,14 +89,14 @@ class Selection:
             case_set: The track or manifest, for example ``track lite``.
         """
         if self.whole:
-            return f"{case_set}, all {self.of} cases"
+            return f"{case_set}, all {counted(self.of, 'case')}"
         asked = list(self.asked)
         if self.shards is not None:
             present = ", ".join(map(str, self.shards.present))
             plural = "s" if len(self.shards.present) > 1 else ""
             asked.append(f"shard{plural} {present} of {self.shards.of}")
         words = ", ".join(asked) or "by another plugin or a conftest.py"
-        return f"{self.chosen} of {self.of} cases of {case_set} (selection: {words})"
+        return f"{self.chosen} of {counted(self.of, 'case')} of {case_set} (selection: {words})"
 
     def to_dict(self) -> Json:
         values = {**asdict(self), "asked": list(self.asked)}
@@ -127,7 +127,9 @@ class Selection:
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ReportError.seen("selection", values, f" is not one: {error}.") from error
         if read.to_dict() != values or not 0 <= read.chosen <= read.of:
-            raise ReportError.seen("selection", values, f" is not one: {read.chosen} of {read.of} cases.")
+            raise ReportError.seen(
+                "selection", values, f" is not one: {read.chosen} of {counted(read.of, 'case')}."
+            )
         return read
 
 
@@ -142,8 +144,8 @@ def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -
     for other in selections:
         if other.of != first.of:
             raise ReportError(
-                f"One run knows {first.of} cases of its track or manifest, another {other.of}: they are not "
-                "pieces of one measurement. Compare them instead."
+                f"One run knows {counted(first.of, 'case')} of its track or manifest, another {other.of}: "
+                "they are not pieces of one measurement. Compare them instead."
             )
     asked = sorted({other.asked for other in selections})
     if len(asked) > 1 and any(other.shards is not None for other in selections):

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -90,9 +90,8 @@ def _refusal(
     several = [f"{number}: {reason}." for reason, number in Counter(found.values()).most_common()]
     fits = " or ".join(f"--libero-max-track={name}" for name in _supported_tracks(substrate, options))
     return (
-        f"{len(found)} of {len(cases)} cases of {case_set} cannot be played on substrate {substrate}.\n"
-        + "\n".join(several)
-        + (f"\nPlay {fits}, which fits" if fits else "\nNo track fits")
+        f"{len(found)} of {counted(len(cases), 'case')} of {case_set} cannot be played on substrate "
+        f"{substrate}.\n" + "\n".join(several) + (f"\nPlay {fits}, which fits" if fits else "\nNo track fits")
     )
 
 

@@ -331,4 +331,4 @@ def _servers_line(servers: Servers) -> str:
     ]
     if len(groups) == 1 and not servers.groups[0].marks:
         groups = [", ".join(servers.addresses)]
-    return f"libero-max: {len(servers.addresses)} servers: {'; '.join(groups)}"
+    return f"libero-max: {counted(len(servers.addresses), 'server')}: {'; '.join(groups)}"

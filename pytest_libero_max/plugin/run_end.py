@@ -206,7 +206,8 @@ class RunEnd:
             return []
         suites = ",".join((report.policy or {}).get("suites", ()))
         return [
-            f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of "
+            f"--libero-max-limit={limit} chose before the policy was loaded, "
+            f"{counted(pairs.unsupported, 'pair')} of "
             f"suites that it does not play among them. To choose among the others: add "
             f"--libero-max-suites={suites}"
         ]
@@ -246,8 +247,8 @@ class RunEnd:
             return
         limit = "" if self.settings.limit is None else " The limit chooses first, -k and -m among its cases."
         self.lines.append(
-            f"No pair was chosen: {', '.join(asked)} leave none of {len(self.keeper.run_cases.manifest)} "
-            f"cases.{limit}"
+            f"No pair was chosen: {', '.join(asked)} leave none "
+            f"of {counted(len(self.keeper.run_cases.manifest), 'case')}.{limit}"
         )
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
@@ -278,8 +279,8 @@ class RunEnd:
             status = pytest.ExitCode.TESTS_FAILED
         if status == pytest.ExitCode.INTERRUPTED and pairs is not None and pairs.missing:
             return [
-                f"Interrupted: {pairs.played} of {pairs.planned} pairs are measured and kept. Give the "
-                "same command with --libero-max-resume to play the others."
+                f"Interrupted. Measured and kept: {pairs.played} of {counted(pairs.planned, 'pair')}. "
+                "Give the same command with --libero-max-resume to play the others."
             ], status
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return [], status

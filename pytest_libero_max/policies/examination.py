@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import LiberoMaxError, counted
 from pytest_libero_max.policies.check import (
     Actions,
     ask,
@@ -109,25 +109,25 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
     yield ok(
         "latency",
         f"first query {seconds[0]:.3f} s, later ones {later:.3f} s: about {2 * per_episode * later:.0f} s of "
-        f"policy for a pair of 2 x {shown.episode.max_steps} steps",
+        f"policy for a pair of 2 x {counted(shown.episode.max_steps, 'step')}",
     )
     lengths = sorted({len(answer) for answer in answers})
     if len(lengths) > 1:
         yield doubt(
             "length",
-            f"answers of {', '.join(map(str, lengths))} actions",
+            f"answers of different length: {', '.join(map(str, lengths))}",
             "the same number from every query",
             "The chunk drifts: a queue inside the adapter may hand out what is left of it.",
         )
     elif lengths[0] != spec.horizon:
         yield doubt(
             "horizon",
-            f"every query returns {lengths[0]} actions",
+            f"every query returns {counted(lengths[0], 'action')}",
             f"horizon={spec.horizon}, as declared",
             "Declare the H that the model really returns.",
         )
     else:
-        yield ok("horizon", f"every query returns H={spec.horizon} actions; Q={spec.query_interval}")
+        yield ok("horizon", f"every query returns H={spec.horizon}; Q={spec.query_interval}")
     everything = np.concatenate(answers)
     if spec.control == "absolute":
         yield _poses([answer[0] for answer in answers], shown)

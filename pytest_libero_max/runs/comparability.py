@@ -32,7 +32,7 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import shown
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import OptionError, counted, did_you_mean
 from pytest_libero_max.pairing.record import FILES, RESET_FILES, PairRecord
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.profile import declares_weights
@@ -282,7 +282,7 @@ def _scene_differences(sides: Mapping[str, Side]) -> list[Difference]:
         if not any(scenes[case] for case in cases):
             values[name] = None
         elif other:
-            values[name] = f"{len(other)} of {len(cases)} cases differ from {first!r}: {named}"
+            values[name] = f"{len(other)} of {counted(len(cases), 'case')} differ from {first!r}: {named}"
         else:
             values[name] = "recorded"
     return [Difference(SCENES, "setting", values)] if len({*values.values()}) > 1 else []

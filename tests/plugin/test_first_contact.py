@@ -203,7 +203,7 @@ def test_an_interrupted_run_says_how_to_go_on(run: Run, pytester: pytest.Pyteste
     result = run("-k", "camera_shift", subprocess=True)
     assert result.ret == pytest.ExitCode.INTERRUPTED
     result.stdout.fnmatch_lines(
-        ["Interrupted: 1 of 2 pairs are measured and kept. Give the same command with --libero-max-resume to "
+        ["Interrupted. Measured and kept: 1 of 2 pairs. Give the same command with --libero-max-resume to "
          "play the others."]
     )  # fmt: skip
 

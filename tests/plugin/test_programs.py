@@ -209,7 +209,7 @@ def test_a_program_of_the_package_is_named_and_leaves_out_what_it_does_not_fit(
 def test_a_program_that_fits_no_case_is_refused(run: Run) -> None:
     done = run("--libero-max-program=instruction_switch")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    done.stderr.fnmatch_lines(["ERROR: *'instruction_switch' fits none of the 16 cases: the new task needs*"])
+    done.stderr.fnmatch_lines(["ERROR: *'instruction_switch' fits none of 16 cases: the new task needs*"])
 
 
 @pytest.mark.parametrize(

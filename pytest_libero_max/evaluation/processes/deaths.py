@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import is_refusal
+from pytest_libero_max.errors import counted, is_refusal
 from pytest_libero_max.evaluation.processes.crash_log import Death
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.stopping import Stop
@@ -91,7 +91,7 @@ def pair_error(case: Case, death: Death, plays: int) -> PairError:
         death: Of its last process.
         plays: Number of processes that played it.
     """
-    more = f" Played {plays} times." if plays > 1 else " Played once."
+    more = f" Played {counted(plays, 'time')}."
     if death.text:
         more += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
     phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE

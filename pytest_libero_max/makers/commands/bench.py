@@ -18,6 +18,7 @@ from pytest_libero_max.cli.arguments import (
     whole_number,
 )
 from pytest_libero_max.cli.work import Work
+from pytest_libero_max.errors import counted
 
 
 def add_command(commands: Commands) -> None:
@@ -154,7 +155,7 @@ def _scene(text: str) -> tuple[str, int]:
 def _bench_images(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.bench.images import device, measure_rates, rate_lines
 
-    print(f"Images by {device()}, {os.cpu_count()} processor cores\n", flush=True)
+    print(f"Images by {device()}, {counted(os.cpu_count() or 1, 'processor core')}\n", flush=True)
     total = len(options.scenes) * len(options.workers)
     rates = []
     with Work() as work:

@@ -66,7 +66,7 @@ def test_a_query_that_makes_trouble_costs_its_company_nothing() -> None:
         good, raised, short = at_once(*(lambda index=index: outcome(index) for index in (0, 1, 7)))
     assert good == (8, 7)
     assert raised[0] is AdapterError
-    assert "RuntimeError in predict_batch, 1 item(s)" in raised[1]
+    assert "RuntimeError in predict_batch, 1 item" in raised[1]
     assert short[0] is ActionError
 
 

@@ -16,7 +16,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, counted
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import (
     JSON_NUMPY,
@@ -152,7 +152,9 @@ class HttpLink:
             asked_at = -math.inf  # the answer has begun
             content = response.read(MOST_BYTES + 1)
             if response.length and len(content) <= MOST_BYTES:
-                raise Unreachable(f"the connection was lost after {len(content)} bytes of the answer")
+                raise Unreachable(
+                    f"the connection was lost after {counted(len(content), 'byte')} of the answer"
+                )
             return response, unpacked(content, response.getheader("Content-Encoding"))
         except TimeoutError:
             raise late(self._target.timeout_s) from None
