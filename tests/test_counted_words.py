@@ -74,7 +74,7 @@ def test_numbers_that_may_be_1_are_counted(room: str) -> None:
             for number, rest in zip(node.values, node.values[1:], strict=False):
                 if not (isinstance(number, ast.FormattedValue) and isinstance(rest, ast.Constant)):
                     continue
-                expression = ast.unparse(number.value)
-                if _COUNTED.match(str(rest.value)) and expression not in OF_MANY:
-                    plural.append(f"{path.name}:{number.lineno}: {{{expression}}}{rest.value}")
+                expression, text = ast.unparse(number.value), str(rest.value)
+                if _COUNTED.match(text) and expression not in OF_MANY:
+                    plural.append(f"{path.name}:{number.lineno}: {{{expression}}}{text}")
     assert not plural

@@ -241,9 +241,6 @@ class _Run:
 class _Progress:
     """Progress of a run in the log, and as a note in its folder for whoever watches it.
 
-    Args:
-        cases: Of the run.
-
     Attributes:
         also: Called with each stored pair as well.
     """

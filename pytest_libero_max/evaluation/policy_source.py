@@ -16,11 +16,7 @@ if TYPE_CHECKING:
 
 
 class PolicySource:
-    """A policy that a reference names: loaded by each process that plays, and known by its code and files.
-
-    Args:
-        settings: Of the run, which name it.
-    """
+    """A policy that a reference names: loaded by each process that plays, and known by its code and files."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings

@@ -16,11 +16,7 @@ from pytest_libero_max.events.registry import check_cases, family_of
 
 
 class RunCases:
-    """The cases that settings choose. Each property raises ``OptionError`` where they cannot be chosen.
-
-    Args:
-        settings: Of the run.
-    """
+    """The cases that settings choose. Each property raises ``OptionError`` where they cannot be chosen."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings

@@ -107,7 +107,7 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
     joints = parts["joints"]
     if joints is not None and (len(joints) != steps or (steps and joints.ndim != 2)):
         raise ReportError(
-            f"{path}: {name}_joints has shape {joints.shape}, but the record {counted(steps, 'step')}."
+            f"{path}: {name}_joints has shape {joints.shape}, but the record {counted(steps or 0, 'step')}."
         )
     if parts["query_steps"] is None:
         raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")

@@ -37,11 +37,6 @@ if TYPE_CHECKING:
 class RunEnd:
     """A plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary.
 
-    Args:
-        config: Of the session.
-        keeper: Of the run.
-        stop: Of the run.
-
     Attributes:
         lines: Lines of the summary, in order; those known before the end come first.
         quiet: Lines of the summary of a quiet run.

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import re
-from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.registry import Registry
+from pytest_libero_max.registry import Registry, references
 
 if TYPE_CHECKING:
     from pytest_libero_max.studies.study import Study
@@ -28,11 +26,6 @@ _OWN = MappingProxyType(
 )
 
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
-
-
-def _load(name: str) -> type[Study]:
-    module, _, found = _OWN[name].partition(":")
-    return _accept(name, getattr(importlib.import_module(f"pytest_libero_max.studies.{module}"), found))
 
 
 def _accept(name: str, found: object) -> type[Study]:
@@ -56,7 +49,7 @@ def _accept(name: str, found: object) -> type[Study]:
 STUDIES: Registry[type[Study]] = Registry(
     "study",
     "pytest_libero_max.studies",
-    lambda: {name: partial(_load, name) for name in _OWN},
+    references("pytest_libero_max.studies", lambda: _OWN),
     _accept,
     OptionError,
     attribute="name",

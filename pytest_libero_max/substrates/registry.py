@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.text_values import known_in, named_values
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.registry import Registry, modules_in
+from pytest_libero_max.registry import Registry, modules_in, references
 from pytest_libero_max.substrates.contract import (
     Catalogue,
     ChosenSubstrate,
@@ -29,13 +26,9 @@ package's own; libero plays them with ``variations=own``."""
 _SUBSTRATES = "pytest_libero_max.substrates"
 
 
-def _own() -> Mapping[str, Callable[[], SubstrateKind]]:
-    folders = [name for name in modules_in(_SUBSTRATES) if "kind" in modules_in(f"{_SUBSTRATES}.{name}")]
-    return {name: partial(_load, name) for name in folders}
-
-
-def _load(name: str) -> SubstrateKind:
-    return _accept(name, importlib.import_module(f"{_SUBSTRATES}.{name}.kind").KIND)
+def _folders() -> dict[str, str]:
+    folders = (name for name in modules_in(_SUBSTRATES) if "kind" in modules_in(f"{_SUBSTRATES}.{name}"))
+    return {name: f"{name}.kind:KIND" for name in folders}
 
 
 def _accept(name: str, value: object) -> SubstrateKind:
@@ -45,7 +38,12 @@ def _accept(name: str, value: object) -> SubstrateKind:
 
 
 SUBSTRATES: Registry[SubstrateKind] = Registry(
-    "substrate", "pytest_libero_max.substrates", _own, _accept, SubstrateError, attribute="name"
+    "substrate",
+    "pytest_libero_max.substrates",
+    references(_SUBSTRATES, _folders),
+    _accept,
+    SubstrateError,
+    attribute="name",
 )
 """Every substrate by name. A folder of this package is one if it has a module ``kind`` with a ``KIND``."""
 

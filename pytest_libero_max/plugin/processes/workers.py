@@ -33,14 +33,7 @@ _PATIENCE_S = 5.0
 
 
 class Workers:
-    """A plugin beside the controller of a run on xdist.
-
-    Args:
-        config: Of the session.
-        settings: Of the run.
-        cases: By item id.
-        stop: Of the run.
-    """
+    """A plugin beside the controller of a run on xdist."""
 
     def __init__(
         self, config: pytest.Config, settings: Settings, cases: dict[str, Case], stop: RunStop

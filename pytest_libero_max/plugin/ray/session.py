@@ -68,13 +68,6 @@ class _Actor:
 class RayRun:
     """A plugin beside the controller of a run that plays on a Ray cluster.
 
-    Args:
-        config: Of the session.
-        settings: Of the run.
-        cases: By item id.
-        progress: Shows how far the run is.
-        stop: Of the run.
-
     Raises:
         pytest.UsageError: Other options hand out the tests as well, or no cluster answers.
     """
