@@ -159,7 +159,9 @@ def _certificate(found: Certificate | None) -> str:
         return "none, since the expert has not played this case"
     if found.ending == "not_triggered":
         return f"the expert {_ENDINGS[found.ending]}"
-    how = f"event after {counted(found.trigger_step or 0, 'step')}, {counted(found.steps, 'step')} in all"
+    how = (
+        f"event after {counted(found.trigger_step or 0, 'step')}, {counted(found.steps or 0, 'step')} in all"
+    )
     return f"the expert {_ENDINGS[found.ending]} ({how})"
 
 

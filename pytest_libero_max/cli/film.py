@@ -177,15 +177,7 @@ def _write(
 
 
 def _tell(work: Work, before: int, files: int, record: PairRecord, step: int) -> None:
-    """Show how far the work is.
-
-    Args:
-        work: Display of the progress.
-        before: Files that are finished.
-        files: All files.
-        record: The pair that is being played again.
-        step: Policy steps of it that are drawn.
-    """
+    """Show how far the work is."""
     steps = max(arm.steps for arm in record.arms.values())
     left = work.left(before + step / max(steps, 1), files)
     work.show(f"{before + 1} of {files}, step {step} of {steps}{left}: {record.item_id}")

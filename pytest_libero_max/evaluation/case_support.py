@@ -38,12 +38,6 @@ def supported_track(name: str | None, substrate: str, options: SubstrateOptions)
 def require_support(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
     """Refuse cases that cannot play on the substrate.
 
-    Args:
-        case_set: The track or manifest they are of, for people.
-        cases: All that would be played.
-        substrate: Name of the substrate.
-        options: Of the substrate.
-
     Raises:
         OptionError: Some of them lack something; names it, their number, and the track that fits.
         SubstrateError: A genuine installation is missing.

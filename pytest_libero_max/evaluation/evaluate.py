@@ -140,12 +140,7 @@ def evaluate(
 
 
 class _Run:
-    """A run of one call of :func:`evaluate`.
-
-    Args:
-        source: Of the policy, with the settings of the run.
-        workers: Number of processes.
-    """
+    """A run of one call of :func:`evaluate`."""
 
     def __init__(self, source: PolicySource, workers: int) -> None:
         if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:

@@ -205,12 +205,7 @@ class RunKeeper:
             return settings.stop.rule.check(declared)
 
     def selection(self, planned: Sequence[Case], asked: Sequence[str]) -> Selection:
-        """Return the part of the case set that is played.
-
-        Args:
-            planned: The cases that are played, or were before.
-            asked: What left out the others, apart from the shard.
-        """
+        """Return the part of the case set that is played."""
         names, whole = (case.case_id for case in planned), len(self.run_cases.manifest)
         return Selection.choose(names, whole, asked, self.settings.shard)
 

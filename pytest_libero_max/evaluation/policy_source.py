@@ -116,10 +116,6 @@ class GivenPolicy(PolicySource):
 
     No later process can load it, so its records name it and not its code; ``PolicySpec(revision=...)`` says
     which weights it has.
-
-    Args:
-        settings: Of the run, which name it for people.
-        thing: The policy, or what makes it.
     """
 
     def __init__(self, settings: Settings, thing: Any) -> None:

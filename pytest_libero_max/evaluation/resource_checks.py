@@ -32,12 +32,7 @@ def require_disk_space(output: Path, pairs: int) -> None:
 
 
 def memory_note(workers: int, kind: SubstrateKind) -> str | None:
-    """Return a warning where the memory is too little for the workers; None where it is enough, or not known.
-
-    Args:
-        workers: Processes that play pairs.
-        kind: Substrate that they play on.
-    """
+    """Return a warning where memory is too little for the workers; None where it is enough or unknown."""
     available, each = available_bytes(), int(kind.worker_gib * GIB)
     if available is None or available >= workers * each:
         return None

@@ -608,9 +608,5 @@ def is_error(values: Json) -> bool:
 
 
 def result_from_dict(values: Json) -> PairRecord | PairError:
-    """Read what either ``to_dict`` wrote.
-
-    Raises:
-        ReportError: See the two ``from_dict``.
-    """
+    """Read what either ``to_dict`` wrote."""
     return PairError.from_dict(values) if is_error(values) else PairRecord.from_dict(values)

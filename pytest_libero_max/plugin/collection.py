@@ -88,22 +88,14 @@ class PairModule(pytest.Module):
 
 
 def settings_of(config: pytest.Config) -> Settings:
-    """Return the settings, resolved once.
-
-    Raises:
-        pytest.UsageError: See :func:`pytest_libero_max.plugin.options.resolve`.
-    """
+    """Return the settings, resolved once."""
     if SETTINGS not in config.stash:
         config.stash[SETTINGS] = options.resolve(config)
     return config.stash[SETTINGS]
 
 
 def cases_of_run(config: pytest.Config) -> RunCases:
-    """Return the cases of the run before ``-k`` and ``-m``, chosen once.
-
-    Raises:
-        pytest.UsageError: See :func:`settings_of`.
-    """
+    """Return the cases of the run before ``-k`` and ``-m``, chosen once."""
     if CASES not in config.stash:
         config.stash[CASES] = RunCases(settings_of(config))
     return config.stash[CASES]

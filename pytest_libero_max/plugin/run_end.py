@@ -69,11 +69,7 @@ class RunEnd:
         tell_junit(self.config, () if keeper.report is None else headline_properties(keeper.report), cases)
 
     def finish(self, session: pytest.Session) -> None:
-        """Write the reports and decide the exit status. A failure is reported and hides nothing else.
-
-        Args:
-            session: Its exit status becomes that of the run.
-        """
+        """Write the reports and decide the exit status. A failure is reported and hides nothing else."""
         if self.keeper.store is None:
             self._say_why_no_pair(session)
             self._fail_gates_without_pairs(session)

@@ -28,13 +28,7 @@ Told = Callable[[str, str | None], None]
 def chosen_for_films(
     settings: Settings, records: Sequence[PairRecord], changed: Sequence[ChangedPair]
 ) -> tuple[list[PairRecord], int]:
-    """Return the pairs to film, and the number of all that the option selects.
-
-    Args:
-        settings: Of the run.
-        records: Its pairs.
-        changed: Those whose outcomes differ, with their causes.
-    """
+    """Return the pairs to film, and the number of all that the option selects."""
     asked = {record.item_id: record for record in records if is_selected(record, settings.film.which)}
     limit = settings.film.most or (len(records) if settings.film.which == "all" else MOST_FILMS)
     named = named_of(changed, limit)

@@ -50,10 +50,6 @@ class Agreement:
     def add(self, pair: PairRecord | PairError, where: str) -> None:
         """Take in the next pair.
 
-        Args:
-            pair: A record or an error.
-            where: Names it when a later pair contradicts it.
-
         Raises:
             OtherRunError: It was played with another policy, other versions or another substrate.
             ReportError: It was not planned, or not as it says it is, or has been measured before.

@@ -67,10 +67,6 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
 
     At every moment of it each line is on the disk, in one of the files or in both.
 
-    Args:
-        path: A file of lines.
-        numbers: Line numbers, from 1.
-
     Raises:
         OSError: A file cannot be read or written.
     """

@@ -123,12 +123,7 @@ def _scene_of(fingerprints: Mapping[str, str]) -> str:
 
 
 def columns_of(records: Sequence[PairRecord], tasks: Sequence[str]) -> Pairs:
-    """Return the columns of the statistics, one row a record.
-
-    Args:
-        records: Measured pairs.
-        tasks: The task of each, see :class:`~pytest_libero_max.runs.plan.PlannedPair`.
-    """
+    """Return the columns of the statistics, one row a record."""
     return Pairs.of(
         base=[record.base_success for record in records],
         dynamic=[record.dynamic_success for record in records],
@@ -199,9 +194,6 @@ def read_outcomes(path: Path) -> RunOutcomes:
     Where every line says what a comparison expects of it, nothing else of the lines is read. Everything else
     (an older version, damage, pairs of another run) is left to :func:`.store.read_pairs`, which checks all of
     a line and names what is wrong.
-
-    Raises:
-        ReportError: See :func:`.store.read_pairs`.
     """
     pairs_path = pairs_file(path)
     if pairs_path.name == PAIRS_NAME:

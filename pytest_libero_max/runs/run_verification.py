@@ -153,13 +153,7 @@ def _difference(name: str, record: PairRecord, again: PairRecord) -> str:
 def verification_lines(
     found: Mapping[str, str], seconds: float, how: str = FRESH
 ) -> tuple[list[str], list[str]]:
-    """Return lines of the summary, and problems of the run.
-
-    Args:
-        found: Result of :func:`verified`.
-        seconds: Time that it took.
-        how: The way in which they were played.
-    """
+    """Return lines of the summary, and problems of the run."""
     other = {item: text for item, text in found.items() if text}
     alike = f"{len(found) - len(other)} of {counted(len(found), 'pair')}"
     lines = [f"Played again: {alike} end alike {how}, with proofs ({seconds:.0f} s)."]

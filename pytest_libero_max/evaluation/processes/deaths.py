@@ -84,13 +84,7 @@ class Deaths:
 
 
 def pair_error(case: Case, death: Death, plays: int) -> PairError:
-    """Error of a pair that is not played again.
-
-    Args:
-        case: The pair.
-        death: Of its last process.
-        plays: Number of processes that played it.
-    """
+    """Error of a pair that is not played again."""
     more = f" Played {counted(plays, 'time')}."
     if death.text:
         more += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
