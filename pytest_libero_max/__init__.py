@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.report.build import build_report
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
+    from pytest_libero_max.report.measures import Measured
+    from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
     from pytest_libero_max.report.stopping_rule import StoppingRule
     from pytest_libero_max.runs.store import read_pairs
     from pytest_libero_max.studies.study import Study
@@ -69,15 +71,18 @@ __all__ = [
     "Latency",
     "LiberoMaxError",
     "Manifest",
+    "Measured",
     "Moment",
     "Opening",
     "PairError",
     "PairRecord",
     "PairSettings",
+    "PlayedPairs",
     "Policy",
     "PolicySpec",
     "Probe",
     "Query",
+    "ReportSection",
     "Revert",
     "Scenario",
     "ServerProtocol",
@@ -157,6 +162,8 @@ _TO_EXTEND = {
     "pairing.probes.probe": ("Probe",),
     "studies.study": ("Study",),
     "report.stopping_rule": ("StoppingRule",),
+    "report.report_section": ("ReportSection", "PlayedPairs"),
+    "report.measures": ("Measured",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
     "policies.clients.protocol": ("ServerProtocol", "Opening"),

@@ -36,6 +36,7 @@ ENTRY_POINTS = {
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
     "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` with `modes`, under its name",
     "pytest_libero_max.commands": "a module with a function `add_command`, under the name of the command",
+    "pytest_libero_max.sections": "a subclass of `ReportSection`, under its name",
     "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
 }
 """The entry-point groups that other packages can add to, and the entries of each."""
@@ -103,6 +104,11 @@ class Registry(Generic[T]):
                 )
             self._loaded[name] = self._known()[name]()
         return self._loaded[name]
+
+    def is_ours(self, name: str) -> bool:
+        """Return True for an entry of this package, which may be imported because a file names it."""
+        points = entry_points(group=self.group, name=name)
+        return name in self._own() or any(point.value.startswith(f"{__package__}.") for point in points)
 
     def items(self) -> Iterator[tuple[str, T]]:
         """Names with their entries, each of which is loaded."""

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.lab.recovery.recovery import compare_recovery
+from pytest_libero_max.lab.sections.safety import PROBE, beyond
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
@@ -19,8 +21,6 @@ from pytest_libero_max.report.formats import (
     rate_text,
 )
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.safety import PROBE, beyond
-from pytest_libero_max.report.studies.recovery import compare_recovery
 from pytest_libero_max.report.studies.study_document import (
     Camera,
 )

@@ -18,7 +18,6 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
     """Return the unpacked members of a zip archive by name.
 
     Args:
-        path: The file.
         wanted: Endings of the names that are read; None for all.
 
     Raises:

@@ -46,11 +46,11 @@ class Certificate:
             TypeError: It has other fields.
             ValueError: A value is none that a certificate can have.
         """
-        found = cls(**value)
-        steps = (found.trigger_step, found.steps)
-        if found.ending not in ENDINGS or any(type(n) is not int for n in steps if n is not None):
+        certificate = cls(**value)
+        steps = (certificate.trigger_step, certificate.steps)
+        if certificate.ending not in ENDINGS or any(type(n) is not int for n in steps if n is not None):
             raise ValueError(f"no certificate: {value!r:.200}")
-        return found
+        return certificate
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:

@@ -38,7 +38,7 @@ class Latency:
     runner: Runner = "async"
     """Behaviour of the robot until the answer is there. Of no meaning at 0 steps."""
     drawn: tuple[tuple[int, int], ...] = ()
-    """Where the delay of each query is drawn: values of d and their weights. Empty: it is ``steps``."""
+    """Distribution of the delay of each query: values of d and their weights. Empty: it is ``steps``."""
     key: str = ""
     """Text that the draws follow from, set by :meth:`drawn_for`."""
 
@@ -54,7 +54,6 @@ class Latency:
         Args:
             times_ms: Numbers of queries by their time, ms. At least one.
             hz: Control steps a second. Times are rounded up to whole steps, of which there are at most 999.
-            runner: Behaviour of the robot.
         """
         weights: dict[int, int] = {}
         for time_ms, number in sorted(times_ms.items()):
@@ -71,7 +70,6 @@ class Latency:
         """Read ``4steps`` or ``1:80+2:20steps``, with ``,sync`` behind it for the blocking runner.
 
         Args:
-            text: The text.
             hz: Control steps a second. Then ``200ms`` is read as well, rounded up to whole steps: an answer
                 that is there between two steps is used at the later one. None: it is not.
 

@@ -67,7 +67,7 @@ class Program:
     arms: tuple[Json, ...]
     """The arms that are spelled out, in the order in which they are played."""
     about: str = field(default="", compare=False)
-    """What is played, in words; empty where it does not say."""
+    """Description of what is played; empty where it has none."""
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
     """Patterns of the cases that it fits, by ``event``, ``suite`` and ``entity`` (of the trigger); a case has
     to match one of each. Empty: it fits all."""
@@ -91,12 +91,10 @@ class Program:
 
         Args:
             event: Name of the case's event.
-            suite: Its suite.
-            entity: The entity that its trigger names.
         """
-        said = {"event": event, "suite": suite, "entity": entity}
-        return all(_matches(said[key], patterns) for key, patterns in self.only.items()) and not any(
-            _matches(said[key], patterns) for key, patterns in self.without.items()
+        values = {"event": event, "suite": suite, "entity": entity}
+        return all(_matches(values[key], patterns) for key, patterns in self.only.items()) and not any(
+            _matches(values[key], patterns) for key, patterns in self.without.items()
         )
 
     def to_dict(self) -> Json:
@@ -172,7 +170,6 @@ def find_program(text: str, folder: Path = Path()) -> Program:
 
     Args:
         text: The name of one of this package, or the path of a file.
-        folder: Folder that a path begins in.
 
     Raises:
         OptionError: It is neither, or the file breaks the format.
@@ -214,10 +211,10 @@ def program_of_run(protocol: Json) -> Program | None:
     Raises:
         ManifestError: It breaks the format.
     """
-    said = protocol.get("program")
-    if said is None:
+    recorded = protocol.get("program")
+    if recorded is None:
         return None
-    return parse_program({key: value for key, value in said.items() if key != "digest"})
+    return parse_program({key: value for key, value in recorded.items() if key != "digest"})
 
 
 def parse_program(value: Any, where: str = "program") -> Program:
@@ -248,7 +245,7 @@ def parse_program(value: Any, where: str = "program") -> Program:
 
 
 def _patterns(cases: _Cases) -> dict[str, tuple[str, ...]]:
-    return {key: found for key in cases.__struct_fields__ if (found := getattr(cases, key)) is not None}
+    return {key: patterns for key in cases.__struct_fields__ if (patterns := getattr(cases, key)) is not None}
 
 
 def _check_arm(value: Json, where: str) -> str:
@@ -292,6 +289,6 @@ def check_entry(value: Any, where: str) -> Json:
     checked(entry, kind, where, ManifestError)
     for key, inner in (("trigger", "type"), ("change", "operation")):
         if key in entry and entry[key] != EVENT:
-            found = checked(entry[key], Object, f"{where}.{key}", ManifestError).get(inner)
-            checked(found, Word, f"{where}.{key}.{inner}", ManifestError)
+            checked_value = checked(entry[key], Object, f"{where}.{key}", ManifestError).get(inner)
+            checked(checked_value, Word, f"{where}.{key}.{inner}", ManifestError)
     return entry

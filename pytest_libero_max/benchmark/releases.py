@@ -22,7 +22,7 @@ class ReleasedFile:
     """Its ``benchmark_version``; their Lite of 400 cases had the name and version of that of 800."""
     cases: int
     sha256: str
-    """Of its content, hexadecimal."""
+    """SHA-256 of its content, hexadecimal."""
 
     def __str__(self) -> str:
         return f"the authors' {self.file} {self.version}"

@@ -62,7 +62,6 @@ def in_share(cases: Iterable[Case], share: float, purpose: str) -> frozenset[str
     """Return ids of about this share of the cases, by a hash of purpose and id: the same in every selection.
 
     Args:
-        cases: The cases.
         share: 0 to 1; at 1 all of them.
         purpose: Name of the draw; draws of other names are independent.
     """

@@ -51,7 +51,6 @@ class Selection:
 
         Args:
             case_ids: Ids of the chosen cases, in any order.
-            of: Number of cases of the whole track or manifest.
             asked: The user's selection, apart from the shard.
             shard: Number and count, for example ``(1, 4)``.
         """
@@ -164,8 +163,8 @@ def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -
     )
 
 
-def _bracketed(asked: Sequence[str]) -> str:
-    return f"({', '.join(asked) or 'all cases'})"
+def _bracketed(options: Sequence[str]) -> str:
+    return f"({', '.join(options) or 'all cases'})"
 
 
 def _joined(one: Shards | None, other: Shards | None) -> Shards | None:

@@ -18,9 +18,7 @@ def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
     twice.
 
     Args:
-        cases: All cases.
         index: Number of the part, from 1.
-        count: Number of parts.
 
     Raises:
         OptionError: A part would be empty, this one or another, so that no part is played in vain.

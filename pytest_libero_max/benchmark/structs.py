@@ -117,7 +117,6 @@ def decode_json(content: bytes | str, cure: str) -> Any:
     """Decode JSON to plain values: finite numbers, no constant that JSON does not know.
 
     Args:
-        content: UTF-8.
         cure: Advice where it is not JSON; ends the message.
 
     Raises:
@@ -136,10 +135,10 @@ def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
         ReportError: It is not JSON, a field is missing or unknown, or holds a value that it cannot hold.
     """
     try:
-        found: AnyStruct = _decoder(kind).decode(content)
+        decoded: AnyStruct = _decoder(kind).decode(content)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return convert(decode_json(content, "The line is damaged."), kind)
-    return found
+    return decoded
 
 
 def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
@@ -159,10 +158,7 @@ def checked(value: Any, kind: Any, where: str, error: type[LiberoMaxError]) -> A
     """Return a plain value as a type: lists as tuples, numbers as floats, objects as structs.
 
     Args:
-        value: The value.
-        kind: The type.
         where: Name of the value in a message, a place in words where it ends in ``": "``.
-        error: Class of the error.
 
     Raises:
         LiberoMaxError: Of that class: the value, or one inside it, breaks the rule of its type. It names it.
@@ -216,9 +212,9 @@ def _checked_struct(value: Any, kind: type[Struct], where: str, error: type[Libe
     require_fields(value, kind, where, error)
     hints = _hints(kind)
     at = where if where.endswith(": ") else f"{where}."
-    found = {key: checked(value[key], hints[key], at + key, error) for key in _names(kind) if key in value}
+    values = {key: checked(value[key], hints[key], at + key, error) for key in _names(kind) if key in value}
     try:
-        return kind(**found)
+        return kind(**values)
     except ValueError as broken:  # a rule that a struct checks itself
         raise error(f"{where.removesuffix(': ')}: {broken}.") from broken
 
@@ -320,8 +316,6 @@ def require_plain(value: Any, where: str, levels: int) -> None:
     """Check that a value of no declared form has numbers that do not overflow, and an end.
 
     Args:
-        value: JSON.
-        where: Its name in a message.
         levels: Most lists and objects in each other.
 
     Raises:

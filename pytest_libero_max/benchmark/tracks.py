@@ -50,7 +50,6 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
 
     Args:
         name: One of :func:`all_track_names`.
-        folder: Folder of the tracks.
 
     Raises:
         OptionError: There is no such track; suggests the closest.
@@ -83,7 +82,7 @@ def all_track_names(folder: Path = FOLDER) -> tuple[str, ...]:
     Those in a folder below come last: the genuine ones and those of fresh draws, such as ``2026Q4/lite``.
     """
     below = sorted(path for path in folder.iterdir() if path.is_dir())
-    return (*track_names(folder), *(f"{path.name}/{one}" for path in below for one in track_names(path)))
+    return (*track_names(folder), *(f"{path.name}/{track}" for path in below for track in track_names(path)))
 
 
 def load_track(name: str, folder: Path = FOLDER) -> Manifest:
@@ -98,7 +97,7 @@ def load_track(name: str, folder: Path = FOLDER) -> Manifest:
 
 
 def unexamined_cases(name: str, folder: Path = FOLDER) -> frozenset[str]:
-    """Return the ids of the cases that were not examined, of all tracks beside a track.
+    """Return the ids of the cases that were not examined, of all tracks in the folder of a track.
 
     Raises:
         ManifestError: The table differs from its checksum.

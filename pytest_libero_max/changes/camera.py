@@ -10,18 +10,18 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import Text
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.alteration import Alteration, Blended
+from pytest_libero_max.changes.change import Evidence, Factor
 from pytest_libero_max.changes.fields import (
     Cosine,
     Degrees,
-    ManifestFields,
     Place,
     Share,
     Vector3,
     between,
     strength_of,
 )
-from pytest_libero_max.changes.reversal import Reversal, altered_rows
+from pytest_libero_max.changes.reversal import altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
@@ -30,14 +30,47 @@ FOVY_RANGE_DEG = (5.0, 150.0)
 """Vertical field of view a shifted camera may have."""
 
 
+_MEASURED = MappingProxyType(
+    {
+        "camera_position_m": "cam_pos",
+        "camera_quaternion_wxyz": "cam_quat",
+        "camera_fovy_deg": "cam_fovy",
+    }
+)
+"""Model fields by the names that evidence gives them."""
+
+
+class _CameraChange(Alteration):
+    camera: str
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset({f"camera:{self.camera}"})
+
+    def _index(self, world: AlterableWorld) -> int:
+        try:
+            return int(world.model.camera(self.camera).id)
+        except KeyError:
+            known = [world.model.camera(i).name for i in range(world.model.ncam)]
+            raise ChangeError.seen(
+                f"{self.operation}.camera",
+                self.camera,
+                f", but the scene has no such camera. {did_you_mean(self.camera, known)}",
+            ) from None
+
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        index = self._index(world)
+        return {name: getattr(world.model, field)[index].tolist() for name, field in _MEASURED.items()}
+
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
+        return {"rows": altered_rows(evidence, _MEASURED, self.camera)}
+
+
 @dataclass(frozen=True)
-class ShiftCamera(ManifestFields):
+class ShiftCamera(_CameraChange):
     """Move a camera, turn it about the vertical axis and change its field of view.
 
     A component that is zero is not written at all, so a shift by nothing leaves the camera bit-identical.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "shift_camera"
@@ -54,14 +87,8 @@ class ShiftCamera(ManifestFields):
     calibration: Text | None = None
     """Rule by which the parameters were chosen; a note."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({f"camera:{self.camera}"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        index = camera_index(world, self.operation, self.camera)
-        model = world.model
-        before = measure_camera(world, index)
+    def _alter(self, world: AlterableWorld) -> None:
+        model, index = world.model, self._index(world)
         fovy = float(model.cam_fovy[index]) + self.delta_fovy_degrees
         if self.delta_fovy_degrees and not FOVY_RANGE_DEG[0] <= fovy <= FOVY_RANGE_DEG[1]:
             raise ChangeError.seen(
@@ -77,10 +104,6 @@ class ShiftCamera(ManifestFields):
             world.alter("cam_quat", index, _yawed(model.cam_quat[index], self.yaw_degrees))
         if self.delta_fovy_degrees:
             world.alter("cam_fovy", index, fovy)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> ShiftCamera:
         """Return the shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
@@ -96,65 +119,20 @@ class ShiftCamera(ManifestFields):
         )
 
 
-def camera_index(world: AlterableWorld, operation: str, camera: str) -> int:
-    """Return the model's number of a camera.
-
-    Raises:
-        ChangeError: The scene has none of that name.
-    """
-    try:
-        return int(world.model.camera(camera).id)
-    except KeyError:
-        known = [world.model.camera(i).name for i in range(world.model.ncam)]
-        raise ChangeError.seen(
-            f"{operation}.camera",
-            camera,
-            f", but the scene has no such camera. {did_you_mean(camera, known)}",
-        ) from None
-
-
 def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:
     return rotations.unit_by_squares(rotations.yawed(rotations.quaternion(turn), yaw_degrees))
-
-
-_MEASURED = MappingProxyType(
-    {
-        "camera_position_m": "cam_pos",
-        "camera_quaternion_wxyz": "cam_quat",
-        "camera_fovy_deg": "cam_fovy",
-    }
-)
-
-
-def _camera_reversal(change: ShiftCamera | OrbitCamera | PlaceCamera, evidence: Evidence) -> Reversal:
-    check_evidence(change, evidence)
-    rows = altered_rows(evidence, _MEASURED, change.camera)
-    return Reversal(change.operation, change.factors, rows=rows)
-
-
-def measure_camera(world: AlterableWorld, index: int) -> dict[str, Any]:
-    """Return the pose of a camera, for the evidence."""
-    model = world.model
-    return {
-        "camera_position_m": [float(value) for value in model.cam_pos[index]],
-        "camera_quaternion_wxyz": [float(value) for value in model.cam_quat[index]],
-        "camera_fovy_deg": float(model.cam_fovy[index]),
-    }
 
 
 _Y, _Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class OrbitCamera(ManifestFields):
+class OrbitCamera(_CameraChange):
     """Move a fixed camera around a pivot (elevation, azimuth, distance), then turn it in place.
 
     In this order, in the world frame: elevation about the y axis through the pivot, azimuth about the z axis
     of the world, distance from the pivot, yaw about z and pitch about y without moving. A part that is zero
     (or a distance factor of 1) is left out, so an orbit by nothing leaves the camera bit-identical.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "orbit_camera"
@@ -174,13 +152,8 @@ class OrbitCamera(ManifestFields):
     pitch_degrees: Degrees = 0.0
     """Turn on the spot, downwards for a camera that looks along -x."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({f"camera:{self.camera}"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        index = camera_index(world, self.operation, self.camera)
-        before = measure_camera(world, index)
+    def _alter(self, world: AlterableWorld) -> None:
+        index = self._index(world)
         pivot = np.array(self.pivot_m)
         place = world.model.cam_pos[index].copy()
         turn = rotations.quaternion(world.model.cam_quat[index])
@@ -197,10 +170,6 @@ class OrbitCamera(ManifestFields):
         if self.pitch_degrees:
             turn = rotations.multiply(rotations.about(_Y, math.radians(-self.pitch_degrees)), turn)
         _write(world, index, place, turn)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _camera_reversal(self, evidence)
 
     def scaled(self, strength: float) -> OrbitCamera:
         """Every angle multiplied by ``strength``, the distance factor moved from 1 towards its value."""
@@ -216,12 +185,8 @@ class OrbitCamera(ManifestFields):
 
 
 @dataclass(frozen=True)
-class PlaceCamera(ManifestFields):
-    """Put a camera at a pose, or part of the way there.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class PlaceCamera(_CameraChange, Blended):
+    """Put a camera at a pose, or part of the way there."""
 
     operation: ClassVar[str] = "place_camera"
 
@@ -261,18 +226,8 @@ class PlaceCamera(ManifestFields):
             ) from None
         return cls(camera, position_m, tuple(round(float(part), 8) for part in turn))  # type: ignore[arg-type]
 
-    @property
-    def share(self) -> float:
-        """Share of the way, 0 to 1."""
-        return 1.0 if self.blend is None else self.blend
-
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({f"camera:{self.camera}"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        index = camera_index(world, self.operation, self.camera)
-        before = measure_camera(world, index)
+    def _alter(self, world: AlterableWorld) -> None:
+        index = self._index(world)
         if self.share:
             place, turn = world.model.cam_pos[index], world.model.cam_quat[index]
             goal_place, goal_turn = np.array(self.position_m), self.quaternion_wxyz
@@ -280,15 +235,6 @@ class PlaceCamera(ManifestFields):
                 goal_place = place + (goal_place - place) * self.share
                 goal_turn = rotations.between(rotations.quaternion(turn), goal_turn, self.share)
             _write(world, index, goal_place, goal_turn)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, measure_camera(world, index))
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _camera_reversal(self, evidence)
-
-    def scaled(self, strength: float) -> PlaceCamera:
-        """Return the pose approached by the share ``strength`` of the way."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, blend=self.share * s)
 
 
 def _write(world: AlterableWorld, index: int, place: Array, turn: rotations.Quaternion) -> None:

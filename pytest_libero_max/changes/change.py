@@ -48,7 +48,6 @@ class Change(Protocol):
     @property
     def factors(self) -> frozenset[Factor]:
         """Everything :meth:`apply` may touch. All else stays bit-identical."""
-        ...
 
     def apply(self, world: AlterableWorld) -> Evidence:
         """Alter the world now.
@@ -57,7 +56,6 @@ class Change(Protocol):
             ChangeError: The world lacks a requirement of the change.
             EntityError: It names an entity the world does not have.
         """
-        ...
 
     def scaled(self, strength: float) -> Change:
         """Return the change at another magnitude: ``scaled(0)`` alters nothing, ``scaled(1)`` is the change.
@@ -65,7 +63,6 @@ class Change(Protocol):
         Raises:
             ChangeError: ``strength`` is not within 0 to 1, or the change cannot be divided.
         """
-        ...
 
     def reverted(self, evidence: Evidence) -> Change:
         """Return the change that takes this one back: its factors get their former values, bit for bit.
@@ -75,22 +72,20 @@ class Change(Protocol):
         Raises:
             ChangeError: The evidence is of another change, or the change cannot be taken back; says why.
         """
-        ...
 
     def to_dict(self) -> dict[str, Any]:
         """Return the change as a manifest spells it, ``operation`` included."""
-        ...
 
 
-def check_evidence(change: Change, evidence: Evidence) -> None:
-    """Check that the evidence is of this change.
+def check_evidence(operation: str, factors: frozenset[Factor], evidence: Evidence) -> None:
+    """Check that evidence is of a change with this operation and these factors.
 
     Raises:
         ChangeError: It is of another one, or was read from a record.
     """
-    factors = tuple(sorted(change.factors))
-    if (evidence.operation, evidence.factors) != (change.operation, factors):
+    names = tuple(sorted(factors))
+    if (evidence.operation, evidence.factors) != (operation, names):
         raise ChangeError(
-            f"evidence of {evidence.operation!r} on {list(evidence.factors)}, but {change.operation!r} on "
-            f"{list(factors)} is to be taken back. Give the evidence that its own apply returned."
+            f"evidence of {evidence.operation!r} on {list(evidence.factors)}, but {operation!r} on "
+            f"{list(names)} is to be taken back. Give the evidence that its own apply returned."
         )

@@ -65,9 +65,9 @@ class ManifestFields:
     def __post_init__(self) -> None:
         kind = struct_of(type(self))
         given = {name: getattr(self, name) for name in kind.__struct_fields__}
-        found = checked(given, kind, self.operation, ChangeError)
+        values = checked(given, kind, self.operation, ChangeError)
         for name in given:
-            self._set(name, getattr(found, name))
+            self._set(name, getattr(values, name))
 
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Self:

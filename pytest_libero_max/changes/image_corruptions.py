@@ -162,7 +162,6 @@ def plasma(side: int, decay: float, stream: Stream) -> Picture:
     Args:
         side: A power of two.
         decay: Above 1; the larger, the smoother.
-        stream: Source of the roughness.
     """
     from pytest_libero_max.changes import image_loops
 
@@ -187,10 +186,8 @@ def spend(stream: Stream, loop: Callable[..., int], words: int, *arguments: Any)
     """Draw by one of the compiled loops that draw as ``stream`` does, faster, and set ``stream`` past it.
 
     Args:
-        stream: Where the loop begins.
         loop: Its last parameters are room for ``words`` numbers, and ``arguments``.
         words: Number of 32 bit words that it needs at once.
-        arguments: What follows.
     """
     state = stream.get_state(legacy=False)["state"]
     work = scratch("words", (words,)).view(np.uint32)[:words]

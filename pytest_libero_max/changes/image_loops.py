@@ -229,7 +229,6 @@ def diamonds(side: Any, rough: Any, decay: Any, draws: Any) -> Any:
 
     Args:
         side: A power of two.
-        rough: Roughness of the first scale.
         decay: Divisor of the roughness from one scale to the next.
         draws: (side * side - 1,) float64, uniform in 0 to 1, in the order in which they are spent.
     """
@@ -270,7 +269,6 @@ def swap(order: Any, width: Any, reach: Any, shifts: Any) -> None:
 
     Args:
         order: (H * W,) integers.
-        width: W.
         reach: Distance from the edge of the places that are visited.
         shifts: (2, places) rows and columns from a place to its partner, plus ``reach``.
     """
@@ -398,7 +396,6 @@ def mix(picture: Any, bad: Any, blend: Any) -> Any:
 
     Args:
         picture: (H, W, C) float64, C-contiguous, 0 to 1.
-        bad: Likewise.
         blend: Share of ``bad``, 0 to 1.
     """
     mixed = np.empty(picture.shape, np.uint8)

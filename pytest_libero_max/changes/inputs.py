@@ -13,11 +13,10 @@ import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, rule
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.measuring import filter_records
+from pytest_libero_max.changes.change import Factor
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import Reversal, added_filters
-from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, PixelFilter, World
+from pytest_libero_max.changes.pixels import FilterChange
+from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, World
 
 _Cameras = Annotated[tuple[Text, ...], rule("a list of camera names")]
 _SomeCameras = Annotated[_Cameras, rule("a list of at least one camera name", min_length=1)]
@@ -66,35 +65,11 @@ def _still_images(world: World, cameras: tuple[str, ...], shape: tuple[int, int]
     return StillImages(digest.hexdigest(), shape, images)
 
 
-class _InputChange(Indivisible):
-    """A change that adds one filter to a world."""
-
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"pixels"})
-
-    def _filter(self, world: AlterableWorld) -> PixelFilter:
-        raise NotImplementedError
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = {"filters": filter_records(world)}
-        world.add_filter(self._filter(world))
-        after = {"filters": filter_records(world)}
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
-
-
 @dataclass(frozen=True)
-class HideInputs(_InputChange):
+class HideInputs(Indivisible, FilterChange):
     """Show black images of some cameras from now on, and, if asked for, a robot state of zeros.
 
     The orientation of such a state is the identity: a quaternion of zeros is none.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "hide_inputs"
@@ -108,17 +83,13 @@ class HideInputs(_InputChange):
     def factors(self) -> frozenset[Factor]:
         return frozenset({"pixels", "state"} if self.state else {"pixels"})
 
-    def _filter(self, world: AlterableWorld) -> PixelFilter:
-        return HiddenInputs(self.cameras, self.state)
+    def _alter(self, world: AlterableWorld) -> None:
+        world.add_filter(HiddenInputs(self.cameras, self.state))
 
 
 @dataclass(frozen=True)
-class FreezeImages(_InputChange):
-    """Show the images of some cameras as they are now from now on.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class FreezeImages(Indivisible, FilterChange):
+    """Show the images of some cameras as they are now from now on."""
 
     operation: ClassVar[str] = "freeze_images"
 
@@ -128,17 +99,13 @@ class FreezeImages(_InputChange):
     width: Positive
     """Width of them, pixels."""
 
-    def _filter(self, world: AlterableWorld) -> PixelFilter:
-        return _still_images(world, self.cameras, (self.height, self.width))
+    def _alter(self, world: AlterableWorld) -> None:
+        world.add_filter(_still_images(world, self.cameras, (self.height, self.width)))
 
 
 @dataclass(frozen=True)
-class SwapImages(_InputChange):
-    """Show the first images of another task of LIBERO from now on: its scene, settled, before any action.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SwapImages(Indivisible, FilterChange):
+    """Show the first images of another task of LIBERO from now on: its scene, settled, before any action."""
 
     operation: ClassVar[str] = "swap_images"
 
@@ -154,9 +121,9 @@ class SwapImages(_InputChange):
     init_state_index: Count
     """Its initial state."""
 
-    def _filter(self, world: AlterableWorld) -> PixelFilter:
-        other = world.other_task(self.suite, self.task_index)
-        other.reset(self.init_state_index)
+    def _alter(self, world: AlterableWorld) -> None:
+        scene = world.other_task(self.suite, self.task_index)
+        scene.reset(self.init_state_index)
         for _ in range(SETTLE_STEPS):
-            other.step(NOOP_ACTION)
-        return _still_images(other, self.cameras, (self.height, self.width))
+            scene.step(NOOP_ACTION)
+        world.add_filter(_still_images(scene, self.cameras, (self.height, self.width)))

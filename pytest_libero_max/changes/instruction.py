@@ -2,27 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Struct
 
 from pytest_libero_max.benchmark.structs import AnyText, Text, rule
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.alteration import Alteration
+from pytest_libero_max.changes.change import Evidence, Factor
 from pytest_libero_max.changes.fields import Offset
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import Reversal, frozen, saved
-from pytest_libero_max.worlds.contract import AlterableWorld, Array
+from pytest_libero_max.changes.reversal import frozen, saved
+from pytest_libero_max.worlds.contract import AlterableWorld, Array, Goal
+
+
+class _Assignment(Indivisible, Alteration):
+    """A change of the instruction, and of the goal where it names one."""
+
+    touched: ClassVar[frozenset[Factor]] = frozenset({"instruction"})
+    instruction: str
+
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        goal = world.assigned[1]
+        facts = None if goal is None else [list(fact) for fact in goal]
+        return {"instruction": world.language, "goal": facts}
+
+    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
+        instruction, goal = world.assigned
+        world.assign(self.instruction, self._goal())
+        return {"assigned": [instruction, None if goal is None else [list(fact) for fact in goal]]}
+
+    def _goal(self) -> Goal | None:
+        return None
+
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
+        return {"assigned": frozen(saved(evidence, "assigned"))}
 
 
 @dataclass(frozen=True)
-class SetInstruction(Indivisible):
-    """Give the same task in other words.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SetInstruction(_Assignment):
+    """Give the same task in other words."""
 
     operation: ClassVar[str] = "set_instruction"
 
@@ -31,94 +51,53 @@ class SetInstruction(Indivisible):
     style: Text | None = None
     """Kind of the rewording; a note that no policy sees."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"instruction"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before, former = _measure(world), _assigned(world)
-        world.assign(instruction=self.instruction)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
-
 
 _Fact = Annotated[tuple[Text, ...], rule("a predicate and one or two names", min_length=2, max_length=3)]
 _Goal = Annotated[tuple[_Fact, ...], rule("a non-empty list of predicates", min_length=1)]
 
 
 @dataclass(frozen=True)
-class SetTask(Indivisible):
-    """Give another task in the same scene: a goal and its instruction.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SetTask(_Assignment):
+    """Give another task in the same scene: a goal and its instruction."""
 
     operation: ClassVar[str] = "set_task"
+    touched: ClassVar[frozenset[Factor]] = frozenset({"instruction", "goal"})
 
     instruction: Text
     """The policy's instruction from now on."""
     goal: _Goal
     """Predicates that must all hold, for example ``[["on", "akita_black_bowl_2", "plate_1"]]``."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"instruction", "goal"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before, former = _measure(world), _assigned(world)
-        world.assign(self.instruction, self.goal)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world), former)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
+    def _goal(self) -> Goal:
+        return self.goal
 
 
-class _Said(Struct, frozen=True, forbid_unknown_fields=True):
+class _PublishedFact(Struct, frozen=True, forbid_unknown_fields=True):
     """A fact of a goal as the manifests of the benchmark's authors spell it."""
 
     predicate: Text
     arguments: Annotated[tuple[Text, ...], rule("one or two names", min_length=1, max_length=2)]
 
 
-_SaidGoal = Annotated[tuple[_Said, ...], rule("a non-empty list of predicates", min_length=1)]
+_PublishedGoal = Annotated[tuple[_PublishedFact, ...], rule("a non-empty list of predicates", min_length=1)]
 
 
 @dataclass(frozen=True)
-class ReplaceInstruction(Indivisible):
-    """Give another task in the same scene, as the authors' manifests spell it.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class ReplaceInstruction(_Assignment):
+    """Give another task in the same scene, as the authors' manifests spell it."""
 
     operation: ClassVar[str] = "replace_instruction"
+    touched: ClassVar[frozenset[Factor]] = frozenset({"instruction", "goal"})
 
     instruction: Text
     """The policy's instruction from now on."""
-    alternate_goal: _SaidGoal
+    alternate_goal: _PublishedGoal
     """Facts that must all hold from now on: ``predicate`` and ``arguments`` of each."""
     alternate_task_id: Text | None = None
     """The task whose goal it is; a note."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"instruction", "goal"})
-
-    def _task(self) -> SetTask:
-        goal = tuple((fact.predicate.lower(), *fact.arguments) for fact in self.alternate_goal)
-        return SetTask(self.instruction, goal)
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        return replace(self._task().apply(world), operation=self.operation)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
+    def _goal(self) -> Goal:
+        return tuple((fact.predicate.lower(), *fact.arguments) for fact in self.alternate_goal)
 
     def parameters(self) -> dict[str, Any]:
         goal = [{"predicate": fact.predicate, "arguments": [*fact.arguments]} for fact in self.alternate_goal]
@@ -126,16 +105,13 @@ class ReplaceInstruction(Indivisible):
 
 
 @dataclass(frozen=True)
-class CancelInstruction(Indivisible):
+class CancelInstruction(_Assignment):
     """Tell the policy to stop: from now on success is to stand still, and not to complete the task.
 
-    Looked at are the first steps after the first query with the new instruction. The policy has stopped if
-    within them the hand has moved little, from the first to the last and along its way, and so has the
-    case's trigger entity. The episode goes on to the end of its budget; the goal that was cancelled must not
+    The first steps after the first query with the new instruction decide. The policy has stopped if in them
+    the hand has moved little, from the first step to the last and along its way, and so has the case's
+    trigger entity. The episode goes on to the end of its budget; the goal that was cancelled must not
     hold after any step of it.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "cancel_instruction"
@@ -143,7 +119,7 @@ class CancelInstruction(Indivisible):
     instruction: Text
     """The policy's instruction from now on."""
     stop_window_steps: Annotated[int, rule("an integer from 2 to 520, the longest episode", ge=2, le=520)]
-    """Number of steps that are looked at."""
+    """Number of steps that decide."""
     eef_stop_threshold_m: Offset
     """Greatest distance of the hand between the first and the last of them, m."""
     eef_path_threshold_m: Offset
@@ -151,19 +127,8 @@ class CancelInstruction(Indivisible):
     target_stop_threshold_m: Offset
     """Greatest distance of the trigger entity between them, m."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"instruction"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        return replace(SetInstruction(self.instruction).apply(world), operation=self.operation)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, assigned=frozen(saved(evidence, "assigned")))
-
     def stopped(self, hand: Array, entity: Array) -> bool:
-        """Return True if the steps that are looked at are there, and nothing moved too much in them.
+        """Return True if the steps that decide have been played, and nothing moved too much in them.
 
         Args:
             hand: (n, 3) m, the hand after each step since the first query with the instruction.
@@ -179,13 +144,3 @@ class CancelInstruction(Indivisible):
             and way <= self.eef_path_threshold_m
             and carried <= self.target_stop_threshold_m
         )
-
-
-def _measure(world: AlterableWorld) -> dict[str, Any]:
-    goal = world.assigned[1]
-    return {"instruction": world.language, "goal": None if goal is None else [list(fact) for fact in goal]}
-
-
-def _assigned(world: AlterableWorld) -> dict[str, Any]:
-    instruction, goal = world.assigned
-    return {"assigned": [instruction, None if goal is None else [list(fact) for fact in goal]]}

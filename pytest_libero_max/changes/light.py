@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.alteration import Alteration, Blended
+from pytest_libero_max.changes.change import Evidence, Factor
 from pytest_libero_max.changes.fields import (
     Degrees,
-    ManifestFields,
     Share,
     Times,
     Times3,
@@ -20,7 +20,7 @@ from pytest_libero_max.changes.fields import (
 )
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.pixels import Brightness
-from pytest_libero_max.changes.reversal import Reversal, added_filters, altered_rows
+from pytest_libero_max.changes.reversal import added_filters, altered_rows
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
@@ -30,14 +30,11 @@ DARKENED, BRIGHTENED = 0.75, 1.25
 
 
 @dataclass(frozen=True)
-class SetLighting(ManifestFields):
-    """Multiply the intensity of every lamp, and the brightness of every image from now on.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SetLighting(Alteration):
+    """Multiply the intensity of every lamp, and the brightness of every image from now on."""
 
     operation: ClassVar[str] = "set_lighting"
+    touched: ClassVar[frozenset[Factor]] = frozenset({"light", "pixels"})
 
     scale: Times
     """Times on the ambient, diffuse and specular intensity of every light, at least 0."""
@@ -52,23 +49,20 @@ class SetLighting(ManifestFields):
             return self.brightness
         return DARKENED if self.scale < 1.0 else BRIGHTENED
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"light", "pixels"})
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        lamps: dict[str, Any] = {field: getattr(world.model, field).tolist() for field in LIGHT_FIELDS}
+        return {**lamps, "filters": filter_records(world)}
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = _measure_lighting(world)
+    def _alter(self, world: AlterableWorld) -> None:
         if self.scale != 1.0:
             for field in LIGHT_FIELDS:
                 world.alter(field, slice(None), getattr(world.model, field) * self.scale)
         if self.pixel_brightness != 1.0:
             world.add_filter(Brightness(self.pixel_brightness))
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lighting(world))
 
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
         rows = altered_rows(evidence, {field: field for field in LIGHT_FIELDS})
-        return Reversal(self.operation, self.factors, rows=rows, filters=added_filters(evidence))
+        return {"rows": rows, "filters": added_filters(evidence)}
 
     def scaled(self, strength: float) -> SetLighting:
         """Both factors moved from 1 towards their full value: ``1 + (factor - 1) * strength``."""
@@ -78,25 +72,17 @@ class SetLighting(ManifestFields):
         return SetLighting(1.0 + (self.scale - 1.0) * s, 1.0 + (self.pixel_brightness - 1.0) * s)
 
 
-def _measure_lighting(world: AlterableWorld) -> dict[str, Any]:
-    lamps: dict[str, Any] = {field: getattr(world.model, field).tolist() for field in LIGHT_FIELDS}
-    return {**lamps, "filters": filter_records(world)}
-
-
 _LAMP_FIELDS = ("light_ambient", "light_castshadow", "light_diffuse", "light_dir", "light_specular")
 _LOWEST_LAMP_DEG = 80.0
 """A lamp is never turned closer to the horizon than 10 degrees."""
 
 
 @dataclass(frozen=True)
-class SetLamps(ManifestFields):
-    """Alter every lamp of the scene; properties that are not given stay.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SetLamps(Blended):
+    """Alter every lamp of the scene; properties that are not given stay."""
 
     operation: ClassVar[str] = "set_lamps"
+    touched: ClassVar[frozenset[Factor]] = frozenset({"light"})
 
     levels: Times3 | None = None
     """Ambient, diffuse and specular intensity of every lamp, absolute, the same for all channels."""
@@ -113,21 +99,11 @@ class SetLamps(ManifestFields):
     blend: Share | None = None
     """Share of all that, 0 to 1; None means all of it."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"light"})
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        return {field: getattr(world.model, field).tolist() for field in _LAMP_FIELDS}
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = _measure_lamps(world)
-        share = 1.0 if self.blend is None else self.blend
-        if share > 0.0:
-            self._alter(world, share)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure_lamps(world))
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        rows = altered_rows(evidence, {field: field for field in _LAMP_FIELDS})
-        return Reversal(self.operation, self.factors, rows=rows)
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
+        return {"rows": altered_rows(evidence, {field: field for field in _LAMP_FIELDS})}
 
     def scaled(self, strength: float) -> SetLamps:
         """Return the share ``strength`` of the change; ``cast_shadows`` cannot be divided: only 0 and 1."""
@@ -136,10 +112,12 @@ class SetLamps(ManifestFields):
             raise ChangeError.seen(
                 "strength", strength, f", but {self.operation} with shadows is all or nothing. Use 0 or 1."
             )
-        return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
+        return super().scaled(s)
 
-    def _alter(self, world: AlterableWorld, share: float) -> None:
-        model = world.model
+    def _alter(self, world: AlterableWorld) -> None:
+        model, share = world.model, self.share
+        if share == 0.0:
+            return
         for position, field in enumerate(("light_ambient", "light_diffuse", "light_specular")):
             old = getattr(model, field).astype(np.float64)
             new = old.copy()
@@ -160,11 +138,8 @@ class SetLamps(ManifestFields):
     def _direction(self, direction: Array, share: float) -> list[float]:
         x, y, z = (float(part) for part in direction)
         azimuth = math.atan2(y, x) + math.radians((self.azimuth_degrees or 0.0) * share)
+        # Rounding may leave the quotient a hair beyond 1, for which acos raises.
         polar = math.degrees(math.acos(max(-1.0, min(1.0, -z / math.hypot(x, y, z)))))
         polar = min(max(polar + (self.tilt_degrees or 0.0) * share, 0.0), _LOWEST_LAMP_DEG)
         away = math.sin(math.radians(polar))
         return [math.cos(azimuth) * away, math.sin(azimuth) * away, -math.cos(math.radians(polar))]
-
-
-def _measure_lamps(world: AlterableWorld) -> dict[str, Any]:
-    return {field: getattr(world.model, field).tolist() for field in _LAMP_FIELDS}

@@ -37,7 +37,7 @@ def lower(world: AlterableWorld, name: str, onto: str, start: Array) -> None:
     for _ in range(_BISECTIONS):
         middle = (free + blocked) / 2
         free, blocked = (free, middle) if meets(middle) else (middle, blocked)
-    meets(free)
+    meets(free)  # the last height that was tried may be one at which they touch
 
 
 def _geoms(world: AlterableWorld, name: str) -> list[int]:

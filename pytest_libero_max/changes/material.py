@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.structs import Text, rule
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import (
-    ManifestFields,
-    Share,
-    Times3,
-    Vector3,
-    strength_of,
-)
+from pytest_libero_max.changes.alteration import Alteration, Blended
+from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.fields import Share, Times3, Vector3
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import Reversal, Row, frozen, saved
+from pytest_libero_max.changes.reversal import Row, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld
 
@@ -32,14 +27,19 @@ _Channel = Annotated[int, rule("an integer from 0 to 2", ge=0, le=2)]
 _DRAWN_GROUP = 1
 
 
+class _MaterialChange(Alteration):
+    touched: ClassVar[frozenset[Factor]] = frozenset({"material"})
+
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
+        rows: list[Row] = [(field, row, frozen(values)) for field, row, values in saved(evidence, "rows")]
+        return {"rows": tuple(rows)}
+
+
 @dataclass(frozen=True)
-class SetVisualTheme(ManifestFields):
+class SetVisualTheme(_MaterialChange, Blended):
     """Transform the colour of every geom and every material; opacity stays.
 
     The new colour is ``clip(rgb[permutation] * multiplier, 0, 1)``, mixed with the old one by ``blend``.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "set_visual_theme"
@@ -60,31 +60,21 @@ class SetVisualTheme(ManifestFields):
                 ", but must be a permutation of [0, 1, 2].",
             )
 
-    @property
-    def share(self) -> float:
-        """Share of the new colour, 0 to 1."""
-        return 1.0 if self.blend is None else self.blend
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        """Return the mean colours: enough to see the transform, small enough for every record."""
+        means = {}
+        for field in COLOUR_FIELDS:
+            rgba = getattr(world.model, field)
+            means[f"{field}_mean"] = [float(value) for value in rgba.mean(axis=0)] if len(rgba) else None
+        return means
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"material"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before, former = _mean_colours(world), []
+    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
+        former = []
         if self.share > 0.0:
             for field in COLOUR_FIELDS:
                 new = self._recoloured(getattr(world.model, field))
-                former.append(_alter(world, field, None, new))
-        after = _mean_colours(world)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _material_reversal(self, evidence)
-
-    def scaled(self, strength: float) -> SetVisualTheme:
-        """Return the theme blended into the original colours: its share multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, blend=self.share * s)
+                former.append(_write(world, field, None, new))
+        return {"rows": former}
 
     def _recoloured(self, rgba: NDArray[np.float32]) -> NDArray[np.float32]:
         new = rgba.copy()
@@ -93,22 +83,9 @@ class SetVisualTheme(ManifestFields):
         return new
 
 
-def _mean_colours(world: AlterableWorld) -> dict[str, Any]:
-    """Mean colours: enough to see the transform, small enough for every record."""
-    means = {}
-    for field in COLOUR_FIELDS:
-        rgba = getattr(world.model, field)
-        means[f"{field}_mean"] = [float(value) for value in rgba.mean(axis=0)] if len(rgba) else None
-    return means
-
-
 @dataclass(frozen=True)
-class SetTexture(Indivisible):
-    """Show another texture of the scene on a material.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SetTexture(Indivisible, _MaterialChange):
+    """Show another texture of the scene on a material."""
 
     operation: ClassVar[str] = "set_texture"
 
@@ -117,30 +94,22 @@ class SetTexture(Indivisible):
     texture: Text
     """Name of a texture that the scene has loaded."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"material"})
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        return _measure_materials(world, [self._material(world)])
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        material = _number_of(world, "mat", "set_texture.material", self.material)
+    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
         texture = _number_of(world, "tex", "set_texture.texture", self.texture)
-        before = _measure_materials(world, [material])
-        former = _show(world, material, texture, None)
-        after = _measure_materials(world, [material])
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
+        return {"rows": _show(world, self._material(world), texture, None)}
 
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _material_reversal(self, evidence)
+    def _material(self, world: AlterableWorld) -> int:
+        return _number_of(world, "mat", "set_texture.material", self.material)
 
 
 @dataclass(frozen=True)
-class CoverEntity(Indivisible):
+class CoverEntity(Indivisible, _MaterialChange):
     """Cover an entity with a texture, or paint it in one colour: its own textures are not seen any more.
 
     Materials belong to a category, so every instance of the entity's category looks like that afterwards.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "cover_entity"
@@ -151,25 +120,18 @@ class CoverEntity(Indivisible):
     texture: Text | None = None
     """Name of a texture that the scene has loaded; None paints without any."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"material"})
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        return _measure_materials(world, _materials_of(world, self.entity))
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        materials = _materials_of(world, self.entity)
+    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
         texture = -1
         if self.texture is not None:
             texture = _number_of(world, "tex", "cover_entity.texture", self.texture)
-        before = _measure_materials(world, materials)
-        former = [row for material in materials for row in _show(world, material, texture, self.rgb)]
-        after = _measure_materials(world, materials)
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"rows": former})
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _material_reversal(self, evidence)
+        materials = _materials_of(world, self.entity)
+        return {"rows": [row for material in materials for row in _show(world, material, texture, self.rgb)]}
 
 
-def _alter(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:
+def _write(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:
     """Write a row of a model field, or all of it; return its reversal: field, row, former values."""
     index = slice(None) if row is None else row
     former = getattr(world.model, field)[index].tolist()
@@ -181,19 +143,13 @@ def _show(world: AlterableWorld, material: int, texture: int, rgb: Vector3 | Non
     """Let a material show a texture, painted over unless ``rgb`` is None; return the reversal."""
     row = world.model.mat_texid[material].copy()
     row[COLOUR_ROLE] = texture
-    former = [_alter(world, "mat_texid", material, row)]
+    former = [_write(world, "mat_texid", material, row)]
     if rgb is not None:
-        former.append(_alter(world, "mat_rgba", material, [*rgb, world.model.mat_rgba[material][3]]))
+        former.append(_write(world, "mat_rgba", material, [*rgb, world.model.mat_rgba[material][3]]))
         for geom in np.flatnonzero(world.model.geom_matid == material):
             colour = [*rgb, world.model.geom_rgba[geom][3]]
-            former.append(_alter(world, "geom_rgba", int(geom), colour))
+            former.append(_write(world, "geom_rgba", int(geom), colour))
     return former
-
-
-def _material_reversal(change: SetVisualTheme | SetTexture | CoverEntity, evidence: Evidence) -> Reversal:
-    check_evidence(change, evidence)
-    rows: list[Row] = [(field, row, frozen(values)) for field, row, values in saved(evidence, "rows")]
-    return Reversal(change.operation, change.factors, rows=tuple(rows))
 
 
 def _materials_of(world: AlterableWorld, entity: str) -> list[int]:

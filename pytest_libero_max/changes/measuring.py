@@ -17,7 +17,7 @@ def filter_records(world: AlterableWorld) -> list[dict[str, Any]]:
         fields = dataclasses.fields(value) if dataclasses.is_dataclass(value) else ()
         names = [field.name for field in fields if field.repr]
         values = {name: getattr(value, name) for name in names}
-        parameters = {name: list(one) if isinstance(one, tuple) else one for name, one in values.items()}
+        parameters = {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
         records.append({"filter": type(pixel_filter).__name__, "since_step": since, **parameters})
     return records
 

@@ -28,7 +28,7 @@ class Nothing(ManifestFields):
         return Evidence(self.operation, (), {}, {})
 
     def reverted(self, evidence: Evidence) -> Nothing:
-        check_evidence(self, evidence)
+        check_evidence(self.operation, self.factors, evidence)
         return self
 
     def scaled(self, strength: float) -> Nothing:
@@ -73,7 +73,7 @@ class DelayAnswers(Nothing):
         return usual if self.latency is None else Latency.parse(self.latency)
 
     def reverted(self, evidence: Evidence) -> DelayAnswers:
-        check_evidence(self, evidence)
+        check_evidence(self.operation, self.factors, evidence)
         return DelayAnswers()
 
     def scaled(self, strength: float) -> Nothing:

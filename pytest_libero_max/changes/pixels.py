@@ -11,17 +11,18 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from statistics import NormalDist
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes import image_corruptions
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, Seed, Share, between, strength_of
+from pytest_libero_max.changes.alteration import Alteration, Blended
+from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.fields import Seed, Share, between, strength_of
 from pytest_libero_max.changes.measuring import filter_records
-from pytest_libero_max.changes.reversal import Reversal, added_filters
+from pytest_libero_max.changes.reversal import added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, Image
 
@@ -60,6 +61,7 @@ class SensorCorruption:
 
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         key = hashlib.sha256(f"libero-max-sensor|{self.seed}|{step}|{camera}".encode()).digest()
+        # Little-endian by name, here and below: the same stream on a processor of the other byte order.
         stream = np.random.RandomState(np.frombuffer(key, dtype="<u4").astype(np.uint32))
         # The place is drawn first, and relative to the room there is, so that it stays
         # the same when the image size or the strength of the noise differs.
@@ -165,13 +167,21 @@ class Glare:
         return np.rint(veiled, out=veiled).astype(np.uint8)
 
 
-@dataclass(frozen=True)
-class SetSensorCorruption(ManifestFields):
-    """Let every image from now on pass through a :class:`SensorCorruption`.
+class FilterChange(Alteration):
+    """A change that adds filters to the images."""
 
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+    touched: ClassVar[frozenset[Factor]] = frozenset({"pixels"})
+
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        return {"filters": filter_records(world)}
+
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
+        return {"filters": added_filters(evidence)}
+
+
+@dataclass(frozen=True)
+class SetSensorCorruption(FilterChange):
+    """Let every image from now on pass through a :class:`SensorCorruption`."""
 
     operation: ClassVar[str] = "set_sensor_corruption"
 
@@ -182,21 +192,10 @@ class SetSensorCorruption(ManifestFields):
     seed: Seed
     """Seed of all its randomness, at least 0."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"pixels"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = {"filters": filter_records(world)}
+    def _alter(self, world: AlterableWorld) -> None:
         if self.noise_std or self.occlusion_fraction:
             kind = PublishedSensorCorruption if world.semantics == "published" else SensorCorruption
             world.add_filter(kind(self.noise_std, self.occlusion_fraction, self.seed))
-        after = {"filters": filter_records(world)}
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
     def scaled(self, strength: float) -> SetSensorCorruption:
         """Noise and covered area multiplied by ``strength``; noise pattern and rectangle's place stay."""
@@ -207,12 +206,8 @@ class SetSensorCorruption(ManifestFields):
 
 
 @dataclass(frozen=True)
-class CorruptPicture(ManifestFields):
-    """Let one camera's pictures pass through a :class:`PictureCorruption` from now on.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class CorruptPicture(FilterChange, Blended):
+    """Let one camera's pictures pass through a :class:`PictureCorruption` from now on."""
 
     operation: ClassVar[str] = "corrupt_picture"
 
@@ -237,35 +232,14 @@ class CorruptPicture(ManifestFields):
                 f"{self.operation}.kind", self.kind, f" is not a corruption. {did_you_mean(self.kind, known)}"
             )
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"pixels"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = {"filters": filter_records(world)}
-        share = 1.0 if self.blend is None else self.blend
-        if share > 0.0:
-            world.add_filter(PictureCorruption(self.kind, self.level, self.seed, self.camera, share))
-        after = {"filters": filter_records(world)}
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
-
-    def scaled(self, strength: float) -> CorruptPicture:
-        """Return the corrupted picture mixed into the clean one with the share ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, blend=(1.0 if self.blend is None else self.blend) * s)
+    def _alter(self, world: AlterableWorld) -> None:
+        if self.share > 0.0:
+            world.add_filter(PictureCorruption(self.kind, self.level, self.seed, self.camera, self.share))
 
 
 @dataclass(frozen=True)
-class SetGlare(ManifestFields):
-    """Let every picture from now on pass through a :class:`Glare`.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class SetGlare(FilterChange):
+    """Let every picture from now on pass through a :class:`Glare`."""
 
     operation: ClassVar[str] = "set_glare"
 
@@ -278,20 +252,9 @@ class SetGlare(ManifestFields):
     radius: Annotated[float, between(0.01, 1.0)]
     """Distance at which a third of it is left, share of the picture's width, above 0."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"pixels"})
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = {"filters": filter_records(world)}
+    def _alter(self, world: AlterableWorld) -> None:
         if self.strength:
             world.add_filter(Glare(self.strength, self.across, self.up, self.radius))
-        after = {"filters": filter_records(world)}
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
-        return Reversal(self.operation, self.factors, filters=added_filters(evidence))
 
     def scaled(self, strength: float) -> SetGlare:
         """Return the veil's strength multiplied by ``strength``."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import Count, Text
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.alteration import Alteration
+from pytest_libero_max.changes.change import Evidence, Factor
 from pytest_libero_max.changes.fields import (
     FARTHEST_M,
     Cosine,
@@ -33,14 +34,36 @@ _FAR_ABOVE_M = 1.0
 _Speed = Annotated[float, between(-10.0, 10.0)]
 
 
+class _PoseChange(Alteration):
+    object: Text
+
+    @property
+    def factors(self) -> frozenset[Factor]:
+        return frozenset(f"pose:{name}" for name in self._names())
+
+    def _names(self) -> list[str]:
+        return [self.object]
+
+    def _measure(self, world: AlterableWorld) -> dict[str, Any]:
+        return measure_poses(world, self._names())
+
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
+        names = [name for name in evidence.before["position_m"] if _moved(evidence, name)]
+        out = evidence.before["taken_out"]
+        parked = [
+            (name, tuple(evidence.before["position_m"][name]), tuple(saved(evidence, "parked")[name]))
+            for name in names
+            if name in out
+        ]
+        placed = former_poses(evidence, [name for name in names if name not in out])
+        return {"placed": placed, "parked": tuple(parked)}
+
+
 @dataclass(frozen=True)
-class MoveObject(ManifestFields):
+class MoveObject(_PoseChange):
     """Move an object or a fixture, keeping its orientation; it is at rest afterwards.
 
     A move by nothing leaves the world bit-identical: it does not even stop a moving object.
-
-    Raises:
-        ChangeError: A value breaks its rule.
     """
 
     operation: ClassVar[str] = "move_object"
@@ -57,27 +80,12 @@ class MoveObject(ManifestFields):
     calibration: Text | None = None
     """Rule by which the direction was chosen; a note."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors([self.object])
+    def _require(self, world: AlterableWorld) -> None:
+        _require_movable(world, self.operation, self.object)
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        require_in_scene(world, self.operation, "object", self.object)
-        if world.entities[self.object].kind == "surface":
-            raise ChangeError.seen(
-                "move_object.object",
-                self.object,
-                " is the surface that others stand on and cannot be moved. Name an object or a fixture.",
-            )
-        before = measure_poses(world, [self.object])
+    def _alter(self, world: AlterableWorld) -> None:
         if any(self.delta_position_m):
             world.place(self.object, world.position(self.object) + self.delta_position_m)
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
-        )
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> MoveObject:
         """Return the move with its length multiplied by ``strength``."""
@@ -90,12 +98,8 @@ class MoveObject(ManifestFields):
 
 
 @dataclass(frozen=True)
-class BumpObject(ManifestFields):
-    """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class BumpObject(_PoseChange):
+    """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres."""
 
     operation: ClassVar[str] = "bump_object"
 
@@ -103,25 +107,18 @@ class BumpObject(ManifestFields):
     velocity_m_s: tuple[_Speed, _Speed, _Speed]
     """Added to its linear velocity, world frame."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors([self.object])
-
-    def apply(self, world: AlterableWorld) -> Evidence:
+    def _require(self, world: AlterableWorld) -> None:
         require_in_scene(world, self.operation, "object", self.object)
-        if world.entities[self.object].kind != "object":
-            raise ChangeError.seen(
-                "bump_object.object", self.object, f" is none. {did_you_mean(self.object, _objects(world))}"
-            )
-        before = self._measure(world)
+        _require_object(world, self.operation, self.object)
+
+    def _alter(self, world: AlterableWorld) -> None:
         if any(self.velocity_m_s):
             world.push(self.object, self.velocity_m_s)
-        return Evidence(self.operation, tuple(self.factors), before, self._measure(world))
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
         first = world.model.body(world.entities[self.object].body).dofadr[0]
         return {
-            **measure_poses(world, [self.object]),
+            **super()._measure(world),
             "velocity_m_s": world.data.qvel[first : first + 3].tolist(),
             "fingers": world.fingers_on(self.object),
         }
@@ -142,14 +139,8 @@ class BumpObject(ManifestFields):
 
 
 @dataclass(frozen=True)
-class RemoveObject(Indivisible):
-    """Take an object out of the scene: unseen, untouchable and unmoved until it is inserted again.
-
-    All or nothing: it cannot be scaled to anything between.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class RemoveObject(Indivisible, _PoseChange):
+    """Take an object out of the scene: unseen, untouchable and unmoved until it is inserted again."""
 
     operation: ClassVar[str] = "remove_object"
 
@@ -158,37 +149,17 @@ class RemoveObject(Indivisible):
     offworld_position_m: Place
     """Position at which it is kept meanwhile, world frame."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors([self.object])
-
-    def apply(self, world: AlterableWorld) -> Evidence:
+    def _require(self, world: AlterableWorld) -> None:
         require_in_scene(world, self.operation, "object", self.object)
-        kind = world.entities[self.object].kind
-        if kind != "object":
-            raise ChangeError.seen(
-                "remove_object.object",
-                self.object,
-                f" is a {kind}, but only objects can be taken out. "
-                f"{did_you_mean(self.object, _objects(world))}",
-            )
-        before = measure_poses(world, [self.object])
-        world.park(self.object, self.offworld_position_m)
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
-        )
+        _require_object(world, self.operation, self.object)
 
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _pose_reversal(self, evidence)
+    def _alter(self, world: AlterableWorld) -> None:
+        world.park(self.object, self.offworld_position_m)
 
 
 @dataclass(frozen=True)
 class Placement(ManifestFields):
-    """Place at which an object that was taken out comes back.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+    """Place at which an object that was taken out comes back."""
 
     operation: ClassVar[str] = "placement"
 
@@ -205,35 +176,57 @@ class Placement(ManifestFields):
     """Rule by which the offset was chosen; a note."""
 
 
+class _Insertion(_PoseChange):
+    """Objects come back at their places, each in the orientation it had when it was taken out."""
+
+    def _places(self) -> Sequence[Placement]:
+        raise NotImplementedError
+
+    def _names(self) -> list[str]:
+        return [place.object for place in self._places()]
+
+    def _require(self, world: AlterableWorld) -> None:
+        for place in self._places():
+            _require_known(world, place.object)
+            require_in_scene(world, self.operation, "relative_to", place.relative_to)
+            if place.object not in world.parked:
+                raise ChangeError.seen(
+                    f"{self.operation}.object",
+                    place.object,
+                    " is in the scene already and cannot be brought back."
+                    " Take it out in the event's setup (remove_object), and insert it once.",
+                )
+
+    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
+        # All targets are computed before anything moves, and nothing moves unless everything can.
+        targets = []
+        for place in self._places():
+            position = world.position(place.relative_to) + place.offset_m
+            if place.preserve_initial_z:
+                position[2] = world.parked_pose(place.object)[0][2]
+            targets.append(position)
+        former = _parked_poses(world, self._names())
+        for name, target in zip(self._names(), targets, strict=True):
+            world.unpark(name, target)
+        return {"parked": former}
+
+
 @dataclass(frozen=True)
-class InsertObstacle(Indivisible, Placement):
+class InsertObstacle(Indivisible, _Insertion, Placement):
     """Bring one object back, next to an anchor, in the orientation it had when it was taken out.
 
-    All or nothing: it cannot be scaled to anything between. Fields as in :class:`Placement`.
+    Fields as in :class:`Placement`.
     """
 
     operation: ClassVar[str] = "insert_obstacle"
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors([self.object])
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        return _insert(world, self.operation, [self])
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _pose_reversal(self, evidence)
+    def _places(self) -> Sequence[Placement]:
+        return [self]
 
 
 @dataclass(frozen=True)
-class InsertDistractors(Indivisible):
-    """Bring several objects back at once, each in the orientation it had when it was taken out.
-
-    All or nothing: it cannot be scaled to anything between.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class InsertDistractors(Indivisible, _Insertion):
+    """Bring several objects back at once, each in the orientation it had when it was taken out."""
 
     operation: ClassVar[str] = "insert_distractors"
 
@@ -258,26 +251,13 @@ class InsertDistractors(Indivisible):
                 f", but there are {counted(len(placements), 'placement')}. Make them equal.",
             )
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors(placement.object for placement in self.placements)
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        return _insert(world, self.operation, self.placements)
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _pose_reversal(self, evidence)
+    def _places(self) -> Sequence[Placement]:
+        return self.placements
 
 
 @dataclass(frozen=True)
-class PutObject(Indivisible):
-    """Put an object down on something, a hair above touching it; one that was taken out comes back for it.
-
-    All or nothing: it cannot be scaled to anything between.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class PutObject(Indivisible, _PoseChange):
+    """Put an object down on something, a hair above touching it; one that was taken out comes back for it."""
 
     operation: ClassVar[str] = "put_object"
 
@@ -292,25 +272,17 @@ class PutObject(Indivisible):
     yaw_degrees: Degrees = 0.0
     """Turn about the vertical from the orientation it has, or had when it was taken out."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors([self.object])
-
-    def apply(self, world: AlterableWorld) -> Evidence:
-        if self.object not in world.entities:
-            raise EntityError.seen(
-                "entity", self.object, f" is not in the scene. {did_you_mean(self.object, world.entities)}"
-            )
-        kind = world.entities[self.object].kind
-        if kind != "object":
-            raise ChangeError.seen(
-                "put_object.object", self.object, f" is a {kind}, but only objects can be put."
-            )
+    def _require(self, world: AlterableWorld) -> None:
+        _require_known(world, self.object)
+        _require_object(world, self.operation, self.object)
         require_in_scene(world, self.operation, "onto", self.onto)
-        before, former = measure_poses(world, [self.object]), _parked_poses(world, [self.object])
-        x, y = self.offset_xy_m
         if self.relative_to is not None:
             require_in_scene(world, self.operation, "relative_to", self.relative_to)
+
+    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
+        former = _parked_poses(world, [self.object])
+        x, y = self.offset_xy_m
+        if self.relative_to is not None:
             anchor = world.position(self.relative_to)
             x, y = float(anchor[0]) + x, float(anchor[1]) + y
         above = top(world, self.onto)
@@ -320,20 +292,12 @@ class PutObject(Indivisible):
         turn = world.pose(self.object)[1]
         world.place(self.object, start, _yawed(turn, self.yaw_degrees) if self.yaw_degrees else None)
         lower(world, self.object, self.onto, start)
-        after = measure_poses(world, [self.object])
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, {"parked": former})
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _pose_reversal(self, evidence)
+        return {"parked": former}
 
 
 @dataclass(frozen=True)
-class TurnObject(ManifestFields):
-    """Turn an object or a fixture about the vertical through its origin; it is at rest afterwards.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class TurnObject(_PoseChange):
+    """Turn an object or a fixture about the vertical through its origin; it is at rest afterwards."""
 
     operation: ClassVar[str] = "turn_object"
 
@@ -341,28 +305,13 @@ class TurnObject(ManifestFields):
     yaw_degrees: Degrees
     """Counter-clockwise seen from above."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return pose_factors([self.object])
+    def _require(self, world: AlterableWorld) -> None:
+        _require_movable(world, self.operation, self.object)
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        require_in_scene(world, self.operation, "object", self.object)
-        if world.entities[self.object].kind == "surface":
-            raise ChangeError.seen(
-                "turn_object.object",
-                self.object,
-                " is the surface that others stand on. Name an object or a fixture.",
-            )
-        before = measure_poses(world, [self.object])
+    def _alter(self, world: AlterableWorld) -> None:
         if self.yaw_degrees:
             position, turn = world.pose(self.object)
             world.place(self.object, position, _yawed(turn, self.yaw_degrees))
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, measure_poses(world, [self.object])
-        )
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        return _pose_reversal(self, evidence)
 
     def scaled(self, strength: float) -> TurnObject:
         """Return the angle multiplied by ``strength``."""
@@ -383,53 +332,10 @@ def _placement(where: str, value: Any) -> Placement:
         raise error.within(where) from error
 
 
-def _insert(world: AlterableWorld, operation: str, placements: Iterable[Placement]) -> Evidence:
-    placements = tuple(placements)
-    names = [placement.object for placement in placements]
-    for placement in placements:
-        _require_known(world, placement.object)
-        require_in_scene(world, operation, "relative_to", placement.relative_to)
-        if placement.object not in world.parked:
-            raise ChangeError.seen(
-                f"{operation}.object",
-                placement.object,
-                " is in the scene already and cannot be brought back."
-                " Take it out in the event's setup (remove_object), and insert it once.",
-            )
-    # All targets are computed before anything moves, and nothing moves unless everything can.
-    targets = []
-    for placement in placements:
-        position = world.position(placement.relative_to) + placement.offset_m
-        if placement.preserve_initial_z:
-            position[2] = world.parked_pose(placement.object)[0][2]
-        targets.append(position)
-    before, former = measure_poses(world, names), _parked_poses(world, names)
-    for name, target in zip(names, targets, strict=True):
-        world.unpark(name, target)
-    after = measure_poses(world, names)
-    return Evidence(operation, tuple(sorted(pose_factors(names))), before, after, {"parked": former})
-
-
 def _parked_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, list[float]]:
     """Return the poses (m and wxyz) that those of the objects which are out of the scene had in it."""
     poses = {name: world.parked_pose(name) for name in names if name in world.parked}
     return {name: [*position.tolist(), *turn.tolist()] for name, (position, turn) in poses.items()}
-
-
-def _pose_reversal(
-    change: MoveObject | TurnObject | PutObject | RemoveObject | InsertObstacle | InsertDistractors,
-    evidence: Evidence,
-) -> Reversal:
-    check_evidence(change, evidence)
-    names = [name for name in evidence.before["position_m"] if _moved(evidence, name)]
-    out = evidence.before["taken_out"]
-    parked = [
-        (name, tuple(evidence.before["position_m"][name]), tuple(saved(evidence, "parked")[name]))
-        for name in names
-        if name in out
-    ]
-    placed = former_poses(evidence, [name for name in names if name not in out])
-    return Reversal(change.operation, change.factors, placed=placed, parked=tuple(parked))
 
 
 def _moved(evidence: Evidence, name: str) -> bool:
@@ -457,13 +363,25 @@ def require_in_scene(world: AlterableWorld, operation: str, field: str, entity: 
         )
 
 
-def pose_factors(names: Iterable[str]) -> frozenset[Factor]:
-    """Return the factors of a change that moves the entities named."""
-    return frozenset(f"pose:{name}" for name in names)
+def _require_object(world: AlterableWorld, operation: str, entity: str) -> None:
+    kind = world.entities[entity].kind
+    if kind != "object":
+        known = [name for name, other in world.entities.items() if other.kind == "object"]
+        raise ChangeError.seen(
+            f"{operation}.object",
+            entity,
+            f" is a {kind}, but must be an object. {did_you_mean(entity, known)}",
+        )
 
 
-def _objects(world: AlterableWorld) -> list[str]:
-    return [name for name, entity in world.entities.items() if entity.kind == "object"]
+def _require_movable(world: AlterableWorld, operation: str, entity: str) -> None:
+    require_in_scene(world, operation, "object", entity)
+    if world.entities[entity].kind == "surface":
+        raise ChangeError.seen(
+            f"{operation}.object",
+            entity,
+            " is the surface that others stand on and cannot be moved. Name an object or a fixture.",
+        )
 
 
 def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:

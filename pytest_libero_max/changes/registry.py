@@ -76,17 +76,16 @@ class ChangeType(Protocol):
 
     def from_dict(self, raw: Mapping[str, Any]) -> Change:
         """Build the change from its manifest object, ``operation`` included; refuse invalid values."""
-        ...
 
 
-def _accept(name: str, found: object) -> ChangeType:
+def _accept(name: str, candidate: object) -> ChangeType:
     for method in ("from_dict", "apply", "scaled", "reverted", "to_dict"):
-        if not callable(getattr(found, method, None)):
+        if not callable(getattr(candidate, method, None)):
             raise ValueError(
-                f"{found!r} has no {method}(): a change follows pytest_libero_max.changes.change.Change; "
+                f"{candidate!r} has no {method}(): a change follows pytest_libero_max.changes.change.Change; "
                 "pytest_libero_max.changes.fields.ManifestFields offers from_dict() and to_dict()"
             )
-    return cast(ChangeType, found)
+    return cast(ChangeType, candidate)
 
 
 OPERATIONS: Registry[ChangeType] = Registry(
@@ -101,10 +100,7 @@ OPERATIONS: Registry[ChangeType] = Registry(
 
 
 def change_from_dict(raw: Mapping[str, Any]) -> Change:
-    """Build a change from its manifest object, checking every field.
-
-    Args:
-        raw: ``operation`` and its parameters; ``change_from_dict(x).to_dict() == x``.
+    """Build a change from its manifest object; ``change_from_dict(x).to_dict() == x``.
 
     Raises:
         ChangeError: The operation or a field is unknown, a field is missing, or a value breaks its rule.

@@ -79,13 +79,13 @@ class Reversal:
                 raise ChangeError(f"revert of {self.reverts}: {name!r} is out of the scene already.")
         before = measure()
         for record in self.filters:
-            found = [number for number, one in enumerate(filter_records(world)) if one == record]
-            if not found:
+            matches = [number for number, known in enumerate(filter_records(world)) if known == record]
+            if not matches:
                 raise ChangeError(
                     f"revert of {self.reverts}: the filter {dict(record)!r} is not active any more. "
                     "Take a change back once."
                 )
-            world.remove_filter(found[-1])
+            world.remove_filter(matches[-1])
         for field_name, row, values in self.rows:
             number = world.model.camera(row).id if isinstance(row, str) else row
             world.alter(field_name, slice(None) if number is None else number, values)
@@ -136,7 +136,6 @@ def altered_rows(evidence: Evidence, fields: Mapping[str, str], camera: str | No
     """Return the former values of the model fields that a change has altered.
 
     Args:
-        evidence: Of the change.
         fields: Model fields by the names under which the evidence has them.
         camera: The camera whose rows they are; None: the evidence has whole fields.
     """

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import rule
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
-from pytest_libero_max.changes.fields import ManifestFields, between, strength_of
+from pytest_libero_max.changes.alteration import Alteration
+from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.fields import between, strength_of
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal
 from pytest_libero_max.errors import ChangeError
@@ -27,14 +28,11 @@ _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
 
 
 @dataclass(frozen=True)
-class OffsetArm(ManifestFields):
-    """Turn the arm's joints away from where they are; the arm is at rest there and the controller holds it.
-
-    Raises:
-        ChangeError: A value breaks its rule.
-    """
+class OffsetArm(Alteration):
+    """Turn the arm's joints away from where they are; the arm then rests there, held by the controller."""
 
     operation: ClassVar[str] = "offset_arm"
+    touched: ClassVar[frozenset[Factor]] = frozenset({"robot"})
 
     delta_joint_rad: _JointOffsets
     """(7,) added to the joint positions, rad."""
@@ -42,29 +40,24 @@ class OffsetArm(ManifestFields):
     """True: where the arm would touch something, the opposite offset is taken, and where that does too, three
     quarters of the one or the other, and so on. The evidence has the offset taken."""
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"robot"})
+    def _measure(self, world: AlterableWorld) -> dict[str, list[float]]:
+        joints = world.observe(cameras=())[f"{ROBOT}_joint_pos"]
+        return {"joint_pos_rad": joints.tolist(), "end_effector_m": world.end_effector().tolist()}
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = _measure(world)
-        if any(self.delta_joint_rad):
-            joints, delta = np.array(before["joint_pos_rad"]), np.array(self.delta_joint_rad)
-            for part in _WAYS_OUT:
-                world.pose_arm(joints + part * delta)
-                if not self.keep_clear or not _touching(world):
-                    break
-            else:
-                raise ChangeError(
-                    f"{self}: the arm touches something on every way there. Use a smaller offset."
-                )
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _measure(world))
+    def _alter(self, world: AlterableWorld) -> None:
+        if not any(self.delta_joint_rad):
+            return
+        joints = np.array(self._measure(world)["joint_pos_rad"])
+        for part in _WAYS_OUT:
+            world.pose_arm(joints + part * np.array(self.delta_joint_rad))
+            if not self.keep_clear or not _touching(world):
+                return
+        raise ChangeError(f"{self}: the arm touches something on every way there. Use a smaller offset.")
 
-    def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self, evidence)
+    def _former(self, evidence: Evidence) -> dict[str, Any]:
         former = tuple(evidence.before["joint_pos_rad"])
         moved = evidence.before["joint_pos_rad"] != evidence.after["joint_pos_rad"]
-        return Reversal(self.operation, self.factors, joints=former if moved else None)
+        return {"joints": former if moved else None}
 
     def scaled(self, strength: float) -> OffsetArm:
         """Every joint's offset multiplied by ``strength``."""
@@ -75,7 +68,7 @@ class OffsetArm(ManifestFields):
 
 
 @dataclass(frozen=True)
-class OpenGripper(Indivisible):
+class OpenGripper(Indivisible, Alteration):
     """Let the fingers open for a moment, whatever the policy commands.
 
     Their command becomes that of an open gripper. Actions that close it need eight steps (0.4 s) to bring it
@@ -83,15 +76,13 @@ class OpenGripper(Indivisible):
     """
 
     operation: ClassVar[str] = "open_gripper"
+    touched: ClassVar[frozenset[Factor]] = frozenset({"robot"})
 
-    @property
-    def factors(self) -> frozenset[Factor]:
-        return frozenset({"robot"})
+    def _measure(self, world: AlterableWorld) -> dict[str, list[float]]:
+        return {"finger_pos_m": world.observe(cameras=())[f"{ROBOT}_gripper_qpos"].tolist()}
 
-    def apply(self, world: AlterableWorld) -> Evidence:
-        before = _fingers(world)
+    def _alter(self, world: AlterableWorld) -> None:
         world.open_gripper()
-        return Evidence(self.operation, tuple(sorted(self.factors)), before, _fingers(world))
 
     def reverted(self, evidence: Evidence) -> Reversal:
         """Refuse: what has been dropped does not come back.
@@ -102,17 +93,8 @@ class OpenGripper(Indivisible):
         raise ChangeError(f"{self.operation} cannot be taken back: what was held has fallen. Leave it out.")
 
 
-def _fingers(world: AlterableWorld) -> dict[str, list[float]]:
-    return {"finger_pos_m": world.observe(cameras=())[f"{ROBOT}_gripper_qpos"].tolist()}
-
-
 def _touching(world: AlterableWorld) -> bool:
     """Return True if the robot touches anything that has a name."""
     return any(
         {ROBOT, GRIPPER} & set(world.contacts(name)) for name in world.entities if name not in world.parked
     )
-
-
-def _measure(world: AlterableWorld) -> dict[str, list[float]]:
-    joints = world.observe(cameras=())[f"{ROBOT}_joint_pos"]
-    return {"joint_pos_rad": joints.tolist(), "end_effector_m": world.end_effector().tolist()}

@@ -73,7 +73,7 @@ FORMERLY = {
     "plan.": "plan time RUN",
     "publish.": "publish pack RUN FOLDER",
     "bench-scenes": "dev bench scenes",
-    "bench-images": "dev bench images",
+    "bench-images": "dev bench device",
     "bench-device": "dev bench device",
     "bench-genuine": "dev bench genuine",
 }

@@ -57,7 +57,6 @@ def changes(
     Args:
         entities: The world's entities; by default those of the tiny world.
         operations: Operations of :data:`AT_ONCE` to draw from.
-        cameras: The cameras that may be shifted.
 
     Raises:
         OptionError: An operation that is not in :data:`AT_ONCE`.

@@ -72,13 +72,7 @@ class EventKind(ABC):
 
     @abstractmethod
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
-        """Fix every parameter for an eligible task.
-
-        Args:
-            variant: 0 or 1.
-            task: Contents of the scene.
-            identity: Configuration of the case; the source of all seeds.
-        """
+        """Fix every parameter for an eligible task."""
 
     @abstractmethod
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
@@ -88,8 +82,6 @@ class EventKind(ABC):
 
         Args:
             entities: The world's entities by name.
-            trigger: The entity that the event is triggered by.
-            seed: The scenario seed.
         """
 
     def event(self, variant: int, seed: int, scenario: Scenario, trigger: Trigger) -> Event:
@@ -116,36 +108,39 @@ def entity_of(task: TaskMetadata) -> str:
 _WORD = re.compile(r"[a-z][a-z0-9_]*")
 
 
-def accept_kind(name: str, found: object) -> EventKind:
+def accept_kind(name: str, candidate: object) -> EventKind:
     """Return the event kind registered under a name: a subclass of :class:`EventKind`, or an instance of one.
 
     Raises:
         ValueError: It is neither, or one of its attributes breaks a rule.
     """
-    if isinstance(found, type) and issubclass(found, EventKind):
-        found = found()
-    if not isinstance(found, EventKind):
-        raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.events.kind.EventKind")
+    if isinstance(candidate, type) and issubclass(candidate, EventKind):
+        candidate = candidate()
+    if not isinstance(candidate, EventKind):
+        raise ValueError(f"{candidate!r} is not a subclass of pytest_libero_max.events.kind.EventKind")
     lacking = [
         attribute
         for attribute in ("name", "family", "code", "severities", "response", "expected")
-        if not hasattr(found, attribute)
+        if not hasattr(candidate, attribute)
     ]
     if lacking:
-        raise ValueError(f"{type(found).__name__} lacks {', '.join(lacking)}")
+        raise ValueError(f"{type(candidate).__name__} lacks {', '.join(lacking)}")
     for attribute in ("name", "family"):
-        word = getattr(found, attribute)
+        word = getattr(candidate, attribute)
         if not isinstance(word, str) or not _WORD.fullmatch(word):
             raise ValueError(
                 f"{attribute}={word!r}, but must be a word of lower case letters, digits and underscores, "
                 "since it is a pytest marker and a part of test ids"
             )
-    if not isinstance(found.code, str) or not found.code:
-        raise ValueError(f"code={found.code!r}, but must be a family code such as 'OBS'")
-    if len(found.severities) != len(VARIANTS) or not {*found.severities} <= {*SEVERITIES}:
+    if not isinstance(candidate.code, str) or not candidate.code:
+        raise ValueError(f"code={candidate.code!r}, but must be a family code such as 'OBS'")
+    if len(candidate.severities) != len(VARIANTS) or not {*candidate.severities} <= {*SEVERITIES}:
         raise ValueError(
-            f"severities={found.severities!r}, but must be two of {', '.join(SEVERITIES)}: of variant 0 and 1"
+            f"severities={candidate.severities!r}, but must be two of {', '.join(SEVERITIES)}: "
+            "of variant 0 and 1"
         )
-    if found.response not in get_args(Response):
-        raise ValueError(f"response={found.response!r}, but must be one of {', '.join(get_args(Response))}")
-    return found
+    if candidate.response not in get_args(Response):
+        raise ValueError(
+            f"response={candidate.response!r}, but must be one of {', '.join(get_args(Response))}"
+        )
+    return candidate

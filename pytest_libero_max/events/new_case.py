@@ -19,7 +19,6 @@ def make_case(
         suite: For example ``libero_spatial``.
         task_index: Index of the task in its suite, from 0.
         init_state_index: Index of the initial state: 0 to 9, or 10 to 49 for training data.
-        variant: Parameter variant of the event, 0 or 1.
 
     Raises:
         ManifestError: There is no such event or variant, or the task cannot host it.

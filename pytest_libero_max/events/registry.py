@@ -74,9 +74,6 @@ def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identit
 
     Args:
         name: One of :data:`EVENTS`.
-        variant: 0 or 1.
-        task: Contents of the scene.
-        identity: Configuration of the case; the source of all seeds.
 
     Raises:
         ManifestError: There is no such event or variant, or the task cannot host it.

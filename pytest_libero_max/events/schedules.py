@@ -157,10 +157,7 @@ def schedule_from_list(
     """Read a list of what :meth:`Entry.to_dict` wrote, or the schedule of a program.
 
     Args:
-        raw: The entries.
-        where: Name of them in an error.
         event: Value for ``"event"``. None: the schedule does not refer to it.
-        strength: Share of every change.
 
     Raises:
         ManifestError: It has another form.
@@ -223,10 +220,8 @@ def _filled(value: Any, own: Json, other: Json, where: str) -> Any:
     """Return the value with ``"event"`` and each ``{"event": FIELD}`` inside it replaced.
 
     Args:
-        value: A trigger or a change.
         own: That of the event; empty where there is no event.
         other: The change or the trigger of the event: its fields may be named as well.
-        where: Name of the value in an error.
     """
     if not own:
         return value
@@ -262,7 +257,6 @@ def change_of(case: Case, strength: float = 1.0) -> Change:
     """Return the change of the case's event.
 
     Args:
-        case: The case.
         strength: Share of the whole change, 0 to 1. At 0 nothing is changed.
 
     Raises:
@@ -343,7 +337,6 @@ def program_of(name: str, arms: Iterable[Arm]) -> Program:
 
     Args:
         name: The program's name.
-        arms: Base, Dynamic and others.
 
     Raises:
         ManifestError: A name breaks its rule, something happens in Base, or nothing in Dynamic.

@@ -39,12 +39,12 @@ _Fraction = Annotated[
 ]
 
 
-def distance_m(one: Array, other: Array) -> float:
+def distance_m(first: Array, second: Array) -> float:
     """Euclidean distance of two points (3,) in m: the only definition by which proximity is decided.
 
     It is spelled out because a BLAS norm may round differently from one processor to the next.
     """
-    x, y, z = (one - other).tolist()
+    x, y, z = (first - second).tolist()
     return math.sqrt(x * x + y * y + z * z)
 
 
@@ -100,7 +100,6 @@ def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
 
     Args:
         raw: ``type`` and the trigger's parameters.
-        where: Name of it in an error.
 
     Raises:
         ManifestError: The type or a field is unknown, a field is missing, or a value breaks its rule.
@@ -236,19 +235,15 @@ class BudgetFraction(Trigger):
         return moment.step >= self.share * moment.budget
 
 
-def _accept(name: str, found: object) -> type[Trigger]:
-    """Return the class of triggers that was registered under ``name``.
-
-    Raises:
-        ValueError: It is not one.
-    """
-    if not (isinstance(found, type) and issubclass(found, Trigger) and is_dataclass(found)):
+def _accept(name: str, candidate: object) -> type[Trigger]:
+    """Return the class of triggers that was registered under ``name``."""
+    if not (isinstance(candidate, type) and issubclass(candidate, Trigger) and is_dataclass(candidate)):
         raise ValueError(
-            f"{found!r} is not a frozen dataclass that extends pytest_libero_max.events.triggers.Trigger"
+            f"{candidate!r} is not a frozen dataclass that extends pytest_libero_max.events.triggers.Trigger"
         )
-    if found.fires is Trigger.fires:
-        raise ValueError(f"{found.__name__} has no rule: define fires(self, moment)")
-    return found
+    if candidate.fires is Trigger.fires:
+        raise ValueError(f"{candidate.__name__} has no rule: define fires(self, moment)")
+    return candidate
 
 
 TRIGGERS: Registry[type[Trigger]] = Registry(

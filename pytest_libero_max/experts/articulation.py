@@ -141,10 +141,8 @@ def push_door(world: PrivilegedWorld, part: Part, target: float, hand: Hand) -> 
     """Push a door along its arc: closed fingers go down beside its upper edge and follow it.
 
     Args:
-        world: The world to read.
         part: The handle of the door, which tells its outside from its inside.
         target: Joint position to which to push it, rad.
-        hand: The hand now.
     """
     model, data = world.model, world.data
     joint = data.joint(part.joint)

@@ -157,8 +157,6 @@ def crowding(view: View, grasp: Grasp, taking: bool) -> float:
     """Return the number of points of the hand that would be inside other things; near ones count in part.
 
     Args:
-        view: The other things.
-        grasp: The pose of the hand.
         taking: True if the space between the fingers counts too, as it does where nothing is held yet.
     """
     turn = hand_orientation(grasp.angle, grasp.tilt, grasp.heading).as_matrix()

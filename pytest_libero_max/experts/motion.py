@@ -79,9 +79,7 @@ def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
     """Actions that move the hand along a route.
 
     Args:
-        hand: The hand now.
         route: At least one waypoint; the last one is held to the end.
-        steps: Number of actions.
 
     Returns:
         (steps, 7) actions, and the rest of the route after each of them.

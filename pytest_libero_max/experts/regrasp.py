@@ -88,7 +88,7 @@ def _handle(view: View) -> Part | None:
     return next(sideways, None)
 
 
-def _joined(one: Boxes, other: Boxes) -> Boxes:
-    pairs = ((one.centre, other.centre), (one.turn, other.turn), (one.half, other.half))
+def _joined(first: Boxes, second: Boxes) -> Boxes:
+    pairs = ((first.centre, second.centre), (first.turn, second.turn), (first.half, second.half))
     centre, turn, half = (np.concatenate(pair) for pair in pairs)
     return Boxes(centre, turn, half)

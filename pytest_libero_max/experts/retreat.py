@@ -21,9 +21,7 @@ def retreat(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
     A hand that points straight down needs no retreat: every route begins upwards.
 
     Args:
-        world: The world to read.
         fact: The next subgoal. Entities that belong to it are no obstacles.
-        hand: The hand now.
 
     Returns:
         The route; empty where no retreat is needed.

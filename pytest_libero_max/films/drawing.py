@@ -61,32 +61,30 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
     """Return the words in the picture of an arm after a number of policy steps.
 
     Args:
-        record: The pair.
-        name: The arm.
         step: Policy steps, of the film; an arm may have ended before.
         shared_until: Policy steps that all arms of the film share.
     """
     arm = record.arms[name]
     steps = arm.steps
-    found: list[Label] = []
+    result: list[Label] = []
     if step < shared_until:
-        found.append(Label("shared prefix", MUTED))
+        result.append(Label("shared prefix", MUTED))
     happened = Counter(
-        _words_of(one, record.variant)
-        for one in happenings(record, arm)
-        if one.firing.step <= step < one.firing.step + EVENT_STEPS
+        _words_of(happening, record.variant)
+        for happening in happenings(record, arm)
+        if happening.firing.step <= step < happening.firing.step + EVENT_STEPS
     )
-    found += [
+    result += [
         Label(what if times == 1 else f"{what}, {times} times", EVENT) for what, times in happened.items()
     ]
     if arm.firings and arm.stale_actions:
         begin = arm.firings[0].step
         if begin < step <= begin + arm.stale_actions and step <= steps:
-            found.append(Label(f"stale action {step - begin} of {arm.stale_actions}", EVENT_INK))
+            result.append(Label(f"stale action {step - begin} of {arm.stale_actions}", EVENT_INK))
     if step >= steps:
         ended = f"{'success' if arm.success else 'failed'} after {counted(steps, 'step')}"
-        found.append(Label(ended, GAIN if arm.success else LOSS))
-    return found
+        result.append(Label(ended, GAIN if arm.success else LOSS))
+    return result
 
 
 def _words_of(happening: Happening, variant: int) -> str:
@@ -107,9 +105,6 @@ def film_frames(
     While nothing new is to be seen, a frame stays for up to a second.
 
     Args:
-        record: The pair.
-        traces: Of its arms, for the curves.
-        ticks: Views, from the first step to the last.
         size: Side of the pictures in ``ticks``, pixels.
         caption: Kind of the pictures, where they are not those of the world's cameras; then each has its
             name below.
@@ -239,8 +234,8 @@ class _Canvas:
             for number, title in enumerate(view.images, start=1):
                 below = top + number * (size + _GAP_PX) - _GAP_PX - self._line_px - 6
                 self._label(pen, (x + 6, below), Label(title, MUTED))
-        said = [Label(words, INK) for words in view.words]
-        for number, label in enumerate([*said, *labels(self._record, name, tick.step, self._shared)]):
+        words_shown = [Label(words, INK) for words in view.words]
+        for number, label in enumerate([*words_shown, *labels(self._record, name, tick.step, self._shared)]):
             self._label(pen, (x + 6, top + 6 + number * (self._line_px + 4)), label)
 
     def _outline(self, pen: ImageDraw.ImageDraw, corners: NDArray[np.int32]) -> None:

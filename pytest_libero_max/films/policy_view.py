@@ -48,7 +48,7 @@ class Shown:
     instruction: Callable[[str], str] = str
     """Converts the policy's instruction to the model's."""
     policy: Policy | None = None
-    """The policy where one was loaded; it is told of the episode."""
+    """The policy where one was loaded; its episode is begun."""
     every_step: bool = False
     """The policy was shown every step, and not queries alone."""
 
@@ -72,14 +72,14 @@ def shown_by(ran: Json, adapter: str | None = None, profile: str | None = None) 
                 "profile", profile, f", but policy {ran['reference']!r} is no server's address."
             )
         return Shown(f"{_AS_DELIVERED}; what the adapter does to them is not known", _delivered)
-    found = _profile_of(ran, profile)
-    if found is None:
+    profile_of_run = _profile_of(ran, profile)
+    if profile_of_run is None:
         return Shown(f"{_AS_DELIVERED}; the profile is not known, give it with --profile", _delivered)
-    if found.get("policy", "declared_by_server", False):
+    if profile_of_run.get("policy", "declared_by_server", False):
         return Shown(f"{_AS_DELIVERED}, which are sent to the server unchanged", _delivered)
-    request, every_step = Request(found), found.get("policy", "every_step", False)
+    request, every_step = Request(profile_of_run), profile_of_run.get("policy", "every_step", False)
     return Shown(
-        f"the images {'of every step ' if every_step else ''}as profile {found.name} sends them",
+        f"the images {'of every step ' if every_step else ''}as profile {profile_of_run.name} sends them",
         lambda observation, query: _images_among(request.visible(observation)),
         request.instruction,
         every_step=every_step,
@@ -94,10 +94,6 @@ def policy_look(
     A policy that was shown every step is followed step by step.
 
     Args:
-        case: The case.
-        record: The record of the pair.
-        traces: Traces, which have the steps of the queries.
-        shown: Conversion to the images.
         size: Side of the pictures in which the images are shown, pixels.
 
     Returns:
@@ -127,9 +123,9 @@ def policy_look(
         if is_over or not (is_query or is_seeing):
             opening = opening_m(world.observe((), 1))
             return View(before.images, opening, before.words) if before else View({}, opening)
-        told = world.language if case.instruction is None else case.instruction
-        index = max(index for asked, index in number[name].items() if asked <= step)
-        query = Query(index, step, told, query_seed(case.policy_seed, index))
+        instruction = world.language if case.instruction is None else case.instruction
+        index = max(index for query_step, index in number[name].items() if query_step <= step)
+        query = Query(index, step, instruction, query_seed(case.policy_seed, index))
         observation: Observation = world.observe(cameras, _size(record))
         for wrapper in wrappers:
             observation = wrapper.seen(observation)
@@ -137,8 +133,8 @@ def policy_look(
         if not images:
             raise ReportError(f"{record.item_id}: there is no image among what the policy was shown.")
         words = [f"query {index} at step {step}" if is_query else f"step {step}"]
-        if shown.instruction(told) != record.instruction:
-            words.append(shown.instruction(told))
+        if shown.instruction(instruction) != record.instruction:
+            words.append(shown.instruction(instruction))
         pictures = {
             f"{label} {image.shape[1]}x{image.shape[0]}": fitted(image, size)
             for label, image in images.items()
@@ -220,22 +216,22 @@ def _by_adapter(ran: Json, adapter: str) -> Shown:
     policy = load_policy(adapter)
 
     def images(observation: Observation, query: Query) -> dict[str, Image]:
-        told = model_inputs(policy, observation, query)
-        if told is None:
+        inputs = model_inputs(policy, observation, query)
+        if inputs is None:
             raise AdapterError(
                 f"policy {policy.spec.name!r} has no model_inputs(observation, query), so what it does to "
                 "its images cannot be seen. Offer it, or leave --adapter out for the images as delivered."
             )
-        return _images_among(told)
+        return _images_among(inputs)
 
     return Shown(f"the images as {adapter} hands them to its model", images, policy=policy)
 
 
-def _profile_of(ran: Json, asked: str | None) -> Profile | None:
+def _profile_of(ran: Json, named: str | None) -> Profile | None:
     """Return the profile of a run, whose digest its provenance has; None where it is not found."""
-    if asked is not None:
-        profile = load_profile(asked)
-        _require_same(ran, profile.digest, f"profile={asked!r}")
+    if named is not None:
+        profile = load_profile(named)
+        _require_same(ran, profile.digest, f"profile={named!r}")
         return profile
     known = map(load_profile, profile_names())  # a file that the run names is not opened
     return next((profile for profile in known if profile.digest == ran.get("code")), None)

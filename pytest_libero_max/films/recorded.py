@@ -44,8 +44,6 @@ def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: s
     """Destination of the film of a pair.
 
     Args:
-        folder: Folder of the films.
-        record: The pair.
         kind: ``mp4`` or ``webp``; None for the format that can be written here.
         view: One of :data:`.media.VIEWS`.
     """
@@ -85,10 +83,7 @@ def film_pair(
 
     Args:
         path: See :func:`film_path`.
-        case: The case of the record.
         world: Its world; it is left anywhere.
-        record: The pair.
-        traces: Of its arms.
         how: Size and the like.
         shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
@@ -139,7 +134,6 @@ class RecordedRun:
         """Do something for which a pair is played again, for example :func:`film_pair`.
 
         Args:
-            record: The pair.
             use: Plays it again; is given its case, its world and the traces of its arms.
 
         Raises:
@@ -201,8 +195,8 @@ class RecordedRun:
         names = [name for name in RENDERING if name in then and then[name] != now.get(name)]
         if not names:
             return None
-        told = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)
-        return f"Drawn by another renderer than in the run ({told}): pixels may differ slightly."
+        differences = ", ".join(f"{name} {then.get(name)} then, {now.get(name)} here" for name in names)
+        return f"Drawn by another renderer than in the run ({differences}): pixels may differ slightly."
 
     def _differences(self, record: PairRecord, case: Case) -> str:
         scene = scene_fingerprints(self.substrate.world(case), case.init_state_index)
@@ -229,7 +223,6 @@ def open_recorded(
     Paths that the run names are not opened (:mod:`~pytest_libero_max.runs.outside`).
 
     Args:
-        folder: The output folder of the run.
         cases: Track or path of a manifest. None: the track of the run.
         installations: LIBERO's folders on this machine. None given: what ``import libero`` finds.
         assets: Models and textures for it. None: its own.
@@ -262,7 +255,6 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     """Return the pairs to film, those of one scene behind each other.
 
     Args:
-        stored: The run.
         names: Item ids, case ids, or expressions over parts of them as for pytest's ``-k``; none: ``which``
             decides.
         which: One of :data:`.media.FILM_SELECTIONS`.
@@ -273,19 +265,19 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     records = sorted(stored.records, key=lambda record: record.item_id)
     if not names:
         return [record for record in records if is_selected(record, which)]
-    asked: set[str] = set()
+    wanted: set[str] = set()
     for name in names:
         exact = {record.item_id for record in records if name in (record.case_id, record.item_id)}
-        found = exact or {record.item_id for record in records if matches(name, _keywords(record))}
-        if not found:
+        matching = exact or {record.item_id for record in records if matches(name, _keywords(record))}
+        if not matching:
             raise OptionError.seen(
                 "case",
                 name,
                 f" is neither a measured pair of this run nor a part of the name of one. "
                 f"{did_you_mean(name, [record.item_id for record in records])}",
             )
-        asked |= found
-    return [record for record in records if record.item_id in asked]
+        wanted |= matching
+    return [record for record in records if record.item_id in wanted]
 
 
 def _keywords(record: PairRecord) -> tuple[str, ...]:

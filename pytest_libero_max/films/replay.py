@@ -85,10 +85,6 @@ def play_again(
     Worlds that are the same bit for bit are drawn once. The world is left anywhere; a reset makes it new.
 
     Args:
-        case: The case of the record.
-        world: Its world.
-        record: The record of the pair.
-        traces: The actions of its arms.
         look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, those of events, and the last one.
         also: Policy steps after which views are made even where they are not shown.

@@ -1,4 +1,4 @@
-"""How the tracks are made, and how the speed of the package is measured. Nothing that plays imports it."""
+"""Making of the tracks, and measuring of the package's speed. Nothing that plays imports it."""
 
 from __future__ import annotations
 

@@ -41,9 +41,7 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     modules whose names are computed at run time.
 
     Args:
-        text: The reference as the user typed it.
         profile: Name or path of the profile, for the address of a server.
-        revision: Identity of the weights behind servers.
 
     Raises:
         AdapterError: The reference leads nowhere, or a file cannot be read.
@@ -81,7 +79,6 @@ def files_read(text: str, run_begun_s: float | None = None) -> Iterator[None]:
     """Collect the files that loading a policy reads in the block, where they belong to its identity.
 
     Args:
-        text: The reference as the user typed it.
         run_begun_s: When the run began, in seconds since 1970; None for now.
     """
     if not names_its_files(text):
@@ -110,13 +107,13 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
     if first is None:
         return ()
     folder, inside = _scope(reference, first)
-    found: set[Path] = set()
+    files: set[Path] = set()
     new = {first, *([] if reference.is_file else _files(tuple(reference.target.split(".")), folder, inside))}
     while new:
-        found |= new
+        files |= new
         names = {name for file in new for name in _imported(file, folder) if name[: len(inside)] == inside}
-        new = {helper for name in names for helper in _files(name, folder, inside)} - found
-    return tuple(sorted(found))
+        new = {helper for name in names for helper in _files(name, folder, inside)} - files
+    return tuple(sorted(files))
 
 
 def _scope(reference: Reference, first: Path) -> tuple[Path | None, tuple[str, ...]]:
@@ -151,7 +148,7 @@ def _imported(file: Path, folder: Path | None) -> Iterator[tuple[str, ...]]:
 
 
 def _ours(names: Iterable[tuple[str, ...]], folder: Path) -> Iterator[tuple[str, ...]]:
-    """Those of the absolute names that are not found elsewhere on the import path first."""
+    """Yield the absolute names that the import path finds in the folder, or nowhere."""
     for name in names:
         spec = find_spec(name[0])
         places = [] if spec is None else [spec.origin, *(spec.submodule_search_locations or ())]

@@ -90,11 +90,7 @@ def read_numbers(value: Any) -> Rows:
 
 
 def _require_unmasked(value: Any) -> None:
-    """Refuse masked values, which a plain array would take for numbers.
-
-    Raises:
-        Unplayable: There is one; names the first.
-    """
+    """Refuse masked values, which a plain array would take for numbers."""
     if not (
         np.ma.isMaskedArray(value)
         or (isinstance(value, list | tuple) and any(map(np.ma.isMaskedArray, value)))

@@ -48,12 +48,12 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
         yield
         return
     own = policy.spec
-    other = at_cadence(own, cadence)
-    if other == own:
+    declared = at_cadence(own, cadence)
+    if declared == own:
         yield
         return
     try:
-        policy.spec = other
+        policy.spec = declared
     except AttributeError as error:
         raise AdapterError(
             f"The spec of policy {own.name!r} cannot be assigned ({error}), but playing it at another "

@@ -53,7 +53,6 @@ def check_policy(policy: Any, where: str) -> Policy:
     """Return ``policy`` if it has every member of the Policy contract.
 
     Args:
-        policy: The object that an adapter offers.
         where: Its name in an error, for example ``adapter.py:policy``.
 
     Raises:
@@ -200,11 +199,7 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
 
 
 def _check_poses(actions: Actions, spec: PolicySpec) -> None:
-    """Refuse poses that are metres away or have more than a whole turn.
-
-    Raises:
-        ActionError: There is one; names the row.
-    """
+    """Refuse poses that are metres away or have more than a whole turn."""
     for what, columns, most, cure in (
         ("position", slice(0, 3), FARTHEST_M, "metres from the world's origin. It is in other units, or"),
         ("rotation", slice(3, 6), MOST_TURN_RAD, "rad. It is in degrees, or no axis times angle, or"),

@@ -208,11 +208,9 @@ class Policy(Protocol):
 
     def reset(self, episode: Episode) -> None:
         """Forget everything: a new episode begins."""
-        ...
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
         """Actions for the coming steps, (n, 7) with Q <= n <= H, within [-1, 1] or poses, as declared."""
-        ...
 
 
 @runtime_checkable
@@ -225,7 +223,6 @@ class SeeingPolicy(Policy, Protocol):
 
     def see(self, observation: Observation, step: int) -> None:
         """Receive the observation before a step; where a query is due, ``predict`` gets it right after."""
-        ...
 
 
 @runtime_checkable
@@ -234,11 +231,9 @@ class RemembersPolicy(Policy, Protocol):
 
     def snapshot(self) -> object:
         """Return a copy of everything that later answers depend on; the policy must not write to it."""
-        ...
 
     def restore(self, memory: object) -> None:
         """Remember what ``snapshot`` copied; the copy must stay as it is, to be restored again."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -265,17 +260,12 @@ class BatchPolicy(Policy, Protocol):
 
         ``reset`` is not called for them: all that an answer depends on is in its item.
         """
-        ...
 
 
 def published_seed(policy_seed: int, query: Query) -> int:
     """Seed of a query as LIBERO-MAX's authors derive it: the first four bytes of SHA-256 of ``seed:index``.
 
     A query after new seeds (a sham event), which they do not have, keeps its own seed.
-
-    Args:
-        policy_seed: Seed of the case.
-        query: The query.
     """
     if query.seed != query_seed(policy_seed, query.index):
         return query.seed
@@ -286,12 +276,11 @@ def query_seed(policy_seed: int, index: int, reseeds: int = 0) -> int:
     """Seed of a query, 0 to 2**32 - 1: the first four bytes of SHA-256 of ``libero-max-query|seed|index``.
 
     Args:
-        policy_seed: Seed of the case.
         index: Number of the query in the episode, from 0.
         reseeds: Number of times that the policy was given new seeds before it; ends the text if not 0.
     """
-    again = f"|{reseeds}" if reseeds else ""
-    digest = hashlib.sha256(f"libero-max-query|{policy_seed}|{index}{again}".encode()).digest()
+    suffix = f"|{reseeds}" if reseeds else ""
+    digest = hashlib.sha256(f"libero-max-query|{policy_seed}|{index}{suffix}".encode()).digest()
     return int.from_bytes(digest[:4], "big")
 
 

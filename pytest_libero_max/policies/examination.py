@@ -73,7 +73,6 @@ def made_up(policy: Policy, world: Any, suite: str = "libero_spatial") -> Shown:
     """Return observations of a world at rest and moved a little, for :func:`examine`.
 
     Args:
-        policy: Policy with the cameras and image size.
         world: A world; it is reset and stepped.
         suite: Of the world's task.
     """
@@ -237,10 +236,10 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
     start(policy, shown.episode)
     first = _ask(policy, shown, 0)
     start(policy, shown.episode)
-    again = _ask(policy, shown, 0)
+    second = _ask(policy, shown, 0)
     start(policy, shown.episode)
-    other = _ask(policy, shown, 0, seed=shown.query(0).seed ^ 0x5A5A)
-    same = first.tobytes() == again.tobytes()
+    reseeded = _ask(policy, shown, 0, seed=shown.query(0).seed ^ 0x5A5A)
+    same = first.tobytes() == second.tobytes()
     if not same and policy.spec.repeatable:
         yield wrong(
             "seed",
@@ -255,7 +254,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "the same query got two different answers, and repeatable=False says so",
             mistake="Measure how often Base flips by itself: --libero-max-noise=floor:16.",
         )
-    elif first.tobytes() == other.tobytes():
+    elif first.tobytes() == reseeded.tobytes():
         yield ok("seed", "deterministic: the same answer with another seed as well")
     else:
         yield ok("seed", "the same query gets the same answer, another seed another one")
@@ -472,8 +471,8 @@ def _unheard() -> Iterator[None]:
 def _inputs(policy: Policy, shown: Shown) -> Iterator[Finding]:
     observation, query = marked_observation(shown.observations[0]), shown.query(0)
     start(policy, shown.episode)
-    told = model_inputs(policy, observation, query)
-    if told is None:
+    inputs = model_inputs(policy, observation, query)
+    if inputs is None:
         yield skip(
             "inputs",
             f"{', '.join(INPUTS)}: the policy does not tell what its model is shown",
@@ -481,4 +480,4 @@ def _inputs(policy: Policy, shown: Shown) -> Iterator[Finding]:
             "hands to the model.",
         )
         return
-    yield from compare_inputs(told, observation)
+    yield from compare_inputs(inputs, observation)

@@ -82,7 +82,6 @@ class FilesRead:
 
         Args:
             folder: The policy's folder; None where it has none.
-            code: Files that the digest of the adapter covers.
             run_begun_s: When the run began, in seconds since 1970; None for now.
         """
         if not self._hooked:  # a hook stays until the process ends
@@ -93,9 +92,9 @@ class FilesRead:
         self._begun_ns = time_ns() - _CLOCK_NS
         self._run_begun_ns = self._begun_ns if run_begun_s is None else int(run_begun_s * 10**9)
         before = {*_open_or_mapped()}
-        with self._collecting() as found:
+        with self._collecting() as opened:
             yield
-        self.files = self._identified(found | dict.fromkeys({*_open_or_mapped()} - before - {*found}, True))
+        self.files = self._identified(opened | dict.fromkeys({*_open_or_mapped()} - before - {*opened}, True))
 
     @contextmanager
     def resetting(self) -> Iterator[None]:
@@ -103,9 +102,9 @@ class FilesRead:
         if not self._begun_ns:
             yield
             return
-        with self._collecting() as found:
+        with self._collecting() as opened:
             yield
-        for name, identity in self._identified(found).items():
+        for name, identity in self._identified(opened).items():
             if self.files.get(name) != identity:
                 self.reset_files[name] = identity
 
@@ -116,10 +115,10 @@ class FilesRead:
 
     @contextmanager
     def _collecting(self) -> Iterator[dict[str, bool]]:
-        self._found = found = dict[str, bool]()
+        self._found = opened = dict[str, bool]()
         try:
             with _noting_safetensors(self.note):
-                yield found
+                yield opened
         finally:
             self._found = None
 
@@ -136,15 +135,15 @@ class FilesRead:
         self.note(name, is_read=flags & os.O_ACCMODE != os.O_WRONLY and not flags & os.O_TRUNC)
 
     def _identified(self, paths: Mapping[str, bool]) -> dict[str, FileIdentity]:
-        found: dict[str, FileIdentity] = {}
+        identities: dict[str, FileIdentity] = {}
         for path, is_read in sorted(paths.items()):
             with suppress(OSError):  # it is gone, or cannot be read any more
                 if self._counts(Path(path)) and (is_read or self._is_written(path)):
                     name = _name(Path(path), self._folder)
-                    if name in found:  # of the same name, in another folder
+                    if name in identities:  # of the same name, in another folder
                         name = "/".join(Path(path).parts[-2:])
-                    found[name] = self._identity(path)
-        return found
+                    identities[name] = self._identity(path)
+        return identities
 
     def _identity(self, path: str) -> FileIdentity:
         real = Path(os.path.realpath(path))
@@ -163,11 +162,7 @@ class FilesRead:
         return Path(path).stat().st_mtime_ns >= self._begun_ns
 
     def _counts(self, path: Path) -> bool:
-        """Return True if a file belongs to the identity of the policy.
-
-        Raises:
-            OSError: It is gone.
-        """
+        """Return True if a file belongs to the identity of the policy."""
         if path.suffix == ".py" and (
             self._folder is None
             or not path.is_relative_to(self._folder)

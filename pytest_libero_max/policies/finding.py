@@ -54,7 +54,7 @@ class Shown:
     """Observations and queries that a policy is examined with."""
 
     episode: Episode
-    """Of all queries."""
+    """Number of all queries."""
     observations: tuple[Observation, ...]
     """At least four that differ in everything, as a world gives them."""
 

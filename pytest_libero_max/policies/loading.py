@@ -61,11 +61,9 @@ def load_policy(
     has a private name, and spawned processes cannot import it.
 
     Args:
-        text: The reference as the user typed it.
         horizon: Replaces H of the adapter's spec.
         query_interval: Replaces Q of the adapter's spec.
         profile: Name or path of the profile of a policy behind a server.
-        revision: Identity of the weights behind servers.
         seat: Number of this process among those that play; spreads them over several servers.
 
     Returns:
@@ -339,7 +337,6 @@ def override(policy: Policy, where: str, horizon: int | None, query_interval: in
 
     Args:
         policy: The policy; its ``spec`` is assigned.
-        where: Its name for messages.
         horizon: Replaces H; None for its own.
         query_interval: Replaces Q; None for its own.
 

@@ -31,7 +31,7 @@ _TURNS: Mapping[str, Callable[[Image], Image]] = MappingProxyType(
 USUAL = "rotated by 180 degrees"
 
 INPUTS = ("orientation and colours of images", "which camera is which", "orientation of the hand")
-"""What is compared of the inputs of a model, and of nothing else."""
+"""Attributes of the inputs that are compared; others are not."""
 
 _SAMPLES = 32
 """Rows, and columns, of an image that are compared."""
@@ -46,13 +46,13 @@ def model_inputs(policy: Policy, observation: Observation, query: Query) -> dict
     if tell is None:
         return None
     try:
-        told = dict(tell(observation, query))
+        inputs = dict(tell(observation, query))
     except Exception as error:  # an adapter may raise anything
         raise AdapterError(
             f"policy {policy.spec.name!r} raised {type(error).__name__} in model_inputs: {error}. Repair "
             "the adapter."
         ) from error
-    return {str(key): np.asarray(value) for key, value in told.items()}
+    return {str(key): np.asarray(value) for key, value in inputs.items()}
 
 
 def as_image(array: NDArray[Any]) -> Image | None:
@@ -89,7 +89,7 @@ def marked_observation(observation: Observation) -> dict[str, NDArray[Any]]:
     return marked
 
 
-def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -> Iterator[Finding]:
+def compare_inputs(inputs: Mapping[str, NDArray[Any]], observation: Observation) -> Iterator[Finding]:
     """Compare the inputs of a model with the observation that they were made from.
 
     Args:
@@ -102,7 +102,7 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
     }
     compared: set[str] = set()
     oriented = False
-    for name, array in told.items():
+    for name, array in inputs.items():
         images = _images(name, array, observation)
         for part, image in images:
             # Frames of one camera have one place among the inputs.
@@ -121,9 +121,9 @@ def compare_inputs(told: Mapping[str, NDArray[Any]], observation: Observation) -
             yield from filter(None, [state])
     for camera in views:
         if camera not in compared:
-            yield skip("inputs", f"no image of {camera} was recognised among {', '.join(told)}")
+            yield skip("inputs", f"no image of {camera} was recognised among {', '.join(inputs)}")
     if not oriented:
-        yield skip("inputs", f"the orientation of the hand was recognised in none of {', '.join(told)}")
+        yield skip("inputs", f"the orientation of the hand was recognised in none of {', '.join(inputs)}")
 
 
 def _sees(observation: Observation, camera: str) -> bool:
@@ -151,7 +151,7 @@ def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str
 
 
 class _View(NamedTuple):
-    """What an image shows: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
+    """Content of an image: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
 
     camera: str
     turn: str
@@ -223,7 +223,7 @@ def _one_image(name: str, view: _View, meant: str | None) -> Iterator[Finding]:
         yield ok(where, f"{view.camera}, {view.turn}{'' if view.whole else ', a part of it'}")
 
 
-def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
+def picture_sheet(inputs: Mapping[str, NDArray[Any]]) -> Image:
     """Return the images among a model's inputs, side by side with their names, each 256 pixels high.
 
     Args:
@@ -235,7 +235,7 @@ def picture_sheet(told: Mapping[str, NDArray[Any]]) -> Image:
     from PIL import Image as pillow
     from PIL import ImageDraw
 
-    images = [(name, image) for name, array in told.items() if (image := as_image(array)) is not None]
+    images = [(name, image) for name, array in inputs.items() if (image := as_image(array)) is not None]
     if not images:
         raise AdapterError("There is no image among what the model is shown.")
     side, margin = 256, 20

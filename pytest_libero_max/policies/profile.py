@@ -127,8 +127,8 @@ class Profile:
     @property
     def digest(self) -> str:
         """SHA-256 of its content, hexadecimal, without ``native`` and ``sources``."""
-        said = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
-        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+        tables = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
+        return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
     @property
     def suites(self) -> tuple[str, ...] | None:
@@ -136,11 +136,11 @@ class Profile:
 
         A server that was started with the statistics of one suite (``policy.unnorm_key``) plays that alone.
         """
-        told = self.get("policy", "suites")
-        if told is not None:
-            return tuple(told)
-        one = suite_of_key(self.get("policy", "unnorm_key") or self.get("actions", "statistics_key"))
-        return None if one is None else (one,)
+        declared = self.get("policy", "suites")
+        if declared is not None:
+            return tuple(declared)
+        suite = suite_of_key(self.get("policy", "unnorm_key") or self.get("actions", "statistics_key"))
+        return None if suite is None else (suite,)
 
     def unknown(self) -> tuple[str, ...]:
         """Return the fields that could not be established, for example ``policy.horizon``."""
@@ -169,8 +169,8 @@ def suite_of_key(key: str | None) -> str | None:
 
     None where it names none, or several.
     """
-    found = [] if key is None else re.findall(r"libero_(?:spatial|object|goal|10|90)(?![0-9])", key)
-    return found[0] if len(set(found)) == 1 else None
+    matches = [] if key is None else re.findall(r"libero_(?:spatial|object|goal|10|90)(?![0-9])", key)
+    return matches[0] if len(set(matches)) == 1 else None
 
 
 def declares_weights(revision: str) -> bool:
@@ -210,10 +210,10 @@ def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def _load(text: str, beside: Path, above: tuple[Path, ...]) -> Profile:
     path = beside / text if text.endswith(".toml") else FOLDER / f"{text}.toml"
     try:
-        found = path.is_file()
+        exists = path.is_file()
     except OSError:  # the name is too long to be one
-        found = False
-    if not found:
+        exists = False
+    if not exists:
         hint = (
             "Check the path."
             if text.endswith(".toml")

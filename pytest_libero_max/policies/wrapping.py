@@ -25,7 +25,6 @@ class WrappedPolicy:
             inside as well.
 
     Args:
-        policy: The policy inside.
         words: Name and setting of the wrapper, for example ``restore=gated``.
 
     Raises:

@@ -19,9 +19,7 @@ from pytest_libero_max.report.base_failures import base_failures
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.monitors import monitor_sections
 from pytest_libero_max.report.probe_means import probe_means
-from pytest_libero_max.report.repeats import repeats_section
 from pytest_libero_max.report.report_document import (
     Cell,
     ClippedActions,
@@ -39,12 +37,12 @@ from pytest_libero_max.report.report_document import (
     Returned,
     Stop,
 )
-from pytest_libero_max.report.safety import safety_section
-from pytest_libero_max.report.sham import sham_of
+from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.sections import measured_sections
 from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
-from pytest_libero_max.report.timing import success_curves, timing_section
+from pytest_libero_max.report.timing import success_curves
 from pytest_libero_max.report.writers.summary import alarm_texts
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
@@ -61,7 +59,6 @@ from pytest_libero_max.stats.measured import (
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.registry import scores_of
 
 METHODS: Mapping[str, str | float] = {
@@ -128,7 +125,8 @@ def build_report(
     planned = [pair for pair in planned if pair.case_id not in unsupported]
     measured = [pair for pair in planned if pair.case_id in played]
     in_order = [played[pair.case_id] for pair in measured]
-    columns = columns_of(in_order, [pair.task for pair in measured])
+    tasks, protocol = [pair.task for pair in measured], provenance["protocol"]
+    columns = columns_of(in_order, tasks)
     overall = structs.replace(measure(columns, len(planned)), probes=probe_means(in_order))
     selection = _selection(provenance)
     counts = _counts(
@@ -140,13 +138,8 @@ def build_report(
         unsupported=unsupported,
         stopped=_stop(stopped, order, (*played.values(), *errors), provenance),
     )
-    study = study_of(in_order, [pair.task for pair in measured], provenance["protocol"])
     groups = {name: _group(planned, measured, columns, in_order, name) for name in DIMENSIONS}
     with_intervals = counts.stopped is None or counts.stopped.rule is None
-    sections = timing_section(in_order, [pair.task for pair in measured], with_intervals=with_intervals)
-    if study is not None and study.name == Repeats.name:
-        tasks = [pair.task for pair in measured]
-        sections = repeats_section(in_order, tasks, with_intervals=with_intervals) | sections
     report = Report(
         pairs=counts,
         selection=selection,
@@ -157,7 +150,6 @@ def build_report(
         caveats=caveats_of(map(Played.of, in_order)),
         overall=overall,
         noise_floor=_noise_floor(played.values()),
-        sham=sham_of(played.values()),
         returned=_returned(played.values()),
         clipped_actions=_clipped_actions(played.values()),
         changed_pairs=changed_pairs(played.values()),
@@ -169,12 +161,8 @@ def build_report(
         largest_split=largest_split(_variants(groups["variant"])),
         extremes=_extremes(groups["category"]),
         success_curves=success_curves(in_order),
-        study=study,
-        sections={
-            **sections,
-            **safety_section(in_order, with_intervals=with_intervals),
-            **monitor_sections(in_order, with_intervals=with_intervals),
-        },
+        study=study_of(in_order, tasks, protocol),
+        sections=measured_sections(PlayedPairs(in_order, tasks, protocol, with_intervals)),
         statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
         methods=dict(METHODS),
         provenance=provenance,

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pytest_libero_max.report import monitors, repeats, safety, timing
-from pytest_libero_max.report.measures import Measured
+from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.measures import Measured, measures_of
 from pytest_libero_max.report.probe_means import probe_key, probe_quantity
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.stats.blocks import Measure
+from pytest_libero_max.report.report_section import ReportSection
+from pytest_libero_max.report.sections import SECTIONS
 
 GATED = {column.gate or column.key: column for column in QUANTITIES if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""
@@ -21,29 +22,19 @@ COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
 WHOLE_TRACK = "whole_track"
 """1 where the run planned every case of its track or manifest and its policy supports all, else 0."""
 
-MEASURED = {one.key: one for module in (safety, timing, repeats) for one in module.QUANTITIES}
-"""Quantities of the sections of a run, by the name that gates use."""
-
-_WATCHED = {one.key: safety.PROBE for one in safety.QUANTITIES}
-_WATCHED |= {one.key: timing.PROBE for one in timing.OF_MOTION}
-
-_MONITOR = "monitor"
-"""First part of the names of the quantities of monitors, which are of probes of any name."""
-
 LARGEST = "largest"
 """The largest value of a pair, of a column of a probe, whose mean has no part."""
 
-BEYOND_SHAM = "beyond_sham"
-"""Dynamic success less that of the sham event, on the pairs that played it (``noise=sham:SHARE``)."""
+
+def section_quantities() -> dict[str, Measured]:
+    """Return the quantities of the sections of a run that have a fixed name, by the name that gates use."""
+    return {one.key: one for section in SECTIONS.values() for one in section.quantities}
 
 
-def measured_called(name: str) -> Measured | None:
-    """Return a quantity of a section; None for another."""
-    kind, _, rest = name.partition(".")
-    if kind != _MONITOR:
-        return MEASURED.get(name)
-    row = next((row for key, row in monitors.ROWS.items() if rest.endswith(f".{key}")), None)
-    return None if row is None else Measured(name, *row)
+def section_of(name: str) -> tuple[ReportSection, Measured] | None:
+    """Return the section that a quantity is of, and the quantity; None for one of no section."""
+    candidates = ((section, section.quantity(name)) for section in SECTIONS.values())
+    return next(((section, measured) for section, measured in candidates if measured is not None), None)
 
 
 def is_of_pairs(name: str) -> bool:
@@ -53,12 +44,9 @@ def is_of_pairs(name: str) -> bool:
 
 def probe_of(name: str) -> str | None:
     """Return the probe that a quantity is measured by; None for one that needs none."""
-    kind, _, rest = name.partition(".")
-    if kind == _MONITOR:
-        return rest.partition(".")[0]
-    if name in (*MEASURED, *GATED, *COUNTS, WHOLE_TRACK, BEYOND_SHAM):
-        return _WATCHED.get(name)
-    return kind
+    if (place := section_of(name)) is not None:
+        return place[1].probe or None
+    return None if name in (*GATED, *COUNTS, WHOLE_TRACK) else name.partition(".")[0]
 
 
 def probe_column(parts: Sequence[str], text: str) -> tuple[str, str | None] | None:
@@ -75,12 +63,16 @@ def row_quantity(name: str) -> Quantity[Any]:
 
 def section_value(name: str, end: str | None, report: Report) -> tuple[float | None, str]:
     """Return a quantity of a section, or the end of its interval; or None, and the reason it is not known."""
-    counts = report.pairs
+    counts, place = report.pairs, section_of(name)
+    assert place is not None
+    section, measured = place
     if not counts.complete:
         return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
-    for section in report.sections.values():
-        for measure in section.values():
-            if isinstance(measure, Measure) and measure.key == name:
-                lack = measure.lack or "no pair to measure it on, or too few for an interval"
-                return getattr(measure, end or "value"), lack
-    return None, f"the report has no {name}: no pair was played with the probe or study that it needs"
+    measure = measures_of(report.sections).get(name)
+    if measure is None:
+        option = f"--libero-max-probe={measured.probe}" if measured.probe else section.option
+        return None, f"no pair has {name}{f'. Add {option}' if option else ''}"
+    if measured.of_change and (lacks := lacks_of(report.overall)):
+        return None, "; ".join(lacks)
+    lack = measure.lack or "no pair to measure it on, or too few for an interval"
+    return getattr(measure, end or "value"), lack

@@ -6,8 +6,7 @@ The language::
     operator  = ">=" | "<=" | ">" | "<" | "==" | "!="
     number    = a decimal number, or a percentage such as 60% (exactly 0.6)
     quantity  = [scope "."] name ["." end]   a rate, a change, a count or a summary of the run
-              | "beyond_sham" ["." end]      Dynamic less the sham event: losses beyond the policy's chance
-              | section ["." end]            a number of a section, for example safety.unsafe.change
+              | section ["." end]            a number of a section, for example timing.mean.change
               | [scope "."] probe "." column ["." arm] [".largest"]   a column of a probe, by default in
                                              Dynamic: its mean over the pairs, or the largest value of one
               | name "(" run options ")" ["." end]   the same cases now and in another run, by its folder
@@ -76,14 +75,13 @@ from pytest_libero_max.report.formats import (
 )
 from pytest_libero_max.report.gate_arguments import RunArguments, read_arguments
 from pytest_libero_max.report.gate_quantities import (
-    BEYOND_SHAM,
     COUNTS,
     GATED,
-    MEASURED,
     WHOLE_TRACK,
-    measured_called,
     probe_column,
     row_quantity,
+    section_of,
+    section_quantities,
     section_value,
 )
 from pytest_libero_max.report.measurable import lacks_of
@@ -278,10 +276,8 @@ def scale_of(name: str) -> Scale:
         return SHARE
     if name == WHOLE_TRACK:
         return _FLAG
-    if name == BEYOND_SHAM:
-        return DIFFERENCE
-    if (measured := measured_called(name)) is not None:
-        return UNITS[measured.unit].scale
+    if (place := section_of(name)) is not None:
+        return UNITS[place[1].unit].scale
     if name not in (*COUNTS, *GATED):
         return NUMBER
     return COUNT if name in COUNTS else GATED[name].format.scale
@@ -353,9 +349,7 @@ def evaluate_gate(
         value, lack = getattr(report.pairs, gate.name), ""
     elif gate.name == WHOLE_TRACK:
         value, lack = _whole_track(report)
-    elif gate.name == BEYOND_SHAM:
-        value, lack = _beyond_sham(gate, report)
-    elif measured_called(gate.name) is not None:
+    elif section_of(gate.name) is not None:
         value, lack = section_value(gate.name, gate.end, report)
     else:
         value, lack = _in_block(gate, report)
@@ -425,7 +419,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         scope = (parts[0], parts[1])
         _check_group(scope, text)
         parts = parts[2:]
-    of_run = (*COUNTS, WHOLE_TRACK, BEYOND_SHAM, *MEASURED)
+    of_run = (*COUNTS, WHOLE_TRACK, *section_quantities())
     known = [*GATED, *(of_run if scope is None else COUNTS[:2])]
     words = next((words for words in range(len(parts), 0, -1) if _is_known(parts[:words], known, scope)), 0)
     name, ends = ".".join(parts[:words]), parts[words:]
@@ -439,10 +433,8 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
             "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
         )
     quantity_of_row = GATED.get(name)
-    has_ends = (
-        name == BEYOND_SHAM
-        or measured_called(name) is not None
-        or (quantity_of_row is not None and quantity_of_row.format.has_interval)
+    has_ends = section_of(name) is not None or (
+        quantity_of_row is not None and quantity_of_row.format.has_interval
     )
     if len(ends) > 1 or (ends and not has_ends):
         raise OptionError.seen(
@@ -453,7 +445,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
 
 def _is_known(parts: Sequence[str], known: Sequence[str], scope: tuple[str, str] | None) -> bool:
     name = ".".join(parts)
-    return name in known or (scope is None and measured_called(name) is not None)
+    return name in known or (scope is None and section_of(name) is not None)
 
 
 def _end(end: str | None, text: str) -> str | None:
@@ -547,18 +539,6 @@ def _whole_track(report: Report) -> tuple[float | None, str]:
     if selection.whole and name in all_track_names() and selection.of != len(load_track(name)):
         return None, f"the run says that {name} has {selection.of} cases, but it has {len(load_track(name))}"
     return int(selection.whole and not report.pairs.unsupported), ""
-
-
-def _beyond_sham(gate: Gate, report: Report) -> tuple[float | None, str]:
-    sham = report.sham
-    if sham is None:
-        return None, "no pair played the sham event. Add --libero-max-noise=sham:SHARE"
-    if not report.pairs.complete:
-        counts = report.pairs
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
-    if lacks := lacks_of(report.overall):
-        return None, "; ".join(lacks)
-    return getattr(sham.beyond, gate.end or "value"), "no pair to measure it on"
 
 
 def _versus(

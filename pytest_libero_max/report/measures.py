@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
+from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.formats import (
     AMOUNT,
+    COUNT,
     DIFFERENCE,
     NOT_AVAILABLE,
     NUMBER,
+    P_VALUE,
     SHARE,
+    Format,
     Scale,
+    p_number,
     tenths,
 )
+from pytest_libero_max.report.quantities import TEXT, Cell
+from pytest_libero_max.stats import ratios
 from pytest_libero_max.stats.blocks import MeanDifference, Measure, Rate, Ratio
 from pytest_libero_max.stats.durations import median_interval
 from pytest_libero_max.stats.intervals import Interval
-from pytest_libero_max.stats.measured import number
+from pytest_libero_max.stats.measured import number, rate_of, table_change_of, without_intervals
+from pytest_libero_max.stats.outcome_table import tabulate
 
 Plain = str | int | float | bool | None
 Rows = dict[str, Measure | Plain]
@@ -42,6 +52,8 @@ class Unit(NamedTuple):
         """Return a value without the unit."""
         if self.scale in (SHARE, DIFFERENCE):
             return tenths(value, self.sign, self.digits)
+        if self.scale is P_VALUE:
+            return p_number(math.log10(max(value, sys.float_info.min)))  # of 0 there is no logarithm
         return f"{value:+.{self.digits}f}" if self.sign else f"{value:.{self.digits}f}"
 
 
@@ -55,6 +67,8 @@ UNITS: Mapping[str, Unit] = {
     "m": Unit(AMOUNT, 2, False, " m"),
     "m/s^3": Unit(AMOUNT, 1, False, " m/s^3"),
     "times": Unit(AMOUNT, 2, False, ""),
+    "cases": Unit(COUNT, 0, False, ""),
+    "p": Unit(P_VALUE, 3, False, ""),
 }
 """Units by the name that measures have in the report."""
 
@@ -71,12 +85,44 @@ def measure_text(measure: Measure) -> str:
     return text if measure.of is None else f"{text}  {measure.count}/{measure.of}{pairs}"
 
 
-def section_rows(section: Mapping[str, Measure | Plain]) -> list[tuple[str, object]]:
-    """Return names and values of a section for people."""
-    return [
-        (name, measure_text(value) if isinstance(value, Measure) else value)
-        for name, value in section.items()
+@dataclass(frozen=True)
+class _AsMeasured(Format):
+    """A measure with its interval and its counts; None for none."""
+
+    has_interval: ClassVar[bool] = True
+
+    def long(self, value: Measure) -> str:
+        return measure_text(value)
+
+    def numbers(self, value: Measure | None) -> dict[str, float | None]:
+        if value is None:
+            return {"": None, "_lower": None, "_upper": None}
+        return {"": value.value, "_lower": value.lower, "_upper": value.upper}
+
+
+MEASURE = _AsMeasured()
+
+
+def rows_table(rows: Mapping[str, Measure | Plain], note: str = "") -> Table:
+    """Return names and values as a table."""
+    cells = [
+        (name, Cell(value, MEASURE if isinstance(value, Measure) else TEXT)) for name, value in rows.items()
     ]
+    return Table("", ("Name", "Value"), cells, note)
+
+
+def rows_without_intervals(rows: Rows) -> Rows:
+    """Return names and values of a run that a rule has stopped, whose intervals would not hold."""
+    return {
+        name: without_intervals(value) if isinstance(value, Measure) else value
+        for name, value in rows.items()
+    }
+
+
+def measures_of(sections: Mapping[str, Mapping[str, Measure | Plain]]) -> dict[str, Measure]:
+    """Return the measures of the sections of a report by their keys."""
+    values = (value for rows in sections.values() for value in rows.values())
+    return {value.key: value for value in values if isinstance(value, Measure)}
 
 
 @dataclass(frozen=True)
@@ -89,6 +135,13 @@ class Measured:
     """Name of its row."""
     unit: str
     """One of :data:`UNITS`."""
+    probe: str = ""
+    """Probe that it needs; empty for none."""
+    line: str = ""
+    """Title of its line in the terminal, at most 31 characters; empty for no line there."""
+    of_change: bool = False
+    """True for what the event changed, which needs pairs that can show it (see
+    :mod:`pytest_libero_max.report.measurable`)."""
 
     def row(self, value: float | None, interval: Interval | None = None, **more: Any) -> Rows:
         """Return the row of a value with its interval."""
@@ -105,6 +158,15 @@ class Measured:
             more |= {"count": block.count, "of": block.of}
         return {self.title: Measure(key=self.key, unit=self.unit, value=block.value, **more)}
 
+    def share(self, ends: Iterable[bool], *, with_interval: bool = True) -> Rows:
+        """Return the row of a share of pairs, with its exact interval."""
+        values = [*ends]
+        return self.ratio(rate_of(ratios.Ratio(sum(values), len(values)), with_interval=with_interval))
+
+    def change(self, base: Sequence[bool], dynamic: Sequence[bool], *, with_interval: bool = True) -> Rows:
+        """Return the row of the second share of the same pairs less the first, with its exact interval."""
+        return self.ratio(table_change_of(tabulate(base, dynamic), with_interval=with_interval))
+
     def median(self, values: Sequence[float | None], *, with_interval: bool = True) -> Rows:
         """Return the row of the median of the values that exist, with the number of these."""
         known = [value for value in values if value is not None]
@@ -113,9 +175,9 @@ class Measured:
         return self.row(middle, interval, count=len(known), of=len(values))
 
 
-def in_both_arms(key: str, title: str, unit: str) -> tuple[Measured, Measured]:
+def in_both_arms(key: str, title: str, unit: str, probe: str = "") -> tuple[Measured, Measured]:
     """Return a quantity of Base and of Dynamic."""
     return (
-        Measured(f"{key}.base", f"{title}, Base", unit),
-        Measured(f"{key}.dynamic", f"{title}, Dynamic", unit),
+        Measured(f"{key}.base", f"{title}, Base", unit, probe),
+        Measured(f"{key}.dynamic", f"{title}, Dynamic", unit, probe),
     )

@@ -5,11 +5,12 @@ from __future__ import annotations
 from msgspec.structs import asdict
 
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.stats.blocks import Change, Rate, Result
+from pytest_libero_max.report.sections import main_measures
+from pytest_libero_max.stats.blocks import Change, Measure, Rate, Result
 
 
 def main_numbers(report: Report) -> dict[str, float]:
-    """Pairs and outcomes; rates and changes with their intervals, over all pairs and by event.
+    """Pairs and outcomes; rates, changes and numbers of sections with their intervals, and rates by event.
 
     A run that is incomplete has counts, and no rates: it has no score.
 
@@ -25,10 +26,16 @@ def main_numbers(report: Report) -> dict[str, float]:
     found |= {f"outcomes/{name}": count for name, count in asdict(overall.outcomes).items()}
     if pairs.complete:
         for name, block in _main(overall).items():
-            found |= {name: block.value, f"{name}_lower": block.lower, f"{name}_upper": block.upper}
+            found |= _with_ends(name, block)
+        for _, measure in main_measures(report):
+            found |= _with_ends(f"sections/{measure.key}", measure)
         for event, row in report.by["event"].items():
             found |= {f"events/{event}/{name}": block.value for name, block in _main(row).items()}
     return {name: value for name, value in found.items() if value is not None}
+
+
+def _with_ends(name: str, block: Rate | Change | Measure) -> dict[str, float | None]:
+    return {name: block.value, f"{name}_lower": block.lower, f"{name}_upper": block.upper}
 
 
 def _main(row: Result) -> dict[str, Rate | Change]:

@@ -14,7 +14,6 @@ from pytest_libero_max.stats.blocks import (
     Change,
     Count,
     Macro,
-    MeanDifference,
     Measure,
     Outcomes,
     Positive,
@@ -27,7 +26,7 @@ from pytest_libero_max.stats.blocks import (
     Text,
 )
 
-REPORT_VERSION: Final = 5
+REPORT_VERSION: Final = 6
 
 
 class Watched(Block, frozen=True, kw_only=True):
@@ -221,41 +220,6 @@ class Returned(Block, frozen=True, kw_only=True):
     """The largest."""
 
 
-class Chance(Block, frozen=True, kw_only=True):
-    """Base and Dynamic played twice from the event on: flips by the policy's own chance, and beyond it."""
-
-    flips: Rate
-    """Pairs of which Base and Dynamic end differently."""
-    base_flips: Rate
-    """Pairs of which the two Bases end differently."""
-    dynamic_flips: Rate
-    """Pairs of which the two Dynamics end differently."""
-    floor: Share
-    """Share of the pairs that flip by chance where the event does nothing more: the mean of the two."""
-    beyond: MeanDifference
-    """Mean of (Dynamic - Base) of the first rollouts times that of the second: flips less the floor, without
-    bias. Its interval is exact."""
-
-
-class Sham(Block, frozen=True, kw_only=True):
-    """A sham event on some pairs: the policy was given other seeds at the event's moment, nothing changed."""
-
-    pairs: Positive
-    """Pairs in which it was played."""
-    identical: Ratio
-    """Pairs in which the rollout stayed that of Base, bit for bit."""
-    lost: Rate
-    """Base successes that fail after the sham event."""
-    gained: Rate
-    """Base failures that succeed after it."""
-    event_lost: Rate
-    """Base successes of the same pairs that fail in Dynamic."""
-    beyond: MeanDifference
-    """Success in Dynamic less success after the sham event, over the same pairs."""
-    chance: Chance | None = None
-    """Flips by chance and beyond it; None for runs that did not play Dynamic twice."""
-
-
 class ClippedActions(Block, frozen=True, kw_only=True):
     """Action components outside [-1, 1], which the controller clips."""
 
@@ -341,7 +305,7 @@ class SuccessCurves(Block, frozen=True, kw_only=True):
 class Report(Block, frozen=True, kw_only=True):
     """The report of a run: everything that is computed from its pairs."""
 
-    schema_version: Literal[5] = REPORT_VERSION
+    schema_version: Literal[6] = REPORT_VERSION
     """Version of this document's form; it changes when a field is added, removed or given another meaning."""
     pairs: PairCounts
     """Pairs that were planned, played and lost, and which were lost."""
@@ -367,8 +331,6 @@ class Report(Block, frozen=True, kw_only=True):
     noise_floor: NoiseFloor | None
     """Base played twice on some cases: how often the second ended otherwise, and how often it was the same
     bit for bit."""
-    sham: Sham | None = None
-    """A sham event on some pairs, whose losses are the policy's own chance; None where none was played."""
     returned: Returned | None = None
     """Numbers of actions that the policy's servers returned; None where no record says."""
     clipped_actions: ClippedActions | None
@@ -398,8 +360,8 @@ class Report(Block, frozen=True, kw_only=True):
     study: Study | None = None
     """Results of the study of the run; None for a run of no study."""
     sections: dict[str, dict[str, Measure | str | int | float | bool | None]]
-    """Tables, titles with names and values: how long it took, what monitors and repeats show, and what hooks
-    of the user's own have added, which is not computed from the pairs."""
+    """Tables, titles with names and values: how long it took, sections that installed packages add, and what
+    hooks of the user's own have added, which is not computed from the pairs."""
     statements: dict[str, Text]
     """Limits of these numbers: sentences by a stable key."""
     methods: dict[str, str | float]

@@ -10,11 +10,13 @@ from msgspec.structs import asdict
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import Number
+from pytest_libero_max.report.measures import MEASURE, measures_of
 from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.quantities import QUANTITIES, TEXT, Cell, Quantity, quantities_in
 from pytest_libero_max.report.render.tables import table_csv, table_latex
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.summary import title_text
+from pytest_libero_max.stats.blocks import Measure, Result
 
 ALL_PAIRS = "overall"
 
@@ -27,8 +29,19 @@ def csv_text(report: Report) -> str:
 
     Rates are fractions; a value that does not exist is empty.
     """
-    quantities = (*QUANTITIES, *probe_quantities([report.overall]))
+    quantities = (*QUANTITIES, *probe_quantities([report.overall]), *_of_sections(report))
     return table_csv(Table("", ("dimension", "group", *quantities), [*_rows(report, quantities)]))
+
+
+def _of_sections(report: Report) -> Iterator[Quantity[Any]]:
+    """Yield the numbers of sections, which are of all pairs and of no group."""
+    measures = measures_of(report.sections)
+    for key in measures:
+
+        def value(row: Result, key: str = key) -> Measure | None:
+            return measures[key] if row is report.overall else None
+
+        yield Quantity(key, key, value, MEASURE, tables=())
 
 
 def _rows(report: Report, quantities: Sequence[Quantity[Any]]) -> Iterator[Sequence[Any]]:

@@ -1,43 +1,96 @@
-"""Sections of a report: titles with tables of names and values, to which a user's hook may add."""
+"""Sections of a report: those that packages add by entry points, and tables that a user's hook adds."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
 from math import isfinite
-from typing import NamedTuple
 
 import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
-from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report import probe_means, repeats, timing
-from pytest_libero_max.report.measures import Rows, section_rows
+from pytest_libero_max.errors import OptionError, ReportError, did_you_mean
+from pytest_libero_max.registry import Registry, references
+from pytest_libero_max.report import probe_means
+from pytest_libero_max.report.document import Section, Table
+from pytest_libero_max.report.measures import UNITS, Rows, measures_of, rows_table
 from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.report_document import Report
-
-NOTES: Mapping[str, str] = {timing.TITLE: timing.NOTE, repeats.TITLE: repeats.NOTE}
-"""Help for reading a section, by its title."""
-
-
-class ShownSection(NamedTuple):
-    """A section as writers print it."""
-
-    title: str
-    """Heading."""
-    note: str
-    """Help for reading it; empty for none."""
-    rows: Sequence[tuple[str, object]]
-    """Names and values."""
+from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.stats.blocks import Measure
 
 
-def shown_sections(report: Report) -> list[ShownSection]:
-    """Return the sections of a report, and the columns of probes over all pairs."""
+def _accept(name: str, kind: object) -> ReportSection:
+    """Return the section that was registered under a name.
+
+    Raises:
+        ValueError: It is none, or one of its quantities has an unknown unit.
+    """
+    if not (isinstance(kind, type) and issubclass(kind, ReportSection)) or inspect.isabstract(kind):
+        raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.ReportSection with tables()")
+    section = kind()
+    for one in section.quantities:
+        if one.unit not in UNITS:
+            raise ValueError(f"{one.key} has unit={one.unit!r}. {did_you_mean(one.unit, UNITS)}")
+    return section
+
+
+SECTIONS: Registry[ReportSection] = Registry(
+    "report section",
+    "pytest_libero_max.sections",
+    references("pytest_libero_max.report", lambda: {"timing": "timing:Timing"}),
+    _accept,
+    OptionError,
+    attribute="name",
+)
+"""The sections of every report by name: this package's, then those that installed packages add."""
+
+
+def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
+    """Return what ``report.sections`` stores, of every section that has something to say of these pairs.
+
+    Raises:
+        ReportError: A section of another package fails.
+    """
+    tables: dict[str, Rows] = {}
+    for name, section in SECTIONS.items():
+        try:
+            tables |= section.tables(played)
+        except Exception as error:  # somebody else's code may raise anything
+            raise ReportError(
+                f"The report section {name!r} failed ({type(error).__name__}: {error}). Repair the package "
+                "that adds it or uninstall it, and compute the report again."
+            ) from error
+    return tables
+
+
+def shown_sections(report: Report) -> list[Section]:
+    """Return the sections of a report as they are shown, and the columns of probes over all pairs."""
+    own = {title: part for section in SECTIONS.values() for title, part in section.shown(report).items()}
+    notes = {title: note for section in SECTIONS.values() for title, note in section.notes.items()}
     sections = [
-        ShownSection(title, NOTES.get(title, ""), section_rows(values))
-        for title, values in report.sections.items()
+        own.get(title) or Section(title, [rows_table(rows, notes.get(title, ""))])
+        for title, rows in report.sections.items()
     ]
-    columns = [(one.title, one.long(report.overall)) for one in probe_quantities([report.overall])]
-    return [*sections, *([ShownSection(probe_means.TITLE, "", columns)] if columns else [])]
+    columns = [(one.title, one.cell(report.overall)) for one in probe_quantities([report.overall])]
+    if columns:
+        sections.append(Section(probe_means.TITLE, [Table("", ("Name", "Value"), columns)]))
+    return sections
+
+
+def main_measures(report: Report) -> list[tuple[str, Measure]]:
+    """Return the numbers of sections that have a line in the terminal, each with its title there."""
+    measures = measures_of(report.sections)
+    return [
+        (one.line, measures[one.key])
+        for section in SECTIONS.values()
+        for one in section.quantities
+        if one.line and one.key in measures
+    ]
+
+
+def section_warnings(report: Report) -> list[str]:
+    """Return what sections say has to be known before any number."""
+    return [text for section in SECTIONS.values() for text in section.warnings(report)]
 
 
 def with_sections(report: Report, amended: Json) -> Report:

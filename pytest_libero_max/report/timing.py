@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from statistics import fmean
+from typing import ClassVar
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import STAGES
 from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
 from pytest_libero_max.report.report_document import SuccessCurves
+from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
 from pytest_libero_max.stats.clusters import task_interval
 from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
 
@@ -41,69 +43,66 @@ _SUCCESS = _of_stage("timing.success", "Median from event to success")
 _NEXT_STAGE = _of_stage("timing.next_stage", "Median from event to the next stage")
 
 _WAYS = (
-    Measured("timing.way.before", "Median way of the hand to the event, the same in both arms", "m"),
-    *in_both_arms("timing.way", "Median way after the event", "m"),
-    Measured("timing.way.ratio", "Median way after the event, Dynamic / Base where both succeed", "times"),
+    Measured("timing.way.before", "Median way of the hand to the event, the same in both arms", "m", PROBE),
+    *in_both_arms("timing.way", "Median way after the event", "m", PROBE),
+    Measured(
+        "timing.way.ratio", "Median way after the event, Dynamic / Base where both succeed", "times", PROBE
+    ),
 )
 _JERKS = (
-    Measured("timing.jerk.before", "Median jerk to the event, the same in both arms", "m/s^3"),
-    *in_both_arms("timing.jerk", "Median jerk after the event", "m/s^3"),
-    Measured("timing.jerk.ratio", "Median jerk after the event, Dynamic / Base", "times"),
+    Measured("timing.jerk.before", "Median jerk to the event, the same in both arms", "m/s^3", PROBE),
+    *in_both_arms("timing.jerk", "Median jerk after the event", "m/s^3", PROBE),
+    Measured("timing.jerk.ratio", "Median jerk after the event, Dynamic / Base", "times", PROBE),
 )
-
-OF_MOTION = (*_WAYS, *_JERKS)
-"""Those that the probe measures."""
-
-QUANTITIES = (*_MEANS, _DIFFERENCE, _CLUSTERED, *_SUCCESS, *_NEXT_STAGE, *OF_MOTION)
 
 Measure = Callable[[PairRecord, str], float | None]
 
 
-def timing_section(
-    records: Sequence[PairRecord], tasks: Sequence[str], *, with_intervals: bool = True
-) -> dict[str, Rows]:
-    """Return a section of the report on times; empty without pairs.
+class Timing(ReportSection):
+    """Times to success, and way and jerk of the hand."""
 
-    Args:
-        records: Played pairs.
-        tasks: The task of each.
-        with_intervals: False where a rule has ended the run: intervals are for a fixed number of pairs.
-    """
-    if not records:
-        return {}
-    base, dynamic = ([_restricted(record, arm) for record in records] for arm in _ARMS)
-    rows: Rows = {"Pairs played": len(records)}
-    for quantity, steps in zip(_MEANS, (base, dynamic), strict=True):
-        rows |= quantity.row(fmean(steps))
-    changes = [after - before for before, after in zip(base, dynamic, strict=True)]
-    rows |= _mean_difference(changes, tasks) if with_intervals else _DIFFERENCE.row(fmean(changes))
-    fired = [record for record in records if record.triggered]
-    rows["Pairs with an event"] = len(fired)
-    for (*in_arms, both), measure in ((_SUCCESS, _to_success), (_NEXT_STAGE, _to_next_stage)):
-        rows |= _in_arms(in_arms, fired, measure, with_intervals)
-        rows |= both.median([_less(record, measure) for record in fired], with_interval=with_intervals)
-    return {TITLE: rows | _motion(fired, with_intervals)}
+    name = "timing"
+    quantities = (*_MEANS, _DIFFERENCE, _CLUSTERED, *_SUCCESS, *_NEXT_STAGE, *_WAYS, *_JERKS)
+    notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
+
+    def tables(self, played: PlayedPairs) -> dict[str, Rows]:
+        """Return the times of all pairs, and those after the event."""
+        records = played.records
+        if not records:
+            return {}
+        base, dynamic = ([_restricted(record, arm) for record in records] for arm in _ARMS)
+        rows: Rows = {"Pairs played": len(records)}
+        for quantity, steps in zip(_MEANS, (base, dynamic), strict=True):
+            rows |= quantity.row(fmean(steps))
+        changes = [after - before for before, after in zip(base, dynamic, strict=True)]
+        rows |= _mean_difference(changes, played)
+        fired = [record for record in records if record.triggered]
+        rows["Pairs with an event"] = len(fired)
+        for (*in_arms, both), measure in ((_SUCCESS, _to_success), (_NEXT_STAGE, _to_next_stage)):
+            rows |= _in_arms(in_arms, fired, measure)
+            rows |= both.median([_less(record, measure) for record in fired])
+        return {TITLE: rows | _motion(fired)}
 
 
-def _mean_difference(changes: Sequence[int], tasks: Sequence[str]) -> Rows:
+def _mean_difference(changes: Sequence[int], played: PlayedPairs) -> Rows:
     """Return the rows on the mean difference of times with its intervals."""
+    if not played.with_intervals:
+        return _DIFFERENCE.row(fmean(changes))
     interval = mean_difference_interval(changes)
     lack = f"{sum(change != 0 for change in changes)} of {LEAST_DIFFERENT} needed pairs differ"
     rows = _DIFFERENCE.row(fmean(changes), interval, lack="" if interval else lack)
-    by_task = task_interval(changes, tasks, interval, bounds=(-math.inf, math.inf))
+    by_task = task_interval(changes, played.tasks, interval, bounds=(-math.inf, math.inf))
     if by_task.interval is not None:
         rows |= _CLUSTERED.row(fmean(changes), by_task.interval)
         rows["Tasks"] = by_task.tasks
     return rows
 
 
-def _in_arms(
-    quantities: Sequence[Measured], records: Sequence[PairRecord], measure: Measure, with_intervals: bool
-) -> Rows:
+def _in_arms(quantities: Sequence[Measured], records: Sequence[PairRecord], measure: Measure) -> Rows:
     """Return the medians of a quantity in Base and in Dynamic."""
     rows: Rows = {}
     for quantity, arm in zip(quantities, _ARMS, strict=True):
-        rows |= quantity.median([measure(record, arm) for record in records], with_interval=with_intervals)
+        rows |= quantity.median([measure(record, arm) for record in records])
     return rows
 
 
@@ -159,7 +158,7 @@ def _to_next_stage(record: PairRecord, arm: str) -> int | None:
     return min((step - _event(record) for step in steps if step > _event(record)), default=None)
 
 
-def _motion(fired: Sequence[PairRecord], with_intervals: bool) -> Rows:
+def _motion(fired: Sequence[PairRecord]) -> Rows:
     """Return the rows on way and jerk of pairs that the probe watched; empty without any."""
     watched = [record for record in fired if all(PROBE in record.arms[arm].probes for arm in _ARMS)]
     if not watched:
@@ -167,10 +166,9 @@ def _motion(fired: Sequence[PairRecord], with_intervals: bool) -> Rows:
     rows: Rows = {"Pairs whose motion was watched": len(watched)}
     for (before, *after), measure in ((_WAYS, _way), (_JERKS, _jerk)):
         to_event = [measure(record, BASE, before=True) for record in watched]
-        rows |= before.median(to_event, with_interval=with_intervals)
-        rows |= _in_arms(after[:2], watched, measure, with_intervals)
-        ratios = [_ratio(record, measure) for record in watched]
-        rows |= after[2].median(ratios, with_interval=with_intervals)
+        rows |= before.median(to_event)
+        rows |= _in_arms(after[:2], watched, measure)
+        rows |= after[2].median([_ratio(record, measure) for record in watched])
     return rows
 
 

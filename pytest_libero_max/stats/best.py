@@ -44,9 +44,9 @@ def best_of(successes: Mapping[str, BoolArray]) -> BestSetting:
         assert low is not None
         assert high is not None
         turned = contrast.second != name
-        other = contrast.second if turned else contrast.first
-        differences[other] = SettingDifference(
-            value=number((rates[name].count - rates[other].count) / rates[name].of),
+        rival = contrast.second if turned else contrast.first
+        differences[rival] = SettingDifference(
+            value=number((rates[name].count - rates[rival].count) / rates[name].of),
             lower=number(-high if turned else low),
             upper=number(-low if turned else high),
         )
@@ -56,6 +56,6 @@ def best_of(successes: Mapping[str, BoolArray]) -> BestSetting:
         **asdict(ratio_of(rates[name])),
         lower=lower,
         upper=upper,
-        not_worse=[other for other, away in differences.items() if (away.lower or 0.0) <= 0],
+        not_worse=[rival for rival, away in differences.items() if (away.lower or 0.0) <= 0],
         differences=differences,
     )

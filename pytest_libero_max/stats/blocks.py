@@ -240,7 +240,7 @@ class Measure(Block, frozen=True, kw_only=True, omit_defaults=True):
     """Name in gates."""
     unit: Text
     """share (of 1), change (a difference of shares), error (a standard error of one), variance, steps, more
-    steps (a difference), m, m/s^3, times (a ratio)."""
+    steps (a difference), m, m/s^3, times (a ratio), cases, p (a p-value)."""
     value: float | None
     """The number; None where there is none."""
     lower: float | None = None
@@ -284,7 +284,7 @@ class Result(Block, frozen=True, kw_only=True, omit_defaults=True):
     outcomes: Outcomes
     """Pairs by outcome, written (Base, Dynamic)."""
     conditional_regression: Rate
-    """Of the Base successes, those that fail in Dynamic."""
+    """Share of the Base successes that fail in Dynamic."""
     retained: Ratio
     """Dynamic successes over Base successes, newly solved cases included."""
     mcnemar: McNemar

@@ -36,7 +36,7 @@ class ClusterInterval:
     """Number of clusters that are resampled. With few (below about 30) the interval is too narrow."""
     replicates: int
     seed: int
-    """Of the private generator; the same seed gives the same interval."""
+    """Seed of the private generator; the same seed gives the same interval."""
 
 
 def cluster_bootstrap(
@@ -64,7 +64,6 @@ def cluster_bootstrap(
         clusters: (n,) label of the cluster of each case.
         strata: (n,) labels within which clusters are drawn independently; every cluster lies in one.
         pools: (n,) labels as above; by default all cases are one pool.
-        replicates: Number of resamples.
         seed: Of the private generator.
         confidence: Two-sided level.
 
@@ -107,9 +106,6 @@ def resampled_means(
     Args:
         columns: (n, k) values, n >= 1.
         clusters: See :func:`cluster_bootstrap`, as for the following.
-        strata: Labels within which clusters are drawn.
-        pools: Labels whose means are weighted.
-        replicates: Number of resamples.
         seed: Of the private generator.
 
     Returns:
@@ -186,9 +182,7 @@ def task_interval(
     Args:
         values: (n,) integers: Dynamic - Base, or 1 for a success.
         tasks: (n,) labels.
-        independent: The interval for independent pairs.
         of: (n,) bool, the pairs that a share is of; None for all.
-        bounds: Least and largest value of the quantity.
     """
     numbers, labels = np.asarray(values, dtype=np.float64), np.asarray(tasks)
     kept = np.ones(len(labels), dtype=np.bool_) if of is None else np.asarray(of, dtype=np.bool_)

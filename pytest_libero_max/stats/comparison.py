@@ -299,9 +299,11 @@ def profile_agreement(profiles: Mapping[str, Sequence[float]]) -> ProfileAgreeme
     """
     correlations: dict[tuple[str, str], float | None] = {}
     for first, second in combinations(profiles, 2):
-        one, other = (_mean_ranks(profiles[name]) for name in (first, second))
-        constant = np.ptp(one) == 0 or np.ptp(other) == 0
-        correlations[first, second] = None if constant else float(np.corrcoef(one, other)[0, 1])
+        first_ranks, second_ranks = (_mean_ranks(profiles[name]) for name in (first, second))
+        constant = np.ptp(first_ranks) == 0 or np.ptp(second_ranks) == 0
+        correlations[first, second] = (
+            None if constant else float(np.corrcoef(first_ranks, second_ranks)[0, 1])
+        )
     known = [value for value in correlations.values() if value is not None]
     return ProfileAgreement(
         correlations=correlations,
@@ -318,5 +320,5 @@ def _mean_ranks(values: Sequence[float]) -> NDArray[np.float64]:
     return np.asarray((first + end + 1) / 2, dtype=np.float64)
 
 
-def _only(one: BoolArray, other: BoolArray) -> int:
-    return int((one & ~other).sum())
+def _only(first: BoolArray, second: BoolArray) -> int:
+    return int((first & ~second).sum())

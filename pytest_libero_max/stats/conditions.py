@@ -123,8 +123,6 @@ def contrasts_of_contrasts(
     """For each pair of contrasts, the first difference less the second, over the same cases.
 
     Args:
-        conditions: The cases.
-        pairs: Pairs of contrasts.
         names: What is compared in each.
     """
     columns = [conditions.difference(*first) - conditions.difference(*second) for first, second in pairs]

@@ -21,7 +21,6 @@ def expose(stale: ArrayLike, unanswered: int = 0) -> StaleActions:
 
     Args:
         stale: (n,) int of at least 0, actions executed between the event and the next query.
-        unanswered: Triggered pairs without such a query.
 
     Raises:
         ReportError: A count is negative.

@@ -40,7 +40,6 @@ def lowest_by_chance(sizes: Sequence[int], gains: int, losses: int, seen: float)
         sizes: Number of pairs of each group, at least 1.
         gains: Pairs, of all, that count 1.
         losses: Pairs, of all, that count -1.
-        seen: Lowest mean that was seen.
     """
     random, n = np.random.default_rng(0), np.asarray(sizes)
     up = _dealt(random, n, gains)
@@ -58,7 +57,6 @@ def split_by_chance(events: Sequence[tuple[Sequence[int], int]], seen: float) ->
 
     Args:
         events: Number of pairs of each variant and successes of all, by event.
-        seen: Largest split that was seen.
     """
     random = np.random.default_rng(0)
     splits = [

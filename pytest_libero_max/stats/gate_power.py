@@ -58,8 +58,6 @@ def chance_of_losses(
     For each number of gains the losses at which they begin are found by bisection.
 
     Args:
-        pairs: Number of pairs.
-        chances: Probabilities of a loss and a gain.
         begins: Holds for enough losses; None where none are too few.
         ends: Holds for too many losses; None where none are.
     """
@@ -90,7 +88,6 @@ def chance_by_task(
 
     Args:
         tasks: Task of each pair. Losses and gains fall on the pairs of all tasks alike.
-        chances: Probabilities of a loss and a gain.
         holds: Called with both ends of the interval; a run without an interval does not meet it.
     """
     random, n = np.random.default_rng(2026), len(tasks)
@@ -100,8 +97,8 @@ def chance_by_task(
         draw = random.random(n)
         differences = (draw > 1 - chances.gain).astype(np.int64) - (draw < chances.loss)
         losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
-        found = task_interval(differences, labels, paired_difference(losses, gains, n)).interval
-        met += found is not None and holds(found.lower, found.upper)
+        interval = task_interval(differences, labels, paired_difference(losses, gains, n)).interval
+        met += interval is not None and holds(interval.lower, interval.upper)
     return met / DRAWS
 
 

@@ -24,6 +24,8 @@ def without_intervals(block: B) -> B:
     fields = structs.asdict(block)
     changed = {name: _without_intervals(value) for name, value in fields.items()}
     changed |= dict.fromkeys(fields.keys() & _OF_INTERVALS)
+    if isinstance(block, blocks.Measure) and block.value is not None:
+        changed["lack"] = ""  # which says why there is no interval
     return structs.replace(block, **changed)
 
 

@@ -120,7 +120,6 @@ def measure(pairs: Pairs, planned: int | None = None) -> Result:
     """Compute the result of a set of pairs; every value without a denominator is None.
 
     Args:
-        pairs: The measured pairs.
         planned: Number of planned ones; by default those that are measured.
     """
     return measure_groups([pairs], None if planned is None else [planned])[0]

@@ -86,8 +86,6 @@ def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
     0.05 points for eight thousand. The width is never zero.
 
     Args:
-        losses: Pairs that succeed in Base only.
-        gains: Pairs that succeed in Dynamic only.
         pairs: All pairs, at least 1.
         confidence: Two-sided level.
 

@@ -30,10 +30,8 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     Biometrics 40:1005-1015. It is computed exactly, so it is slightly saw-toothed in ``pairs``.
 
     Args:
-        pairs: Number of pairs.
         loss: Probability of a regression (1, 0).
         gain: Probability of a change-associated success (0, 1).
-        alpha: Level of the test.
 
     Raises:
         OptionError: The probabilities are not ones that a pair can have.
@@ -62,11 +60,9 @@ def detectable_loss(
     """Return the smallest probability of a regression that ``pairs`` resolve with the power ``target``.
 
     Args:
-        pairs: Number of pairs.
         gain: Probability of a (0, 1) pair, expected regardless of the event.
         target: Power wanted, for example 0.8.
         base_rate: Base success rate; no more than that can regress.
-        alpha: Level of the test.
 
     Returns:
         The probability, rounded up to 1e-5; the paired change is ``gain`` less it. None where even the

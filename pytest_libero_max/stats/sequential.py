@@ -59,8 +59,6 @@ class TotalSequence:
     Args:
         population: Number of all numbers, of which each is equally likely to be the next one.
         level: Probability that the sum is ever left out, between 0 and 1.
-        least: Smallest number that there can be.
-        most: Largest number that there can be.
     """
 
     def __init__(self, population: int, level: float, least: int = 0, most: int = 1) -> None:
@@ -69,7 +67,7 @@ class TotalSequence:
         self._ends = least, most
 
     def add(self, number: int) -> None:
-        """See the next number."""
+        """Take the next number into account."""
         least, most = self._ends
         for side, steps in zip(self._sides, (number - least, most - number), strict=True):
             side.add(steps)

@@ -75,8 +75,6 @@ def episodes_for_power(first: float, second: float, target: float, alpha: float 
     equal rates.
 
     Args:
-        first: A rate.
-        second: Another one.
         target: The probability, for example 0.8.
         alpha: Two-sided level.
     """

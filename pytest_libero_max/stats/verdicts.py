@@ -36,9 +36,7 @@ def word_for(
         interval: The interval of the difference, simultaneous with those of all comparisons.
         differing: Number of pairs in which the two differ, of which an exact McNemar test is made; None for
             another test, of which it is not known when it has no power.
-        comparisons: Number of comparisons that it is corrected for.
         margin: Difference from which on it matters, above 0.
-        level: Level of the test.
     """
     if 10**log10_p < level:
         return "significant"

@@ -18,8 +18,6 @@ _OWN = MappingProxyType(
         "camera-timing": "camera_study:CameraTiming",
         "camera-strength": "camera_study:CameraStrength",
         "event-timing": "event_timing:EventTiming",
-        "audit": "audit:Audit",
-        "repeats": "repeats:Repeats",
         "cadence": "cadence_sweep:CadenceSweep",
         "latency": "latency_sweep:LatencySweep",
     }

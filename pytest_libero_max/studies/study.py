@@ -31,6 +31,8 @@ class Study(ABC):
     """Effect of the event of its cases, in words that follow "whose event"."""
     scales: ClassVar[bool] = False
     """True if the study itself sets strengths, so that a run cannot set one as well."""
+    has_section: ClassVar[bool] = False
+    """True if a report section compares its arms, so that nothing else of the report does."""
     example: ClassVar[str] = ""
     """Settings, as they are given behind its name: ``--libero-max-study=NAME:SETTINGS``."""
 

@@ -27,7 +27,6 @@ class Substrate(Protocol):
     @property
     def name(self) -> str:
         """Name of the substrate, as records have it."""
-        ...
 
     def world(self, case: Case) -> World:
         """Return the world that plays a case: built on first use, shared by every case of the same scene.
@@ -35,7 +34,6 @@ class Substrate(Protocol):
         Raises:
             SubstrateError: The substrate cannot build this case; the message names the missing requirement.
         """
-        ...
 
     def fingerprint(self, images: bool = False) -> Mapping[str, str]:
         """Return what could change a result in every scene: package versions, installation, GL backend.
@@ -45,11 +43,9 @@ class Substrate(Protocol):
         Args:
             images: True to name as well what draws images, for which a GL context may have to be opened.
         """
-        ...
 
     def close(self) -> None:
         """Close every world."""
-        ...
 
 
 class Catalogue(Hashable, Protocol):
@@ -61,24 +57,19 @@ class Catalogue(Hashable, Protocol):
         Raises:
             ManifestError: Another source.
         """
-        ...
 
     def metadata(self, variation: Variation) -> TaskMetadata:
         """Contents of the scene of a variation."""
-        ...
 
     def variant(self, variation: Variation) -> Json | None:
         """Entry of a variation in a manifest's ``substrate_variant``, if it has one."""
-        ...
 
     def lacks(self, variation: Variation, *, models: bool = True) -> str:
         """Return the requirements of a variation's scene that this machine lacks, in words; empty for none.
 
         Args:
-            variation: One of :meth:`variations`.
             models: False to count models that not every installation has as missing, even if they are here.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -152,22 +143,6 @@ class Tracks:
         return name_in(self.folder, track)
 
 
-def _general_tracks(options: SubstrateOptions) -> Tracks:
-    return Tracks()
-
-
-def _task_order(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
-    return case.suite, case.source, case.task_index, case.source_category or ""
-
-
-def _nothing(options: SubstrateOptions) -> dict[str, Any]:
-    return {}
-
-
-def _nothing_lacking(options: SubstrateOptions, cases: Sequence[Case]) -> Mapping[str, str]:
-    return {}
-
-
 def _no_catalogue(options: SubstrateOptions) -> Catalogue:
     raise SubstrateError("This substrate has no catalogue of source variations: it cannot be built from.")
 
@@ -183,9 +158,9 @@ class SubstrateKind:
     name: str
     open: Callable[[SubstrateOptions], Substrate]
     """Opens it. What it imports, it imports when it is called."""
-    describe: Callable[[SubstrateOptions], dict[str, Any]] = _nothing
+    describe: Callable[[SubstrateOptions], dict[str, Any]] = lambda options: {}
     """Returns a description for the report, as JSON values, without building anything."""
-    lacking: Callable[[SubstrateOptions, Sequence[Case]], Mapping[str, str]] = _nothing_lacking
+    lacking: Callable[[SubstrateOptions, Sequence[Case]], Mapping[str, str]] = lambda options, cases: {}
     """Returns the reasons why cases of a case set cannot play, by case id, the same words for the same
     reason, without building anything. A case that is absent may still turn out not to play."""
     catalogue: Callable[[SubstrateOptions], Catalogue] = _no_catalogue
@@ -193,7 +168,7 @@ class SubstrateKind:
     variation_of: Callable[[Case], Variation] = _no_variation
     """Finds the source variation of its own that a case plays, without building anything. Raises
     :class:`.SubstrateError` where it has none."""
-    tracks: Callable[[SubstrateOptions], Tracks] = _general_tracks
+    tracks: Callable[[SubstrateOptions], Tracks] = lambda options: Tracks()
     plays_frozen: bool = False
     """True if every case of the tracks that come with this package plays, wherever that is."""
     reads: frozenset[str] = frozenset()
@@ -206,7 +181,12 @@ class SubstrateKind:
     """Memory of a process that plays it with images, GiB."""
     limit_gib: float = 4.0
     """Smallest memory limit of such a process, GiB of what it may ask for."""
-    scene_of: Callable[[SubstrateOptions, Case], tuple[Any, ...]] = _task_order
+    scene_of: Callable[[SubstrateOptions, Case], tuple[Any, ...]] = lambda options, case: (
+        case.suite,
+        case.source,
+        case.task_index,
+        case.source_category or "",
+    )
     """Returns a key by which cases are sorted so that neighbours share a scene."""
     batch: int = 12
     """Cases that a process examines at a time, after which they are kept."""

@@ -114,9 +114,10 @@ def _recast(task: TaskMetadata, old: str, new: str, category: str) -> TaskMetada
         task,
         objects={name(key): category if key == old else kind for key, kind in task.objects.items()},
         fixtures={name(key): category if key == old else kind for key, kind in task.fixtures.items()},
-        objects_of_interest=frozenset(name(one) for one in task.objects_of_interest),
+        objects_of_interest=frozenset(name(instance) for instance in task.objects_of_interest),
         goal=tuple(
-            Relation(fact.predicate, tuple(name(one) for one in fact.arguments)) for fact in task.goal
+            Relation(fact.predicate, tuple(name(instance) for instance in fact.arguments))
+            for fact in task.goal
         ),
         placements={
             name(key): InitialPlacement(placement.predicate, name(placement.region), support(placement))

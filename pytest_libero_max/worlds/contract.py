@@ -91,7 +91,6 @@ class PixelFilter(Protocol):
             camera: Camera name, for example ``agentview``.
             step: Control steps since the filter was added; 0 for an image right after that.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -143,27 +142,22 @@ class World(Protocol):
     @property
     def scene(self) -> str:
         """Stable key, for example ``embedded/libero_spatial/0``."""
-        ...
 
     @property
     def language(self) -> str:
         """The task's instruction as the benchmark gives it to a policy."""
-        ...
 
     @property
     def entities(self) -> Mapping[str, Entity]:
         """Everything that a case can name, by name."""
-        ...
 
     @property
     def cameras(self) -> tuple[str, ...]:
         """Names of the cameras of the scene."""
-        ...
 
     @property
     def parked(self) -> tuple[str, ...]:
         """Entities currently taken out of the scene, in the order in which they were parked."""
-        ...
 
     def reset(self, init: int) -> None:
         """Start over from initial state ``init``; every trace of an earlier episode is gone.
@@ -171,7 +165,6 @@ class World(Protocol):
         Raises:
             SubstrateError: The scene has no such initial state.
         """
-        ...
 
     def step(self, action: Sequence[float] | Array) -> None:
         """Play one control step (50 ms) of a (7,) action; the controller clips movements beyond +-1.
@@ -180,7 +173,6 @@ class World(Protocol):
             ActionError: Wrong shape or a component that is not finite.
             SimulatorError: The state is no longer finite.
         """
-        ...
 
     def set_control(self, control: Control) -> None:
         """Set the meaning of the actions of all further steps, until the next reset.
@@ -188,43 +180,36 @@ class World(Protocol):
         Raises:
             SubstrateError: There is no such mode.
         """
-        ...
 
     def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         """Proprioception, and a (H, W, 3) uint8 image for each camera named (:data:`Observation`).
 
         The height decides how much is seen from top to bottom; a wider image shows more on both sides.
         """
-        ...
 
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
         """Return the number of pixels of a (size, size) image that show each entity, occlusion included.
 
-        Counted before any pixel filter, which changes colours and hides no entity here.
+        The count is made before any pixel filter, which changes colours and hides no entity here.
 
         Raises:
             SubstrateError: No such camera.
         """
-        ...
 
     def snapshot(self) -> WorldState:
         """Return a copy of everything that the future of the world depends on."""
-        ...
 
     def restore(self, state: WorldState) -> None:
         """Return to a snapshot of this scene; another scene's is refused."""
-        ...
 
     def digest(self) -> bytes:
         """32-byte fingerprint of the snapshot: equal states, equal digests, bit for bit."""
-        ...
 
     def scene_fields(self) -> Mapping[str, str]:
         """Digest, by name, of each thing that the scene consists of and that no reset or event changes.
 
         Equal scenes have equal digests in every process; see :mod:`pytest_libero_max.worlds.scene_digest`.
         """
-        ...
 
     def take_back_writes(self) -> tuple[str, ...]:
         """Undo every write to the model or its options that was not made through this contract.
@@ -235,11 +220,9 @@ class World(Protocol):
         Returns:
             The fixed fields that had been written since the last call, for example ``opt.gravity``.
         """
-        ...
 
     def succeeded(self) -> bool:
         """Return True if the task's goal predicates hold now."""
-        ...
 
     def position(self, entity: str) -> Array:
         """(3,) m, world: the free joint of an object, the root body of a fixture.
@@ -247,19 +230,15 @@ class World(Protocol):
         Raises:
             EntityError: No such entity; the message suggests the closest name.
         """
-        ...
 
     def pose(self, entity: str) -> tuple[Array, Array]:
         """Position (3,) in m and orientation (4,) wxyz, both in the world frame."""
-        ...
 
     def end_effector(self) -> Array:
         """(3,) m, world: the grip site between the fingers."""
-        ...
 
     def contacts(self, entity: str) -> tuple[str, ...]:
         """Sorted names of what touches the entity now: entities, ``robot0``, ``gripper0``."""
-        ...
 
     def fingers_on(self, entity: str) -> int:
         """Return the number of the gripper's fingers that touch the entity now.
@@ -267,11 +246,9 @@ class World(Protocol):
         Raises:
             EntityError: No such entity.
         """
-        ...
 
     def close(self) -> None:
         """Release GL contexts and memory. The world cannot be used afterwards."""
-        ...
 
 
 @runtime_checkable
@@ -281,16 +258,13 @@ class OnMujoco(World, Protocol):
     @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model of the scene."""
-        ...
 
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's state of the scene."""
-        ...
 
     def geoms(self, entity: str) -> NDArray[np.intp]:
         """Return the numbers of the geoms that an entity consists of."""
-        ...
 
 
 @runtime_checkable
@@ -303,17 +277,14 @@ class AlterableWorld(OnMujoco, Protocol):
     @property
     def semantics(self) -> Semantics:
         """True if events keep the defects of the authors' code, which published numbers contain."""
-        ...
 
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
         """Instruction and goal given since reset in place of the task's own; None where they were not."""
-        ...
 
     @property
     def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
         """The pixel filters in use, in their order, each with the step at which it was added."""
-        ...
 
     def alter(self, field: str, index: int | slice, value: Any) -> None:
         """Write ``model.<field>[index] = value`` for an alterable field and bring derived data up to date.
@@ -321,7 +292,6 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: The field is not one that a reset restores.
         """
-        ...
 
     def place(
         self,
@@ -330,7 +300,6 @@ class AlterableWorld(OnMujoco, Protocol):
         quaternion: Sequence[float] | Array | None = None,
     ) -> None:
         """Put an entity elsewhere, at rest; the orientation (wxyz) stays unless given. Nothing else moves."""
-        ...
 
     def push(self, entity: str, velocity_m_s: Sequence[float] | Array) -> None:
         """Add (3,) m/s in the world frame to the linear velocity of an object; it stays where it is now.
@@ -338,11 +307,9 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: The entity is no object, or is parked.
         """
-        ...
 
     def park(self, entity: str, position: Sequence[float] | Array) -> None:
         """Take an object out of the scene: unseen, untouchable, weightless at ``position`` until unparked."""
-        ...
 
     def unpark(
         self,
@@ -351,11 +318,9 @@ class AlterableWorld(OnMujoco, Protocol):
         quaternion: Sequence[float] | Array | None = None,
     ) -> None:
         """Bring a parked object back, at rest, by default in the orientation it had when it was parked."""
-        ...
 
     def parked_pose(self, entity: str) -> tuple[Array, Array]:
         """Position (3,) and quaternion (4,) wxyz that a parked entity had when it was parked."""
-        ...
 
     def other_task(self, suite: str, index: int) -> World:
         """Return a world of another task of LIBERO, as it is without variations, to be looked at.
@@ -365,11 +330,9 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: There is no such task, it is that of this world, or no substrate built this world.
         """
-        ...
 
     def add_filter(self, filter: PixelFilter) -> None:
         """Let every later image of every camera pass through ``filter``, after those already there."""
-        ...
 
     def remove_filter(self, index: int) -> None:
         """Remove the pixel filter ``filters[index]``; the others stay, in their order.
@@ -377,7 +340,6 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: There is none.
         """
-        ...
 
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
         """Put the arm's (7,) joints there, rad, at rest; the controller then holds that pose.
@@ -385,7 +347,6 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: The world has no such arm, or a joint would pass its limit.
         """
-        ...
 
     def open_gripper(self) -> None:
         """Set the command of the fingers to open; actions that close the gripper take some steps to undo it.
@@ -393,7 +354,6 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: The world has no such gripper.
         """
-        ...
 
     def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
         """Assign another instruction, another goal or both, in place of the task's own, until the next reset.
@@ -401,11 +361,9 @@ class AlterableWorld(OnMujoco, Protocol):
         Raises:
             SubstrateError: The goal names something that the scene does not have.
         """
-        ...
 
     def reassign(self, assigned: tuple[str | None, Goal | None]) -> None:
         """Put back what :attr:`assigned` was earlier in the episode; None means the task's own."""
-        ...
 
 
 def alterable(world: World) -> AlterableWorld:

@@ -87,7 +87,7 @@ class ModelGuard:
 def settings_of(model: mujoco.MjModel) -> Iterator[tuple[str, Any, str]]:
     """Yield path, owner and name of each option, statistic and visual setting of a model.
 
-    Those in :data:`RENDERERS` are left out.
+    The settings in :data:`RENDERERS` are left out.
     """
     for struct in _STRUCTS:
         for leaf in _leaves_of(getattr(model, struct), struct):

@@ -117,7 +117,6 @@ class MujocoWorld(ABC):
         scene: Stable key of the scene, for example ``embedded/libero_spatial/0``.
         language: The task's instruction.
         model: The compiled model, already complete; a reset restores its current values.
-        data: Its data.
         entities: Entities that a case can name. Objects need exactly one free joint on their root body.
         robot: The names of the robot's parts.
 
@@ -353,6 +352,7 @@ class MujocoWorld(ABC):
         fingerprint.update(self._controller_state().data)
         rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
         fingerprint.update(repr(rest).encode())
+        # Nothing for delta, the first control there was: digests of published runs stay what they were.
         if self._control != "delta":
             fingerprint.update(self._control.encode())
         return fingerprint.digest()

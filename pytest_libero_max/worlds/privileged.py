@@ -98,17 +98,13 @@ class PrivilegedWorld(OnMujoco, Protocol):
     @property
     def goal(self) -> tuple[Fact, ...]:
         """Facts that must all hold at the end: the task's own goal, or the one assigned in its place."""
-        ...
 
     def holds(self, fact: Fact) -> bool:
         """Return True if a predicate holds now, by the rules by which success is decided."""
-        ...
 
     def joints(self, name: str) -> tuple[str, ...]:
         """Return the joints of a fixture, or those that a region of it moves with; none for other places."""
-        ...
 
     @property
     def graspable_parts(self) -> Mapping[str, GraspablePart]:
         """The parts that are made to be held, by name, as far as the substrate knows of any."""
-        ...

@@ -19,11 +19,9 @@ class RobosuiteWorld(MujocoWorld):
     """Plays robosuite's ``env.step`` on an environment's model and data, without calling it.
 
     Args:
-        scene: Stable key of the scene.
         language: The task's instruction.
         env: A robosuite 1.4 ``SingleArmEnv`` with a Panda, after its reset. It must not be stepped or
             reset by anybody else while the world is in use.
-        entities: Entities that a case can name.
     """
 
     def __init__(self, scene: str, language: str, env: Any, entities: Mapping[str, Entity]) -> None:

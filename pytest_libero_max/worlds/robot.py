@@ -56,7 +56,7 @@ class Robot:
 
     @property
     def proprioception(self) -> dict[str, int]:
-        """Keys of an observation beside the images, with the sizes of their arrays."""
+        """Keys of an observation besides the images, with the sizes of their arrays."""
         return {
             f"{ROBOT}_eef_pos": 3,
             f"{ROBOT}_eef_quat": 4,

@@ -6,8 +6,8 @@ them, and the fields that differ say what was played differently.
 
 Values count bit for bit. What MuJoCo compiles (inertias, normals, trees of bounding boxes) and where objects
 come to rest therefore depends on the version of MuJoCo, and may differ in the last bits between kinds of
-processors. Left out are the folders of mesh and texture files, sums of memory that contain them, and settings
-that only a renderer writes and reads.
+processors. The folders of mesh and texture files do not count, nor sums of memory that contain them, nor
+settings that only a renderer writes and reads.
 """
 
 from __future__ import annotations
@@ -56,7 +56,6 @@ def model_fields(model: mujoco.MjModel, compiled: Mapping[str, NDArray[Any]]) ->
     """Digest of every field of a compiled model: sizes, arrays, names, options, statistics, visual settings.
 
     Args:
-        model: The model.
         compiled: Values as they were compiled, for arrays that may have been changed since.
     """
     fields = {}

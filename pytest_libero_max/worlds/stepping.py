@@ -328,12 +328,14 @@ def _addresses() -> tuple[int, ...]:
     library = next(Path(mujoco.__file__).parent.glob("libmujoco*"))
     loaded = ctypes.CDLL(str(library))
     names = ("mj_step1", "mj_step2", "mj_jacSite")
-    found = [ctypes.cast(getattr(loaded, name), ctypes.c_void_p).value or 0 for name in names]
+    addresses = [ctypes.cast(getattr(loaded, name), ctypes.c_void_p).value or 0 for name in names]
     # Those of SciPy, which Numba calls as well.
-    found += [get_cython_function_address("scipy.linalg.cython_blas", name) for name in ("dgemm", "dgemv")]
+    addresses += [
+        get_cython_function_address("scipy.linalg.cython_blas", name) for name in ("dgemm", "dgemv")
+    ]
     lapack_names = ("dgetrf", "dgetri", "dgesdd")
-    found += [get_cython_function_address("scipy.linalg.cython_lapack", name) for name in lapack_names]
-    return tuple(found)
+    addresses += [get_cython_function_address("scipy.linalg.cython_lapack", name) for name in lapack_names]
+    return tuple(addresses)
 
 
 _STEP1, _STEP2, _JAC_SITE, _GEMM, _GEMV, _GETRF, _GETRI, _GESDD, _NUMBERS, _TABLE, _SCALES = range(11)
@@ -566,7 +568,6 @@ def _control_step(fixed: Any, push: Any, substeps: Any, settle: Any, warned: Any
         fixed: Numbers and addresses, as :class:`Stepper` puts them together. Of arrays whose size is not
             needed the shape is given as (1,).
         push: Change of the gripper's command in a substep.
-        substeps: Number of substeps.
         settle: True to bring derived data up to date at the end.
         warned: MuJoCo's counts of its warnings.
     """

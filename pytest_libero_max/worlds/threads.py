@@ -39,7 +39,7 @@ def use_one_blas_thread() -> None:
     also add up in another order, so that the last bits of a result would depend on their number.
 
     A number that the user has set in ``OPENBLAS_NUM_THREADS`` is kept. Otherwise a library that has been
-    loaded already, for example by a ``conftest.py``, is told at once; one that is loaded later reads the
+    loaded already, for example by a ``conftest.py``, is set at once; one that is loaded later reads the
     variable.
     """
     if os.environ.setdefault(_VARIABLE, "1") == "1":
@@ -84,11 +84,11 @@ def fingerprint() -> dict[str, str]:
     import numpy.linalg  # noqa: F401
     import scipy.linalg  # noqa: F401
 
-    found = loaded_blas()
-    if not found:
+    libraries = loaded_blas()
+    if not libraries:
         return {"blas": "not OpenBLAS"}
-    kinds = sorted({blas.kind for blas in found})
-    threads = sorted({blas.threads for blas in found})
+    kinds = sorted({blas.kind for blas in libraries})
+    threads = sorted({blas.threads for blas in libraries})
     return {"blas": "/".join(kinds), "blas_threads": "/".join(map(str, threads))}
 
 

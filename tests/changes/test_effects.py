@@ -138,7 +138,7 @@ def test_a_surface_cannot_be_moved(world: TinyWorld) -> None:
 
 
 def test_a_fixture_cannot_be_taken_out(world: TinyWorld) -> None:
-    with pytest.raises(ChangeError, match=r"'cabinet_1' is a fixture, but only objects"):
+    with pytest.raises(ChangeError, match=r"'cabinet_1' is a fixture"):
         RemoveObject("cabinet_1", OFFWORLD_M).apply(world)
 
 

@@ -89,7 +89,7 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
         ("view run --port one", "argument --port: 'one', but must be a whole number from 0 to 65535"),
         ("dev preflight smoke --jobs 0", "argument --jobs: '0', but must be a whole number of at least 1"),
         (
-            "dev bench images --seconds -1",
+            "dev bench device --seconds -1",
             "argument --seconds: '-1', but must be a number from 0.001 to 3600",
         ),
         ("runs run --interval nan", "argument --interval: 'nan', but must be a number from 0.01 to 3600"),

@@ -72,7 +72,12 @@ def test_its_probe_is_read_in_every_arm_and_changes_nothing_else(
     installed.runpytest_subprocess(*how).assert_outcomes(passed=2)
     plain, _ = results()
     probes = ("--libero-max-probe=fastest_move", "--libero-max-probe=contact_timeline")
-    installed.runpytest_subprocess(*how, *probes, "--libero-max-output=probed").assert_outcomes(passed=2)
+    gates = ("--libero-max-gate=fastest_move.way_m.largest <= 0.2", "--libero-max-gate=fast_moves.base > 50%")
+    done = installed.runpytest_subprocess(*how, *probes, *gates, "--libero-max-output=probed")
+    done.assert_outcomes(passed=2)
+    done.stdout.fnmatch_lines(
+        ["Fast in dynamic *2/2", "gate pass *fastest_move.way_m.largest*", "gate pass *fast_moves.base*"]
+    )
     lines = (installed.path / "probed" / "pairs.jsonl").read_text().splitlines()
     probed = [json.loads(line) for line in lines[1:]]
     ways: dict[str, list[float]] = {"base": [], "dynamic": []}
@@ -89,7 +94,12 @@ def test_its_probe_is_read_in_every_arm_and_changes_nothing_else(
     assert means == {
         f"fastest_move.way_m.{name}": pytest.approx(sum(seen) / len(seen)) for name, seen in ways.items()
     }
-    assert "| fastest_move.way_m.base |" in (installed.path / "probed" / "report.md").read_text()
+    table = report["sections"]["Fast moves"]
+    assert (table["Pairs watched"], table["base moves fast"]["key"]) == (2, "fast_moves.base")
+    text = (installed.path / "probed" / "report.md").read_text()
+    assert "| fastest_move.way_m.base |" in text
+    assert "## Fast moves\n" in text
+    assert "<h2>Fast moves</h2>" in (installed.path / "probed" / "report.html").read_text()
     wrong = installed.runpytest_subprocess(*how, "--libero-max-probe=fastest")
     assert wrong.ret == pytest.ExitCode.USAGE_ERROR
     wrong.stderr.fnmatch_lines(

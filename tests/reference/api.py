@@ -43,7 +43,8 @@ def page() -> str:
 ## Entry points
 
 Another package adds these without a change of this one. This [example](../tests/plugin/example_package) adds
-an event, a change, a trigger, a probe, a stopping rule, a study and a protocol.
+an event, a change, a trigger, a probe, a section of the report, a stopping rule, a study, a protocol, a
+command and a format.
 
 {groups}
 
@@ -60,7 +61,8 @@ pairs in Python:
 
 {_table((name, public[name]) for name in used)}
 
-For packages that add events, changes, triggers, probes, studies, stopping rules, substrates or protocols:
+For packages that add events, changes, triggers, probes, sections, studies, stopping rules, substrates or
+protocols:
 
 {_table((name, public[name]) for name in extended)}
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from pytest_libero_max.lab.probes.safety import Safety
+from pytest_libero_max.lab.sections import monitors
+from pytest_libero_max.lab.sections.safety import LIMITS
 from pytest_libero_max.pairing import probes
 from pytest_libero_max.pairing.probes.monitor import Monitor
 from pytest_libero_max.pairing.probes.probe import Probe
 from pytest_libero_max.pairing.probes.registry import PROBES
-from pytest_libero_max.pairing.probes.safety import Safety
 from pytest_libero_max.pairing.probes.standard import STANDARD
-from pytest_libero_max.report import monitors
-from pytest_libero_max.report.safety import LIMITS
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, one_line, prose, table
 

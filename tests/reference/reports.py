@@ -7,7 +7,8 @@ from typing import Any
 
 from pytest_libero_max import report
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report import diagnosis, gate_quantities, gates, monitors
+from pytest_libero_max.lab.sections import audit, monitors
+from pytest_libero_max.report import diagnosis, gate_quantities, gates
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.quantities import QUANTITIES
@@ -54,9 +55,11 @@ These can be decided in an incomplete run. `invalid` and `missing` are of the wh
 
 ### Numbers of sections
 
-Those of the probe `safety`, of times and of repeats are of the whole run. Each has the ends of its interval,
-where it has one, as `.lower` and `.upper`. Those of a monitor are called `monitor.NAME.KEY`, with the keys
-{", ".join(code(key) for key in monitors.ROWS)}.
+These are of the whole run. Each has the ends of its interval, where it has one, as `.lower` and `.upper`.
+Those of a monitor are called `monitor.NAME.KEY`, with the keys
+{", ".join(code(key) for key in monitors.ROWS)};
+those of an arm of the study `audit` are called `audit.ARM.KEY`, with the keys
+{", ".join(code(key) for key in audit.QUANTITIES)}.
 A column of any probe is `PROBE.COLUMN`, its mean over the pairs in Dynamic, or `PROBE.COLUMN.ARM`; with
 `.largest` it is the largest value of a pair.
 
@@ -114,7 +117,8 @@ def _counts(schema: Json) -> str:
 
 def _measured() -> str:
     rows = (
-        (code(one.key), one.title.removeprefix("... "), one.unit) for one in gate_quantities.MEASURED.values()
+        (code(one.key), one.title.removeprefix("... "), one.unit)
+        for one in gate_quantities.section_quantities().values()
     )
     return table(("Quantity", "Meaning", "Unit"), rows)
 

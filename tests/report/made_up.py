@@ -20,10 +20,11 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
+from pytest_libero_max.report.measures import Rows, measure_text
 from pytest_libero_max.report.report_document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import PairStore
-from pytest_libero_max.stats.blocks import Block
+from pytest_libero_max.stats.blocks import Block, Measure
 
 POLICY: Json = {
     "name": "scripted",
@@ -224,6 +225,13 @@ def records_of(pairs: Sequence[PlannedPair], seed: int = 0) -> list[PairRecord]:
     """Records with outcomes drawn at about 70% in Base and 50% in Dynamic."""
     draw = random.Random(seed)
     return [record_of(pair, draw.random() < 0.7, draw.random() < 0.5) for pair in pairs]
+
+
+def texts_of(rows: Rows) -> dict[str, Any]:
+    """The rows of a section with their numbers as people read them."""
+    return {
+        name: measure_text(value) if isinstance(value, Measure) else value for name, value in rows.items()
+    }
 
 
 def error_of(pair: PlannedPair) -> PairError:

@@ -11,12 +11,13 @@ from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.measures import section_rows
+from pytest_libero_max.report.measures import rows_without_intervals
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.timing import NOTE, TITLE, success_curves, timing_section
+from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.timing import NOTE, TITLE, Timing, success_curves
 from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.markdown import markdown
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, texts_of
 
 RMST = "Restricted mean time to success"
 PAIRS = plan()
@@ -30,7 +31,8 @@ def took(number: int, base: int | None, dynamic: int | None, **changes: Any) -> 
 
 def rows(records: Sequence[PairRecord], *, with_intervals: bool = True) -> dict[str, Any]:
     tasks = [str(number) for number in range(len(records))]
-    return dict(section_rows(timing_section(records, tasks, with_intervals=with_intervals)[TITLE]))
+    table = Timing().tables(PlayedPairs(records, tasks, with_intervals=with_intervals))[TITLE]
+    return texts_of(table if with_intervals else rows_without_intervals(table))
 
 
 def staged(record: PairRecord, base: list[int | None], dynamic: list[int | None]) -> PairRecord:
@@ -113,7 +115,7 @@ def test_way_and_jerk_are_divided_at_the_event() -> None:
 
 
 def test_nothing_is_said_of_what_there_is_not() -> None:
-    assert timing_section([], []) == {}
+    assert Timing().tables(PlayedPairs([])) == {}
     assert success_curves([]) is None
     table = rows([took(0, None, None), took(1, 90, 90, dynamic_digest=None, **_quiet())])
     assert table["Pairs with an event"] == 1
@@ -131,8 +133,9 @@ def _quiet() -> dict[str, Any]:
 def test_it_is_in_report_and_page(ends: tuple[int | None, int | None]) -> None:
     records = [took(number, *ends) for number in range(4)]
     report = build_report(records, [], PAIRS[:8], PROVENANCE)
-    assert f"## {TITLE}\n\n{NOTE}\n" in markdown(report)
-    assert f"<h2>{TITLE}</h2>\n<p>{NOTE}</p><figure>{survival_curves(report)}" in html(report, [], [])
+    assert f"## {TITLE}\n\n| Name | Value |\n" in markdown(report)
+    assert NOTE in markdown(report)
+    assert f"<h2>{TITLE}</h2><figure>{survival_curves(report)}" in html(report, [], [])
     assert report.success_curves is not None
     left = [0 if end else 4 for end in ends]
     assert [report.success_curves.base[-1], report.success_curves.dynamic[-1]] == left

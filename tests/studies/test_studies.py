@@ -16,17 +16,14 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
-from pytest_libero_max.policies.contract import Query, query_seed
+from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.studies.study_results import executed
-from pytest_libero_max.studies.audit import Audit
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming, first_crossing
 from pytest_libero_max.studies.event_timing import EventTiming
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.studies.registry import STUDIES, study_from_dict
-from pytest_libero_max.studies.repeats import Repeats
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.tasks.libero_tasks import tasks
 from pytest_libero_max.worlds.contract import Observation
 from tests.pairing.actors import BUDGET, CHANGES, Approaching, make_case
 
@@ -89,132 +86,6 @@ def test_reset_has_the_change_before_the_first_query_and_leaves_the_pair_as_it_i
     assert (firing.step, firing.queries) == (0, 0)
     assert plain.evidence is not None
     assert firing.evidence["operation"] == plain.evidence["operation"]
-
-
-class Seeded(Approaching):
-    """Moves a little to a side that its seed says, and keeps the seeds."""
-
-    def __init__(self) -> None:
-        super().__init__(wait=2, horizon=8, interval=4)
-        self.seeds: list[int] = []
-
-    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
-        self.seeds.append(query.seed)
-        actions = super().predict(observation, query)
-        actions[:, 0] += 0.01 * np.random.default_rng(query.seed).random()
-        return actions
-
-
-def test_repeats_are_pairs_with_seeds_of_their_own(world: TinyWorld) -> None:
-    case, policy = make_case(distance_m=0.25), Seeded()
-    plain = measure_pair(case, world, Seeded()).record
-    studied = measure_pair(case, world, policy, arms=all_arms(Repeats(), policy)).record
-    arms = studied.arms
-    assert [*arms] == ["base", "dynamic", "base_2", "dynamic_2", "base_3", "dynamic_3"]
-    assert {name: arms[name].proof for name in plain.arms} == {
-        name: arm.proof for name, arm in plain.arms.items()
-    }
-    assert len({arm.proof for arm in arms.values()}) == 6
-    firsts = {query_seed(case.policy_seed, 0, plays) for plays in range(3)}
-    assert len(firsts) == 3
-    assert firsts <= set(policy.seeds)
-    for play in (2, 3):
-        shared = arms[f"dynamic_{play}"].firings
-        assert [len(shared), len(arms[f"base_{play}"].firings)] == [play, play - 1]
-        assert shared[-1].step > 0
-
-
-def test_the_number_of_repeats_can_be_chosen(world: TinyWorld) -> None:
-    case, policy = make_case(distance_m=0.25), Seeded()
-    two, three = (all_arms(Repeats(plays), policy) for plays in (2, 3))
-    assert [arm.name for arm in Repeats(4).arms(case, policy.spec)][-2:] == ["base_4", "dynamic_4"]
-    arms = measure_pair(case, world, policy, arms=two).record.arms
-    assert [*arms] == ["base", "dynamic", "base_2", "dynamic_2"]
-    of_three = measure_pair(case, world, Seeded(), arms=three).record.arms
-    assert {name: arm.proof for name, arm in arms.items()} == {name: of_three[name].proof for name in arms}
-
-
-def test_a_policy_without_chance_repeats_itself(world: TinyWorld) -> None:
-    case, policy = make_case(distance_m=0.25), Approaching(wait=2)
-    arms = measure_pair(case, world, policy, arms=all_arms(Repeats(), policy)).record.arms
-    assert {arms[f"base_{play}"].proof for play in (2, 3)} == {arms["base"].proof}
-    assert {arms[f"dynamic_{play}"].proof for play in (2, 3)} == {arms["dynamic"].proof}
-
-
-class Noting(Approaching):
-    """Keeps all that it was shown."""
-
-    def __init__(self) -> None:
-        super().__init__(0, 25, 25, ("agentview", "robot0_eye_in_hand"))
-        self.shown: list[tuple[str, dict[str, Any]]] = []
-
-    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
-        self.shown.append((query.instruction, dict(observation)))
-        return super().predict(observation, query)
-
-
-def test_an_audit_changes_one_input_and_nothing_else(world: TinyWorld) -> None:
-    case = make_case(record={"case_id": "case", "task_name": tasks("libero_spatial")[3].name + "_light_2"})
-    policy = Noting()
-    arms = {arm.name: arm for arm in Audit().arms(case, policy.spec)}
-    assert list(arms) == [
-        "black_images",
-        "still_images",
-        "other_images",
-        "no_agentview",
-        "no_robot0_eye_in_hand",
-        "no_state",
-        "no_instruction",
-        "other_instruction",
-        "paraphrase",
-    ]
-    shown = {}
-    for name, arm in {"base": Arm("base"), **arms}.items():
-        policy.shown.clear()
-        record = measure_pair(case, world, policy, arms=(arm,)).record.arms[name]
-        shown[name] = list(policy.shown)
-        assert record.steps == BUDGET or record.success
-    own = tasks("libero_spatial")[3].language
-    for name, seen in shown.items():
-        assert len(seen) == len(shown["base"])  # it does not look, so it acts as in Base
-        for (words, now), (base_words, base) in zip(seen, shown["base"], strict=True):
-            images = {key: value for key, value in now.items() if key.endswith("_image")}
-            dark = {
-                "black_images": set(images),
-                "no_agentview": {"agentview_image"},
-                "no_robot0_eye_in_hand": {"robot0_eye_in_hand_image"},
-            }.get(name, set())
-            for key, image in images.items():
-                still = name in ("still_images", "other_images")  # the tiny world knows one task
-                wanted = seen[0][1][key] if still else base[key] * (key not in dark)
-                assert np.array_equal(image, wanted)
-            for key in now.keys() - images.keys():
-                rest = [0.0, 0.0, 0.0, 1.0] if key.endswith("_quat") else 0.0
-                wanted = np.broadcast_to(rest, base[key].shape) if name == "no_state" else base[key]
-                assert np.array_equal(now[key], wanted)
-            if name == "no_instruction":
-                assert words == ""
-            elif name in ("other_instruction", "paraphrase"):
-                assert words not in (base_words, own)
-            else:
-                assert words == base_words
-
-
-def test_an_audit_leaves_out_what_a_case_or_a_policy_does_not_have() -> None:
-    def names(policy: Approaching, **changes: Any) -> list[str]:
-        return [arm.name for arm in Audit().arms(make_case(**changes), policy.spec)]
-
-    record = {"case_id": "case", "task_name": tasks("libero_spatial")[0].name}
-    words = ["no_state", "no_instruction", "other_instruction", "paraphrase"]
-    assert names(Approaching(), record=record) == words
-    one, images = Approaching(cameras=("agentview",)), ["black_images", "still_images", "other_images"]
-    assert names(one, record=record) == [*images, *words]
-    goal = {"case_id": "case", "task_name": tasks("libero_goal")[0].name}
-    assert names(one, record=goal, suite="libero_goal") == [*images[:2], *words]  # one scene for all tasks
-    assert names(one) == [*images[:2], *words[:2]]
-    assert names(Approaching(), record=record, source_category="semantic") == words[:3]
-    assert names(Approaching(), record=record, source_category="task") == words[:2]
-    assert names(Approaching()) == words[:2]
 
 
 @pytest.mark.parametrize("event", CHANGES)
@@ -410,8 +281,6 @@ def test_settings_are_read_as_they_are_written(cadences: list[Cadence]) -> None:
 def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
     study = STUDIES[name].of({"cadence": "2", "latency": "2,2sync"}.get(name))
     assert type(study_from_dict(study.to_dict())) is STUDIES[name]
-    if name == "repeats":
-        assert study_from_dict(Repeats(5).to_dict()).to_dict() == {"name": name, "settings": "5"}
     damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": "x"}]
     for damaged in damage:
         with pytest.raises(ReportError, match="is none that this version knows"):
@@ -423,5 +292,3 @@ def test_settings_belong_to_one_study() -> None:
         STUDIES["cadence"].of(None)
     with pytest.raises(OptionError, match="the study camera-timing has none"):
         STUDIES["camera-timing"].of("2")
-    with pytest.raises(OptionError, match="expected an integer of at least 2"):
-        STUDIES["repeats"].of("1")

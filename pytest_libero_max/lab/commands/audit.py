@@ -39,8 +39,8 @@ def add_command(commands: Commands) -> None:
 
 
 def _audit(options: argparse.Namespace) -> int:
+    from pytest_libero_max.lab.sections.audit import audit_document
     from pytest_libero_max.report.render.markdown import document_markdown
-    from pytest_libero_max.report.studies.audit import audit_document
     from pytest_libero_max.report.writers.report_files import write_reports, write_text
 
     status = subprocess.run(_command(options), check=False).returncode

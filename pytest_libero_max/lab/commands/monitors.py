@@ -33,10 +33,12 @@ def add_command(commands: Commands) -> None:
 def _monitors(options: argparse.Namespace) -> None:
     from pytest_libero_max.films.recorded import open_recorded
     from pytest_libero_max.lab.monitored import scored
+    from pytest_libero_max.lab.sections.monitors import Monitors
     from pytest_libero_max.pairing.probes.monitor import Monitor
     from pytest_libero_max.pairing.probes.registry import PROBES
-    from pytest_libero_max.report.measures import section_rows
-    from pytest_libero_max.report.monitors import monitor_sections
+    from pytest_libero_max.report.measures import rows_table, rows_without_intervals
+    from pytest_libero_max.report.render.terminal import table_lines
+    from pytest_libero_max.report.report_section import PlayedPairs
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in a run
@@ -55,10 +57,10 @@ def _monitors(options: argparse.Namespace) -> None:
                 f"{number + 1} of {len(run.stored.records)}{work.left(number, len(run.stored.records))}"
             )
             records.append(scored(run, record, monitors))
-        with_intervals = not run.stored.stopped_by_rule
-    for title, rows in monitor_sections(records, with_intervals=with_intervals).items():
+        stopped = run.stored.stopped_by_rule
+    for title, rows in Monitors().tables(PlayedPairs(records)).items():
         if title in chosen:
             cameras = getattr(chosen[title], "cameras", ())
             looks = f"images of {', '.join(cameras)}, drawn again" if cameras else "recorded answers alone"
-            shown = [("Looks at", looks), *section_rows(rows)]
-            say(["", title, *(f"  {name}: {value}" for name, value in shown)])
+            table = rows_table({"Looks at": looks, **(rows_without_intervals(rows) if stopped else rows)})
+            say(["", title, *table_lines(table, short=False, numbers=False)])

@@ -27,9 +27,9 @@ def add_command(commands: Commands) -> None:
 
 
 def _recovery(options: argparse.Namespace) -> None:
+    from pytest_libero_max.lab.recovery.recovery import recovery_of
+    from pytest_libero_max.lab.recovery.recovery_sections import document_of
     from pytest_libero_max.report.render.terminal import document_lines
-    from pytest_libero_max.report.studies.recovery import recovery_of
-    from pytest_libero_max.report.studies.recovery_sections import document_of
     from pytest_libero_max.report.writers.report_files import report_json, write_text
 
     recovery = recovery_of(options.folders, options.restrict)

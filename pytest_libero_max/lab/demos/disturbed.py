@@ -24,7 +24,6 @@ class DisturbedPolicy(WrappedPolicy):
         meant: Answer of the expert to each query of the episode.
 
     Args:
-        expert: A policy that plans anew at every query.
         share: Share of the queries whose answer is disturbed, 0 to 1.
     """
 
@@ -54,7 +53,6 @@ class DisturbedPolicy(WrappedPolicy):
 
         Args:
             steps: The step of each query.
-            length: Steps of the episode.
 
         Returns:
             (length, 7) actions.

@@ -66,10 +66,7 @@ def planned(
     Variants of events alternate with the initial states.
 
     Args:
-        suites: LIBERO suites.
         task_indices: Tasks of each suite; None for all.
-        inits: Initial states.
-        events: Events; none for Base alone.
 
     Raises:
         OptionError: There is no such event or task.
@@ -99,8 +96,6 @@ def record(
     """Let a policy play an episode, and record the world before every step.
 
     Args:
-        plan: The episode.
-        world: A world of its scene.
         policy: A policy that solves the tasks. The images that a privileged one asks for are not drawn.
         image_size: Side of the recorded images, pixels.
         disturbed: Share of the queries after whose answer the hand is pushed aside, until the next one.

@@ -51,8 +51,6 @@ def collect_run(
         image_size: Side of the images, pixels.
         report: Called with the number of finished pairs and of all, after each pair.
         cases: As for :func:`~pytest_libero_max.films.recorded.open_recorded`, like those that follow.
-        installations: As there.
-        assets: As there.
 
     Returns:
         The files in the order of the pairs, and the number of pairs without traces.

@@ -60,10 +60,7 @@ def collect(
     """Record the episodes that a folder does not hold yet.
 
     Args:
-        plans: The episodes.
         folder: Made if missing.
-        settings: Of the folder: those that it was begun with.
-        jobs: Processes.
         report: Called with the number of finished episodes and of all, after each task.
 
     Returns:
@@ -111,7 +108,7 @@ def _collect(
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
-    return [found for plan in plans if (found := find(plan, folder)) is not None]
+    return [path for plan in plans if (path := find(plan, folder)) is not None]
 
 
 def find(plan: Planned, folder: Path) -> Found | None:

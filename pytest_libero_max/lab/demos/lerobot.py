@@ -233,7 +233,7 @@ class Writer:
             tasks.replace_schema_metadata({"pandas": json.dumps(_INDEXED_BY_TASK)}), meta / "tasks.parquet"
         )
         statistics = {
-            key: found.to_dict(image=key in IMAGES.values()) for key, found in self._statistics.items()
+            key: feature.to_dict(image=key in IMAGES.values()) for key, feature in self._statistics.items()
         }
         _write_json(meta / "stats.json", statistics)
         _write_json(meta / "info.json", self._info())

@@ -165,11 +165,7 @@ def act(
     """Return the objects seen now, and the route to follow from now on.
 
     Args:
-        scene: Knowledge of all scenes of the suite.
-        memory: From the query before.
         image: (256, 256, 3), upright.
-        hand: From proprioception.
-        instruction: The task in words.
     """
     wish = understand(scene, instruction)
     route, target = memory.route, memory.target
@@ -177,11 +173,11 @@ def act(
     waiting = holding and bool(route[0].wait)
     leaving = bool(route) and not any(waypoint.grip == CLOSED for waypoint in route)
     lost = holding and not waiting and hand.opening < _NOTHING_M
-    again = not route or lost or (leaving and _is_at_end(hand, route))
+    replans = not route or lost or (leaving and _is_at_end(hand, route))
     destination = _look(scene, scene.destination, image, hand, memory.destination, scene.destination_area)
-    if target is None or again or not (holding or leaving):
-        target = _look(scene, wish.category, image, hand, None if again else target, wish.area)
-    if again or not (holding or leaving or _is_at(memory.aim, target, destination)):
+    if target is None or replans or not (holding or leaving):
+        target = _look(scene, wish.category, image, hand, None if replans else target, wish.area)
+    if replans or not (holding or leaving or _is_at(memory.aim, target, destination)):
         route = (
             *_pick(scene, hand, wish, target),
             *_place(scene, wish, target, destination, target + wish.grip),
@@ -244,8 +240,6 @@ def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array,
     """Up with the target, over the destination, down, open the fingers, and up again.
 
     Args:
-        scene: For the heights.
-        wish: The object to carry.
         target: Its position at the start, (3,) m.
         destination: Its destination, (3,) m.
         start: Position of the hand at the start, (3,) m.

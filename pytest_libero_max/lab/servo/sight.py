@@ -116,18 +116,14 @@ def _likelihoods(category: str) -> Chances:
 
 def chances(image: NDArray[np.uint8], category: str) -> Chances:
     """Likelihood that each pixel of an upright image shows an object of a category, by its colour alone."""
-    found: Chances = _likelihoods(category)[colour_codes(image)]
-    return found
+    likelihoods: Chances = _likelihoods(category)[colour_codes(image)]
+    return likelihoods
 
 
 def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash: float = 0.0) -> Sighting:
     """Return the place in an area where an object is most likely to stand.
 
     Args:
-        likely: Of the whole image.
-        camera: Camera of the image.
-        shape: Of the object.
-        area: Area in which to look.
         leash: Score that is taken off for each m from the middle of the area.
     """
     xs, ys = (

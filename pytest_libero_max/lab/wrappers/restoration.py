@@ -55,7 +55,6 @@ class RestoringPolicy(WrappedPolicy):
         query_seconds: Time spent on judging and restoring then.
 
     Args:
-        policy: The inner policy.
         mode: ``always`` or ``gated``.
 
     Raises:

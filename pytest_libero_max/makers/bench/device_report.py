@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -32,10 +32,10 @@ GENUINE = "libero"
 
 @dataclass(frozen=True)
 class Plan:
-    """What is measured."""
+    """Settings of a report."""
 
     options: SubstrateOptions
-    """Where a genuine LIBERO is."""
+    """Location of a genuine LIBERO."""
     scenes: Sequence[tuple[str, int]]
     """Suites and numbers of tasks."""
     processes: Sequence[int]
@@ -57,19 +57,18 @@ def devices() -> list[tuple[str, str | None]]:
         OptionError: ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` asks for what is not there.
         SimulatorError: Nothing draws.
     """
-    found: list[tuple[str, str | None]] = [(device(), None)]
+    result: list[tuple[str, str | None]] = [(device(), None)]
     if gl.require() == "egl" and not egl.chosen()[0].software:
-        found += [(f"egl, {one}", str(one.number)) for one in egl.listed() if one.software][:1]
-    return found
+        result += [
+            (f"egl, {device_listed}", str(device_listed.number))
+            for device_listed in egl.listed()
+            if device_listed.software
+        ][:1]
+    return result
 
 
 def device_report(plan: Plan, say: Callable[[str], None]) -> Iterator[str]:
-    """Yield the lines of the report, in Markdown, as they are measured.
-
-    Args:
-        plan: What is measured.
-        say: Is told what is measured next.
-    """
+    """Yield the lines of the report, in Markdown, as they are measured."""
     yield from ["# What this machine draws and serves", "", *_machine(), ""]
     substrates = [DEFAULT]
     try:
@@ -78,7 +77,7 @@ def device_report(plan: Plan, say: Callable[[str], None]) -> Iterator[str]:
     except SubstrateError as error:
         yield from [f"Genuine scenes were not measured: {error}", ""]
     for name, number in devices():
-        with _drawn_by(number):
+        with nullcontext() if number is None else egl.asked_for(number):
             for substrate in substrates:
                 yield from [f"## {substrate} scenes, drawn by {name}", ""]
                 say(f"images of {substrate} scenes, drawn by {name}")
@@ -102,7 +101,7 @@ def _machine() -> Iterator[str]:
     cores = counted(len(os.sched_getaffinity(0)), "core")
     yield f"- {_processor()}, {cores}, {memory_bytes() / GIB:.0f} GiB memory"
     yield f"- load before: {os.getloadavg()[0]:.1f} (it should be near 0)"
-    yield from (f"- {one}{', the processor' if one.software else ''}" for one in egl.listed())
+    yield from (f"- {listed}{', the processor' if listed.software else ''}" for listed in egl.listed())
     for name in (gl.VARIABLE, egl.VARIABLE, egl.VISIBLE, "LP_NUM_THREADS"):
         if name in os.environ:
             yield f"- {name}={os.environ[name]}"
@@ -115,18 +114,3 @@ def _processor() -> str:
         lines = []
     named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     return next(named, platform.processor() or "unknown processor")
-
-
-@contextmanager
-def _drawn_by(number: str | None) -> Iterator[None]:
-    """Let the processes that are started meanwhile draw with a device; None: the one they choose."""
-    before = os.environ.get(egl.VARIABLE)
-    if number is not None:
-        os.environ[egl.VARIABLE] = number
-    try:
-        yield
-    finally:
-        if before is None:
-            os.environ.pop(egl.VARIABLE, None)
-        else:
-            os.environ[egl.VARIABLE] = before

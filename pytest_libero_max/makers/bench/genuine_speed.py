@@ -76,10 +76,8 @@ def measure_genuine(
     """Time control steps and one pair of the original track, of a suite, on a genuine scene.
 
     Args:
-        substrate: The substrate that builds the scene.
         suite: Of which suite the first ``camera_shift`` pair of the original track is played.
         steps: Control steps to measure, with random actions.
-        repeats: Pairs to measure; 0 leaves them out.
 
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
@@ -172,8 +170,6 @@ def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Arra
 
     Args:
         env: The package's wrapper.
-        world: Ours, for the initial state.
-        case: The case in which they begin.
         rollouts: (n, 7) actions of each.
     """
     ends = []

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from threading import Barrier
 
 import numpy as np
 
+from pytest_libero_max.makers.bench.clock import in_processes, wait_for_others
 from pytest_libero_max.makers.bench.scenes import scenes_of
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import open_substrate
@@ -22,9 +20,6 @@ from pytest_libero_max.worlds.rendering.renderer import Renderer
 _WARM_UP = 6
 _LOOKS, _STEPS = 6, 5
 """Times that a scene is looked at to compare its images, and control steps before each."""
-
-_WAIT_S = 600.0
-"""The longest that a process waits for the others, which build their scenes at the same time."""
 
 
 @dataclass(frozen=True)
@@ -74,62 +69,40 @@ def measure_rates(
     time is not counted.
 
     Args:
-        name: Of the substrate.
-        options: Of the substrate.
-        scenes: Suites and numbers of tasks.
-        processes: Numbers of processes that draw at once.
         seconds: Time to draw for, each.
         size: Side of an image in pixels.
 
     Raises:
         SimulatorError: No OpenGL backend is available.
     """
-    context = multiprocessing.get_context("spawn")
     for suite, index in scenes:
         for number in processes:
-            barrier = context.Barrier(number)
-            with ProcessPoolExecutor(number, context, initializer=_meet, initargs=(barrier,)) as pool:
-                tasks = [
-                    pool.submit(_draw, name, options, suite, index, seconds, size) for _ in range(number)
-                ]
-                counts = [task.result() for task in tasks]
+            counts = in_processes(number, _draw, name, options, suite, index, seconds, size)
             drawn, took = sum(count for count, _ in counts), sum(spent for _, spent in counts)
             yield ImageRate(f"{suite}/{index}", number, drawn, took / number)
-
-
-_barriers: list[Barrier] = []
-
-
-def _meet(barrier: Barrier) -> None:
-    _barriers.append(barrier)
 
 
 def _draw(
     name: str, options: SubstrateOptions, suite: str, index: int, seconds: float, size: int
 ) -> tuple[int, float]:
     """Return the images that this process drew, from both cameras in turns, and the seconds they took."""
-    (barrier,) = _barriers
-    try:
-        with scenes_of(open_substrate(name, options))(suite, index) as world:
-            for number in range(_WARM_UP):
-                world.observe(CAMERAS[number % 2 :][:1], size)
-            barrier.wait(_WAIT_S)
-            count, spent, end = 0, 0.0, time.perf_counter() + seconds
-            while time.perf_counter() < end:
-                world.step([0.0] * ACTION_DIM)
-                begin = time.perf_counter()
-                world.observe(CAMERAS[count % 2 :][:1], size)
-                spent += time.perf_counter() - begin
-                count += 1
-            return count, spent
-    except BaseException:
-        barrier.abort()  # the others would wait for this one
-        raise
+    with scenes_of(open_substrate(name, options))(suite, index) as world:
+        for number in range(_WARM_UP):
+            world.observe(CAMERAS[number % 2 :][:1], size)
+        wait_for_others()
+        count, spent, end = 0, 0.0, time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            world.step([0.0] * ACTION_DIM)
+            begin = time.perf_counter()
+            world.observe(CAMERAS[count % 2 :][:1], size)
+            spent += time.perf_counter() - begin
+            count += 1
+        return count, spent
 
 
 @dataclass(frozen=True)
 class SameImages:
-    """What of the images of one scene is the same bit for bit."""
+    """Equality of the images of one scene, bit for bit."""
 
     scene: str
     """For example ``libero_spatial/0``."""
@@ -146,22 +119,14 @@ def compare_images(
     """Compare images with those where everything is drawn, and with those of another process.
 
     Args:
-        name: Of the substrate.
-        options: Of the substrate.
-        scenes: Suites and numbers of tasks.
         size: Side of an image in pixels.
 
     Raises:
         SimulatorError: No OpenGL backend is available.
     """
-    context = multiprocessing.get_context("spawn")
     for suite, index in scenes:
-        found = []
-        for _ in range(2):
-            with ProcessPoolExecutor(1, context) as pool:
-                found.append(pool.submit(_compare, name, options, suite, index, size).result())
-        (unequal, digests), (_, again) = found
-        yield SameImages(f"{suite}/{index}", len(digests), unequal, digests == again)
+        (unequal, digests), (_, repeated) = in_processes(2, _compare, name, options, suite, index, size)
+        yield SameImages(f"{suite}/{index}", len(digests), unequal, digests == repeated)
 
 
 def _compare(
@@ -190,14 +155,14 @@ def _images(world: World, size: int) -> list[Image]:
     return [seen[f"{camera}_image"] for camera in CAMERAS]
 
 
-def same_lines(found: Sequence[SameImages]) -> list[str]:
+def same_lines(results: Sequence[SameImages]) -> list[str]:
     """Return a table in Markdown."""
     return [
         "| scene | images | unequal to those with everything drawn | the same in another process |",
         "| --- | ---: | ---: | --- |",
         *(
-            f"| {one.scene} | {one.images} | {one.unequal} | {'yes' if one.repeated else 'no'} |"
-            for one in found
+            f"| {result.scene} | {result.images} | {result.unequal} | {'yes' if result.repeated else 'no'} |"
+            for result in results
         ),
     ]
 

@@ -63,7 +63,6 @@ def measure_scenes(
     """Measure all forty, one after the other.
 
     Args:
-        open_scene: Whose scenes.
         steps: Control steps each.
         images: Images each, from the two cameras in turns.
         size: Side of an image in pixels.

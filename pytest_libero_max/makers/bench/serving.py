@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from threading import Barrier
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.makers.bench.clock import in_processes, wait_for_others
 from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
 from pytest_libero_max.policies.loading import load_policy
@@ -21,7 +19,6 @@ from pytest_libero_max.policies.server.sockets import serving
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, height_and_width
 
 _WARM_UP = 5
-_WAIT_S = 600.0
 _EPISODE = Episode("libero_spatial", 0, "pick up the bowl", 7, 220)
 _STATE = {"eef_pos": 3, "eef_quat": 4, "gripper_qpos": 2, "gripper_qvel": 2, "joint_pos": 7, "joint_vel": 7}
 
@@ -61,7 +58,6 @@ def measure_serving(
 
     Args:
         reference: Policy to serve, as for ``--libero-max-policy``; None: :class:`Zeros`.
-        clients: Numbers of processes that ask at once.
         seconds: Time to ask for, each.
 
     Raises:
@@ -69,52 +65,34 @@ def measure_serving(
         ServerError: The server cannot be opened.
     """
     policy: Policy = Zeros() if reference is None else load_policy(reference)
-    context = multiprocessing.get_context("spawn")
     batching = Batching(max(clients)) if hasattr(policy, "predict_batch") else Batching()
     with serving(Host(policy, "bench", batching), port=0) as (port, _):
         for number in clients:
-            barrier = context.Barrier(number)
-            with ProcessPoolExecutor(number, context, initializer=_meet, initargs=(barrier,)) as pool:
-                tasks = [
-                    pool.submit(_ask, f"openpi://127.0.0.1:{port}", policy.spec, seconds)
-                    for _ in range(number)
-                ]
-                times = np.concatenate([task.result() for task in tasks])
+            address = f"openpi://127.0.0.1:{port}"
+            times = np.concatenate(in_processes(number, _ask, address, policy.spec, seconds))
             median, p99 = 1e3 * np.quantile(times, (0.5, 0.99))
             yield ServingRate(number, times.size, seconds, float(median), float(p99))
 
 
-_barriers: list[Barrier] = []
-
-
-def _meet(barrier: Barrier) -> None:
-    _barriers.append(barrier)
-
-
 def _ask(address: str, spec: PolicySpec, seconds: float) -> NDArray[np.float64]:
     """Ask as fast as answers come; returns the seconds of each query."""
-    (barrier,) = _barriers
-    try:
-        policy = load_served(address, "served")
-        policy.reset(_EPISODE)
-        random = np.random.default_rng(0)
-        shape = (*height_and_width(spec.image_size), 3)
-        seen: dict[str, NDArray[np.generic]] = {
-            f"{camera}_image": random.integers(0, 256, shape, np.uint8) for camera in spec.cameras
-        }
-        seen |= {f"robot0_{name}": np.zeros(length) for name, length in _STATE.items()}
-        query = Query(0, 0, _EPISODE.instruction, 0)
-        for _ in range(_WARM_UP):
-            policy.predict(seen, query)
-        barrier.wait(_WAIT_S)
-        times, end = [], time.perf_counter() + seconds
-        while (begin := time.perf_counter()) < end:
-            policy.predict(seen, query)
-            times.append(time.perf_counter() - begin)
-        return np.array(times)
-    except BaseException:
-        barrier.abort()  # the others would wait for this one
-        raise
+    policy = load_served(address, "served")
+    policy.reset(_EPISODE)
+    random = np.random.default_rng(0)
+    shape = (*height_and_width(spec.image_size), 3)
+    seen: dict[str, NDArray[np.generic]] = {
+        f"{camera}_image": random.integers(0, 256, shape, np.uint8) for camera in spec.cameras
+    }
+    seen |= {f"robot0_{name}": np.zeros(length) for name, length in _STATE.items()}
+    query = Query(0, 0, _EPISODE.instruction, 0)
+    for _ in range(_WARM_UP):
+        policy.predict(seen, query)
+    wait_for_others()
+    times, end = [], time.perf_counter() + seconds
+    while (begin := time.perf_counter()) < end:
+        policy.predict(seen, query)
+        times.append(time.perf_counter() - begin)
+    return np.array(times)
 
 
 def serving_lines(rates: Sequence[ServingRate]) -> list[str]:
@@ -123,7 +101,8 @@ def serving_lines(rates: Sequence[ServingRate]) -> list[str]:
         "| clients | queries/s, all | median, ms | 99 %, ms |",
         "| ---: | ---: | ---: | ---: |",
         *(
-            f"| {one.clients} | {one.queries / one.seconds:.0f} | {one.median_ms:.1f} | {one.p99_ms:.1f} |"
-            for one in rates
+            f"| {rate.clients} | {rate.queries / rate.seconds:.0f} | {rate.median_ms:.1f} "
+            f"| {rate.p99_ms:.1f} |"
+            for rate in rates
         ),
     ]

@@ -94,9 +94,6 @@ def measure_stepping(
     """Time control steps with random actions.
 
     Args:
-        suite: Suite of the scene.
-        index: Task of the suite.
-        steps: Number of steps to measure.
         size: Side of the images in pixels.
         images: True to measure images too; without OpenGL they are left out in any case.
 

@@ -1,9 +1,8 @@
-"""``libero-max dev bench``: speed of steps, images, pairs and a policy server on this machine."""
+"""``libero-max dev bench``: speed of steps, scenes, images, pairs and a policy server on this machine."""
 
 from __future__ import annotations
 
 import argparse
-import os
 from contextlib import closing
 from pathlib import Path
 
@@ -18,23 +17,18 @@ from pytest_libero_max.cli.arguments import (
     whole_number,
 )
 from pytest_libero_max.cli.work import Work
-from pytest_libero_max.errors import counted
 
 
 def add_command(commands: Commands) -> None:
     """Add ``bench`` with its parts to the parser."""
-    bench = commands.add_parser(
-        "bench", help="Measure this machine: pairs, scenes, images, device, genuine or serving"
-    )
+    bench = commands.add_parser("bench", help="Measure this machine: pairs, scenes, device or genuine")
     parts = bench.add_subparsers(required=True, metavar="WHAT")
     _add_pairs(parts)
     scenes = parts.add_parser("scenes", help="What each of the forty scenes costs")
     add_substrate(scenes)
     scenes.set_defaults(run=_bench_scenes)
-    _add_images(parts)
     _add_device(parts)
     _add_genuine(parts)
-    _add_serving(parts)
 
 
 def _add_pairs(parts: Commands) -> None:
@@ -47,20 +41,6 @@ def _add_pairs(parts: Commands) -> None:
     pairs.set_defaults(run=_bench_pairs)
 
 
-def _add_images(parts: Commands) -> None:
-    images = parts.add_parser(
-        "images",
-        help="Images that the device that draws gives to one process, and to several at once",
-        description="Says which device draws (MUJOCO_GL and MUJOCO_EGL_DEVICE_ID choose it), then how many "
-        "images of 256 pixels it draws a second, by scene and number of processes, in wall-clock time. "
-        "Run it where nothing else runs.",
-    )
-    _add_scenes(images)
-    _add_rates(images)
-    add_substrate(images)
-    images.set_defaults(run=_bench_images)
-
-
 def _add_device(parts: Commands) -> None:
     device = parts.add_parser(
         "device",
@@ -71,9 +51,28 @@ def _add_device(parts: Commands) -> None:
         "one policy server is asked by several clients at once. Run it where nothing else runs; with the "
         "defaults and a GPU it takes about ten minutes.",
     )
-    _add_scenes(device)
-    _add_rates(device)
-    _add_policy(device)
+    option(
+        device,
+        "--scenes SUITE/TASK",
+        "Default: task 0 of each suite",
+        nargs="+",
+        type=_scene,
+        default=[(suite, 0) for suite in ("libero_spatial", "libero_object", "libero_goal", "libero_10")],
+    )
+    option(
+        device,
+        "--workers N",
+        "Numbers of processes that draw, or ask, at once (default: 1 2 4)",
+        nargs="+",
+        type=whole_number(1),
+        default=[1, 2, 4],
+    )
+    option(device, "--seconds S", "Time for each measurement", type=number(0.001, 3600), default=5.0)
+    option(
+        device,
+        "--policy POLICY",
+        "Policy to serve, as for pytest --libero-max-policy (default: one that answers at once)",
+    )
     option(
         device,
         "--output FILE",
@@ -102,47 +101,6 @@ def _add_genuine(parts: Commands) -> None:
     genuine.set_defaults(run=_bench_genuine)
 
 
-def _add_serving(parts: Commands) -> None:
-    serving = parts.add_parser(
-        "serving", help="Queries a second that one policy server answers to several clients at once"
-    )
-    _add_rates(serving)
-    _add_policy(serving)
-    serving.set_defaults(run=_bench_serving)
-
-
-def _add_policy(command: argparse.ArgumentParser) -> None:
-    option(
-        command,
-        "--policy POLICY",
-        "Policy to serve, as for pytest --libero-max-policy (default: one that answers at once)",
-    )
-
-
-def _add_scenes(command: argparse.ArgumentParser) -> None:
-    option(
-        command,
-        "--scenes SUITE/TASK",
-        "Default: task 0 of each suite",
-        nargs="+",
-        type=_scene,
-        default=[(suite, 0) for suite in ("libero_spatial", "libero_object", "libero_goal", "libero_10")],
-    )
-
-
-def _add_rates(command: argparse.ArgumentParser) -> None:
-    """Add the options for what is measured in images, or queries, a second."""
-    option(
-        command,
-        "--workers N",
-        "Numbers of processes at once (default: 1 2 4)",
-        nargs="+",
-        type=whole_number(1),
-        default=[1, 2, 4],
-    )
-    option(command, "--seconds S", "Time for each measurement", type=number(0.001, 3600), default=5.0)
-
-
 def _scene(text: str) -> tuple[str, int]:
     suite, _, index = text.partition("/")
     if not (suite in SUITE_BUDGETS and index.isdigit() and int(index) < 10):
@@ -150,26 +108,6 @@ def _scene(text: str) -> tuple[str, int]:
             f"{text!r} is no scene: expected SUITE/TASK, one of {', '.join(SUITE_BUDGETS)} and 0 to 9"
         )
     return suite, int(index)
-
-
-def _bench_images(options: argparse.Namespace) -> None:
-    from pytest_libero_max.makers.bench.images import device, measure_rates, rate_lines
-
-    print(f"Images by {device()}, {counted(os.cpu_count() or 1, 'processor core')}\n", flush=True)
-    total = len(options.scenes) * len(options.workers)
-    rates = []
-    with Work() as work:
-        work.show(f"0 of {total} measured")
-        for rate in measure_rates(
-            options.substrate.name,
-            substrate_options(options),
-            options.scenes,
-            options.workers,
-            seconds=options.seconds,
-        ):
-            rates.append(rate)
-            work.show(f"{len(rates)} of {total} measured{work.left(len(rates), total)}")
-    print("\n".join(rate_lines(rates)))
 
 
 def _bench_device(options: argparse.Namespace) -> None:
@@ -213,14 +151,7 @@ def _bench_genuine(options: argparse.Namespace) -> None:
     from pytest_libero_max.substrates.libero.installation import find_installations
     from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 
-    found = find_installations(options.libero, assets=options.libero_assets)
-    with closing(LiberoSubstrate(found)) as substrate:
+    installations = find_installations(options.libero, assets=options.libero_assets)
+    with closing(LiberoSubstrate(installations)) as substrate:
         times = measure_genuine(substrate, options.suite, steps=options.steps, repeats=options.repeats)
     print("\n".join(times.lines()))
-
-
-def _bench_serving(options: argparse.Namespace) -> None:
-    from pytest_libero_max.makers.bench.serving import measure_serving, serving_lines
-
-    rates = measure_serving(options.policy, options.workers, seconds=options.seconds)
-    print("\n".join(serving_lines([*rates])))

@@ -38,15 +38,15 @@ def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.construction.event_sheets import write_event_sheet, write_page_pictures
     from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 
-    kind, told = SUBSTRATES[options.substrate.name], substrate_options(options)
-    track = kind.tracks(told).pictured
+    kind, settings = SUBSTRATES[options.substrate.name], substrate_options(options)
+    track = kind.tracks(settings).pictured
     sheets: dict[Path, Callable[[Path, Substrate], None]] = {
         **{options.folder / name: draw for name, draw in kind.sheets.items()},
         options.folder / "events.webp": partial(write_event_sheet, track=track),
     }
     if options.page_pictures is not None:
         sheets[options.page_pictures] = partial(write_page_pictures, track=track)
-    with closing(open_substrate(options.substrate.name, told)) as substrate, Work() as work:
+    with closing(open_substrate(options.substrate.name, settings)) as substrate, Work() as work:
         for number, (path, write) in enumerate(sheets.items(), start=1):
             work.show(f"{path.name}, {number} of {len(sheets)}")
             write(path, substrate)

@@ -28,8 +28,8 @@ def _preflight(options: argparse.Namespace) -> None:
     if options.limit is not None:
         cases = stratified(cases, options.limit)
     with examining(options) as (_, examiner):
-        found = examiner.examine(cases)
-        say(preflight_lines(found))
+        preflights = examiner.examine(cases)
+        say(preflight_lines(preflights))
         if options.expert is not None:
-            passed = [case for case in cases if found[case.case_id].passed]
+            passed = [case for case in cases if preflights[case.case_id].passed]
             say(["", *certificate_lines(examiner.certify(passed, options.expert))])

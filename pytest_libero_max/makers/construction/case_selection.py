@@ -67,7 +67,6 @@ def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
     Args:
         examine: Called in rounds, never twice about the same case. The selection is a function of its
         answers.
-        pool: The pool.
 
     Returns:
         The cases, sorted by id.
@@ -98,7 +97,6 @@ def propose(kept: Places, failed: Collection[str], pool: Pool = OWN_POOL) -> Pla
         kept: Cases with a place already. A LIBERO-Plus case gives it up only where difficulties could not be
             as even otherwise.
         failed: Ids of cases that must not be used.
-        pool: The pool.
 
     Raises:
         ManifestError: A cell cannot be filled.
@@ -121,11 +119,11 @@ def _fill_plus(
     if len(kept) == PLUS_PER_CELL * len(cells):
         return kept
     tasks = _plus_tasks(category, pool)
-    in_place = {one.case_id(cell) for cell, one in kept}
+    in_place = {configuration.case_id(cell) for cell, configuration in kept}
     fits = tasks.hosts & np.array([[name not in failed for name in names] for names in tasks.ids])
     cost = np.where([[name in in_place for name in names] for names in tasks.ids], 0, _MOVE + tasks.ranks)
     try:
-        found = fill(fits, np.full(len(cells), PLUS_PER_CELL), tasks.levels, cost)
+        choice = fill(fits, np.full(len(cells), PLUS_PER_CELL), tasks.levels, cost)
     except Shortage as shortage:
         names = "; ".join(str(cells[number]) for number in shortage.cells)
         raise ManifestError(
@@ -135,7 +133,9 @@ def _fill_plus(
             "a cell, or scenes in which more of them pass, would help."
         ) from shortage
     return [
-        (cells[number], one) for one, number in zip(tasks.configurations, found, strict=True) if number >= 0
+        (cells[number], configuration)
+        for configuration, number in zip(tasks.configurations, choice, strict=True)
+        if number >= 0
     ]
 
 
@@ -158,14 +158,14 @@ class _PlusTasks:
 @cache
 def _plus_tasks(category: str, pool: Pool) -> _PlusTasks:
     cells = cells_of(category)
-    found = hosts("plus", category, pool.catalogue)
-    tasks = [(Configuration(variation, 0, pool.catalogue), events) for variation, events in found]
+    hosting = hosts("plus", category, pool.catalogue)
+    tasks = [(Configuration(variation, 0, pool.catalogue), events) for variation, events in hosting]
     return _PlusTasks(
-        [one for one, _ in tasks],
-        [[one.case_id(cell) for cell in cells] for one, _ in tasks],
+        [configuration for configuration, _ in tasks],
+        [[configuration.case_id(cell) for cell in cells] for configuration, _ in tasks],
         np.array([[cell.event in events for cell in cells] for _, events in tasks]),
-        np.array([[_rank(pool, cell, one) for cell in cells] for one, _ in tasks]),
-        np.array([_level(one.variation) for one, _ in tasks]),
+        np.array([[_rank(pool, cell, configuration) for cell in cells] for configuration, _ in tasks]),
+        np.array([_level(configuration.variation) for configuration, _ in tasks]),
     )
 
 
@@ -177,8 +177,10 @@ def _level(variation: Variation) -> int:
 def _fill_pro(
     category: str, kept: Sequence[tuple[Cell, Configuration]], failed: Collection[str], pool: Pool
 ) -> Iterable[tuple[Cell, Configuration]]:
-    usage = Counter((one.variation.suite, one.variation.index) for _, one in kept)
-    taken = {one.case_id(cell) for cell, one in kept}
+    usage = Counter(
+        (configuration.variation.suite, configuration.variation.index) for _, configuration in kept
+    )
+    taken = {configuration.case_id(cell) for cell, configuration in kept}
     for cell in cells_of(category):
         here = [place for place in kept if place[0] == cell]
         yield from here
@@ -186,8 +188,8 @@ def _fill_pro(
         if not needed:
             continue
         free = [
-            one
-            for name, one in _pro_cases(cell, pool.catalogue).items()
+            configuration
+            for name, configuration in _pro_cases(cell, pool.catalogue).items()
             if name not in failed and name not in taken
         ]
         if len(free) < needed:
@@ -196,10 +198,14 @@ def _fill_pro(
                 "others lack what the event needs, are in use or failed the preflight. Fewer cases a cell, "
                 "or scenes in which more of them pass, would help."
             )
-        used_here = Counter((one.variation.suite, one.variation.index) for _, one in here)
-        ranks = {one: _rank(pool, cell, one) for one in free}
+        used_here = Counter(
+            (configuration.variation.suite, configuration.variation.index) for _, configuration in here
+        )
+        ranks = {configuration: _rank(pool, cell, configuration) for configuration in free}
         for _ in range(needed):
-            best = min(free, key=lambda one: (*_use(one, used_here, usage), ranks[one]))
+            best = min(
+                free, key=lambda configuration: (*_use(configuration, used_here, usage), ranks[configuration])
+            )
             free.remove(best)
             used_here[best.variation.suite, best.variation.index] += 1
             usage[best.variation.suite, best.variation.index] += 1
@@ -215,16 +221,18 @@ def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
         if cell.event in events
         for init in range(PRO_STATES)
     )
-    return {one.case_id(cell): one for one in configurations}
+    return {configuration.case_id(cell): configuration for configuration in configurations}
 
 
 def _use(
-    one: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
+    configuration: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
 ) -> tuple[int, int]:
     """Return the number of times that the task is used: in the cell, then in the category."""
-    task = one.variation.suite, one.variation.index
+    task = configuration.variation.suite, configuration.variation.index
     return here[task], usage[task]
 
 
-def _rank(pool: Pool, cell: Cell, one: Configuration) -> int:
-    return seed_of(pool.sampler, *cell, one.variation.suite, one.variation.index, one.init)
+def _rank(pool: Pool, cell: Cell, configuration: Configuration) -> int:
+    return seed_of(
+        pool.sampler, *cell, configuration.variation.suite, configuration.variation.index, configuration.init
+    )

@@ -15,8 +15,6 @@ def certify(world: World, case: Case, expert: Policy) -> Certificate:
     """Play a case with an expert.
 
     Args:
-        world: The world that plays the case.
-        case: The case.
         expert: A policy that solves the tasks; images are rendered only if it asks for them.
 
     Raises:

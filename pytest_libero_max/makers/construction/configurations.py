@@ -70,8 +70,8 @@ def eligibility_lines(origin: Catalogue = OWN) -> list[str]:
     for source, categories in (("plus", PLUS_CATEGORIES), ("pro", PRO_CATEGORIES)):
         total = Counter[str]()
         for category in categories:
-            found = [events for _, events in hosts(source, category, origin)]
-            total += _add_row(lines, category, found)
+            hosted = [events for _, events in hosts(source, category, origin)]
+            total += _add_row(lines, category, hosted)
         lines.append(_row(f"all of {source}", total))
         left_out = [
             _events_of(origin.metadata(variation))
@@ -84,8 +84,8 @@ def eligibility_lines(origin: Catalogue = OWN) -> list[str]:
     return lines
 
 
-def _add_row(lines: list[str], name: str, found: Sequence[frozenset[str]]) -> Counter[str]:
-    count = Counter(event for events in found for event in events) + Counter(tasks=len(found))
+def _add_row(lines: list[str], name: str, hosted: Sequence[frozenset[str]]) -> Counter[str]:
+    count = Counter(event for events in hosted for event in events) + Counter(tasks=len(hosted))
     lines.append(_row(name, count))
     return count
 

@@ -32,8 +32,6 @@ def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, s
     wrist's before and after. What the event moved is outlined where it was, with an arrow to where it is.
 
     Args:
-        path: The file to write.
-        substrate: Builds the worlds.
         track: The cases, with every event and variant. Of two sources, the first variant
             shows the first one, and the second variant the other.
         size: Side of one picture in pixels.
@@ -56,8 +54,6 @@ def write_page_pictures(folder: Path, substrate: Substrate, track: str = ORIGINA
     """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``.
 
     Args:
-        folder: Folder of the files.
-        substrate: Builds the worlds.
         track: Cases, as for :func:`write_event_sheet`.
     """
     for name, seen in _seen(substrate, _PAGE_PX, track):
@@ -98,8 +94,8 @@ def _with_arrows(image: Image, world: World, camera: str, moved: Sequence[tuple[
         seen = [outlines([place], world, {camera: image}).get(camera) for place in way]
         if seen[0] is None or seen[1] is None:
             continue
-        corners = [found[0] for found in seen if found is not None]
-        begin, end = (tuple(int(value) for value in found.mean(axis=0).round()) for found in corners)
+        corners = [position[0] for position in seen if position is not None]
+        begin, end = (tuple(int(value) for value in position.mean(axis=0).round()) for position in corners)
         for color, width in ((_INK, 3), (_OLD_PLACE, 1)):
             cv2.polylines(drawn, [corners[0]], True, color, width, cv2.LINE_AA)
             cv2.arrowedLine(drawn, begin, end, color, width, cv2.LINE_AA, tipLength=0.25)

@@ -121,7 +121,6 @@ class Examiner:
         """Certificates by case id, in the order of the cases.
 
         Args:
-            cases: The cases to play.
             expert: Adapter of the scripted expert, as on the command line of a run.
 
         Raises:
@@ -148,10 +147,10 @@ class Examiner:
         if todo:
             self._report(Progress(verb, before, len(cases), good, None))
         for future in as_completed(waiting):
-            for case, found in zip(waiting[future], future.result(), strict=True):
-                ledger.add(case, found)
+            for case, result in zip(waiting[future], future.result(), strict=True):
+                ledger.add(case, result)
                 done += 1
-                good += is_good(found)
+                good += is_good(result)
                 per_minute = 60.0 * done / max(time.monotonic() - began, 1e-9)
                 self._report(Progress(verb, before + done, len(cases), good, per_minute))
         return {case.case_id: ledger.found[case.case_id] for case in cases}
@@ -162,7 +161,6 @@ class Ledger(Generic[Found]):
 
     Args:
         path: The file, which need not exist. A last line that was cut off is removed from it.
-        kind: Type of a line.
 
     Raises:
         ManifestError: A line is damaged.
@@ -176,8 +174,8 @@ class Ledger(Generic[Found]):
             cut_torn_line(path)
             for number, line in enumerate(path.read_bytes().splitlines(), start=1):
                 try:
-                    case_id, digest, found = json.loads(line)
-                    self._digests[case_id], self.found[case_id] = digest, kind.from_dict(found)
+                    case_id, digest, result = json.loads(line)
+                    self._digests[case_id], self.found[case_id] = digest, kind.from_dict(result)
                 except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
                     raise ManifestError(
                         f"{path}, line {number} is damaged ({type(error).__name__}: {error}). Remove the "
@@ -188,12 +186,12 @@ class Ledger(Generic[Found]):
         """Return the result of this very case."""
         return self.found[case.case_id] if self._digests.get(case.case_id) == case.digest else None
 
-    def add(self, case: Case, found: Found) -> None:
+    def add(self, case: Case, result: Found) -> None:
         """Keep the result of a case."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([case.case_id, case.digest, found.to_dict()]) + "\n")
-        self._digests[case.case_id], self.found[case.case_id] = case.digest, found
+            file.write(json.dumps([case.case_id, case.digest, result.to_dict()]) + "\n")
+        self._digests[case.case_id], self.found[case.case_id] = case.digest, result
 
 
 def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions | None) -> str:
@@ -217,8 +215,8 @@ def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions 
 
 def scene_order(substrate: str, options: SubstrateOptions | None) -> Callable[[Case], tuple[Any, ...]]:
     """Return the key by which cases are sorted, so that neighbours share a scene."""
-    scene_of, told = SUBSTRATES[substrate].scene_of, options or SubstrateOptions()
-    return lambda case: (*scene_of(told, case), case.case_id)
+    scene_of, settings = SUBSTRATES[substrate].scene_of, options or SubstrateOptions()
+    return lambda case: (*scene_of(settings, case), case.case_id)
 
 
 _substrate: Substrate
@@ -255,12 +253,12 @@ def _certify(expert: str, records: Sequence[Json]) -> list[Certificate]:
     return [certify(_substrate.world(case), case, _expert(expert)) for case in map(parse_case, records)]
 
 
-def _passed(found: Preflight) -> bool:
-    return found.passed
+def _passed(preflight: Preflight) -> bool:
+    return preflight.passed
 
 
-def _solved(found: Certificate) -> bool:
-    return found.solved
+def _solved(certificate: Certificate) -> bool:
+    return certificate.solved
 
 
 def _ignore(progress: Progress) -> None:

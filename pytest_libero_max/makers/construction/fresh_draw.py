@@ -56,7 +56,6 @@ def bind(folder: Path, name: str, seed_file: Path) -> str:
 
     Args:
         folder: Folder of the draw, for example ``cases/2026Q4``.
-        name: Name of the draw.
         seed_file: File for the seed, which stays secret until the draw is made.
 
     Returns:
@@ -87,7 +86,6 @@ def read_draw(folder: Path, seed_file: Path | None = None) -> Draw:
     """Read the seed of a draw, and check that it is the one whose digest was published.
 
     Args:
-        folder: Folder of the draw.
         seed_file: File of the seed; None for the one that the folder reveals.
 
     Raises:
@@ -150,14 +148,14 @@ def build_draw(
     examinations: dict[str, Preflight] = {}
 
     def failing(cases: Sequence[Case]) -> list[str]:
-        found = examine(cases)
-        examinations.update(found)
-        return [case_id for case_id, one in found.items() if not one.passed]
+        preflights = examine(cases)
+        examinations.update(preflights)
+        return [case_id for case_id, result in preflights.items() if not result.passed]
 
     fresh = select_fresh(failing, frozen, draw)
     return Release(
         tracks={track: fresh},
-        rejected={name: one.problems for name, one in sorted(examinations.items()) if one.problems},
+        rejected={name: result.problems for name, result in sorted(examinations.items()) if result.problems},
         sights={case.case_id: examinations[case.case_id].sights for case in _by_id(fresh)},
     )
 
@@ -177,8 +175,6 @@ def select_fresh(
 
     Args:
         examine: Called in rounds, never twice about the same case; returns the ids of those that fail.
-        frozen: The tracks that it is fresh against.
-        draw: Name and seed.
 
     Returns:
         The cases, each at the place of its partner in the old track.
@@ -200,17 +196,22 @@ def select_fresh(
         for number in sorted(waiting.keys() - chosen.keys()):
             cell = cell_of(old.cases[number])
             free = (
-                one for one in waiting[number] if one.scene not in used and (cell, one.scene) not in failed
+                candidate
+                for candidate in waiting[number]
+                if candidate.scene not in used and (cell, candidate.scene) not in failed
             )
-            one = next((one for one in free if not _known_to_fail(one, cell, frozen.rejected)), None)
-            if one is None:
+            candidate = next(
+                (candidate for candidate in free if not _known_to_fail(candidate, cell, frozen.rejected)),
+                None,
+            )
+            if candidate is None:
                 raise ManifestError(
                     f"case {old.cases[number].case_id!r} can have no partner: in its cell ({cell}) every "
                     "scene is in a frozen track, in use or failed the preflight. Draw partners for a smaller "
                     "track."
                 )
-            used.add(one.scene)
-            new[number] = one.configuration.case(cell), one.scene
+            used.add(candidate.scene)
+            new[number] = candidate.configuration.case(cell), candidate.scene
         failed_now = set(examine([case for case, _ in new.values()]))
         for number, (case, scene) in new.items():
             if case.case_id in failed_now:
@@ -241,7 +242,7 @@ class _Candidate(NamedTuple):
 
 def _candidates(source: str, cell: Cell, frozen: Frozen, draw: Draw) -> list[_Candidate]:
     """Return the configurations that can host the event of a cell and whose scene no track has."""
-    found = []
+    candidates = []
     for variation, events in hosts(source, cell.category):
         if cell.event not in events:
             continue
@@ -250,29 +251,29 @@ def _candidates(source: str, cell: Cell, frozen: Frozen, draw: Draw) -> list[_Ca
             scene = (source, cell.category, *where, init)
             if scene not in frozen.scenes:
                 rank = seed_of(draw.name, *cell, *where, init, draw.seed)
-                found.append(_Candidate(Configuration(variation, init, draw=draw), scene, rank))
-    return found
+                candidates.append(_Candidate(Configuration(variation, init, draw=draw), scene, rank))
+    return candidates
 
 
 def _preferred(candidates: Iterable[_Candidate], case: Case) -> list[_Candidate]:
     """Return the possible partners of a case, the best first."""
     task = _task(case)
 
-    def preference(one: _Candidate) -> tuple[bool, bool, int, int]:
-        variation = one.configuration.variation
+    def preference(candidate: _Candidate) -> tuple[bool, bool, int, int]:
+        variation = candidate.configuration.variation
         other_task = (variation.suite, str(variation.base_index)) != task
         gap = abs((variation.difficulty or 0) - (case.difficulty or 0))
-        return other_task, variation.suite != case.suite, gap, one.rank
+        return other_task, variation.suite != case.suite, gap, candidate.rank
 
     return sorted(candidates, key=preference)
 
 
-def _known_to_fail(one: _Candidate, cell: Cell, rejected: Collection[str]) -> bool:
+def _known_to_fail(candidate: _Candidate, cell: Cell, rejected: Collection[str]) -> bool:
     """Return True if the same change of the same scene was rejected when the frozen tracks were built."""
-    before = one.configuration._replace(draw=None)
+    before = candidate.configuration._replace(draw=None)
     if before.case_id(cell) not in rejected:
         return False
-    event, then = one.configuration.case(cell).event, before.case(cell).event
+    event, then = candidate.configuration.case(cell).event, before.case(cell).event
     return (event.change, event.setup) == (then.change, then.setup)
 
 

@@ -42,8 +42,6 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     """Choose the cases of some tracks on genuine scenes.
 
     Args:
-        examine: The preflights of some cases by id.
-        catalogue: The installed variations.
         names: Names from :data:`TRACKS`.
 
     Raises:
@@ -54,9 +52,13 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     for name in names:
         if name not in TRACKS:
             raise OptionError.seen("track", name, f" cannot be built. {did_you_mean(name, TRACKS)}")
-    found: dict[str, Preflight] = {}
+    preflights: dict[str, Preflight] = {}
     unexamined: dict[str, str] = {}
-    lacks = {_key(one): catalogue.lacks(one) for source in SOURCES for one in catalogue.variations(source)}
+    lacks = {
+        _key(variation): catalogue.lacks(variation)
+        for source in SOURCES
+        for variation in catalogue.variations(source)
+    }
 
     def failing(cases: Sequence[Case]) -> list[str]:
         todo = []
@@ -67,7 +69,7 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
             else:
                 todo.append(case)
         now = examine(todo)
-        found.update(now)
+        preflights.update(now)
         return [case_id for case_id, examination in now.items() if not examination.passed]
 
     tracks: dict[str, Manifest] = {}
@@ -81,8 +83,10 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     used = {case.case_id for manifest in tracks.values() for case in manifest}
     return Release(
         tracks=tracks,
-        rejected={name: one.problems for name, one in sorted(found.items()) if one.problems},
-        sights={name: found[name].sights for name in sorted(used & found.keys())},
+        rejected={
+            name: variation.problems for name, variation in sorted(preflights.items()) if variation.problems
+        },
+        sights={name: preflights[name].sights for name in sorted(used & preflights.keys())},
         unexamined={name: unexamined[name] for name in sorted(used & unexamined.keys())},
     )
 
@@ -109,9 +113,10 @@ def candidates_of(catalogue: Catalogue) -> Candidates:
         catalogue,
         {
             source: [
-                Configuration(one, init, catalogue)
-                for one in catalogue.variations(source)
-                if not catalogue.lacks(one, models=False) and (source == "pro" or one.difficulty is not None)
+                Configuration(variation, init, catalogue)
+                for variation in catalogue.variations(source)
+                if not catalogue.lacks(variation, models=False)
+                and (source == "pro" or variation.difficulty is not None)
                 for init in range(PRO_STATES if source == "pro" else 1)
             ]
             for source in SOURCES
@@ -160,12 +165,8 @@ def propose_smoke(candidates: Candidates, failed: Iterable[str] = ()) -> tuple[C
 def _first(
     candidates: Candidates, source: str, event: str, draw: int, excluded: Set[str], used: Counter[str]
 ) -> Configuration:
-    """Return the first configuration for a place, in the order of :func:`select_smoke`.
-
-    Raises:
-        ManifestError: There is none left.
-    """
-    ids = {one.identity.case_id(event, draw): one for one in candidates.by_source[source]}
+    """Return the first configuration for a place, in the order of :func:`select_smoke`."""
+    ids = {candidate.identity.case_id(event, draw): candidate for candidate in candidates.by_source[source]}
     tried = used.copy()
     for name in excluded & ids.keys():
         tried.update((ids[name].variation.suite, ids[name].variation.category))

@@ -56,10 +56,10 @@ def fill(fits: Flags, need: Integers, levels: Integers, cost: Integers) -> Integ
     places = np.repeat(np.arange(len(taken)), spare)
     rest = np.where(levels[:, None] == places, 0.0, np.inf)
     rows, columns = linear_sum_assignment(np.hstack([price, rest]))
-    found = np.full(len(fits), -1)
+    choice = np.full(len(fits), -1)
     used = columns < len(slots)
-    found[rows[used]] = slots[columns[used]]
-    return found
+    choice[rows[used]] = slots[columns[used]]
+    return choice
 
 
 def most_even(fits: Flags, need: Integers, levels: Integers) -> Integers:

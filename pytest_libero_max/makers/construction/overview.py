@@ -139,8 +139,8 @@ def _endings(
         "| --- |" + " ---: |" * (2 + len(ENDINGS)),
     ]
     for group in (*groups, ""):
-        found = [certificates.get(case.case_id) for name, case in cases if group in ("", name)]
-        count = Counter("not_played" if one is None else one.ending for one in found)
+        results = [certificates.get(case.case_id) for name, case in cases if group in ("", name)]
+        count = Counter("not_played" if result is None else result.ending for result in results)
         numbers = " | ".join(str(count[ending]) for ending in ("not_played", *ENDINGS))
         lines.append(f"| {group or 'all'} | {count.total()} | {numbers} |")
     return lines
@@ -182,7 +182,7 @@ def _out_of_sight_lines(cases: Iterable[Case], sights: Mapping[str, tuple[Sight,
 
 def preflight_lines(preflights: Mapping[str, Preflight]) -> list[str]:
     """Lines on examinations: totals, then each case that failed."""
-    failed = {name: found.problems for name, found in sorted(preflights.items()) if found.problems}
+    failed = {name: result.problems for name, result in sorted(preflights.items()) if result.problems}
     lines = [f"{len(preflights) - len(failed)} of {len(preflights)} cases pass the preflight."]
     if failed:
         lines += ["", *_rejections({name: problems[0].check for name, problems in failed.items()}), ""]
@@ -192,7 +192,7 @@ def preflight_lines(preflights: Mapping[str, Preflight]) -> list[str]:
 
 def certificate_lines(certificates: Mapping[str, Certificate]) -> list[str]:
     """Lines on the expert's results: the total, then each case that it did not complete."""
-    lost = {name: found.ending for name, found in sorted(certificates.items()) if not found.solved}
+    lost = {name: result.ending for name, result in sorted(certificates.items()) if not result.solved}
     lines = [f"The expert completes {len(certificates) - len(lost)} of the {len(certificates)} that pass."]
     return [*lines, *(f"{name}: {ending.replace('_', ' ')}" for name, ending in lost.items())]
 

@@ -108,7 +108,7 @@ class Preflight:
         """As JSON values; :meth:`from_dict` reads them."""
         return {
             "problems": [[problem.check, problem.detail] for problem in self.problems],
-            "sights": [[one.role, one.entity, one.before, one.after] for one in self.sights],
+            "sights": [[sight.role, sight.entity, sight.before, sight.after] for sight in self.sights],
         }
 
     @classmethod
@@ -138,9 +138,9 @@ def preflight(world: World, case: Case) -> Preflight:
         touched = _touching(world, case)
         if touched:
             begin(world, case)
-            found = _try_here(world, case, touched, _HOLD_AT_START)
-            if found.problems:
-                return found
+            problems_found = _try_here(world, case, touched, _HOLD_AT_START)
+            if problems_found.problems:
+                return problems_found
         if approach(world, case) is None:
             trigger = proximity_of(case)
             detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
@@ -198,28 +198,30 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
     places = _positions(world)
     change.apply(alterable(world))
     moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
-    found = [problem for name in entities for problem in _too_close(alterable(world), name, touching[name])]
-    found += _out_of_reach(alterable(world), change)
+    problems_found = [
+        problem for name in entities for problem in _too_close(alterable(world), name, touching[name])
+    ]
+    problems_found += _out_of_reach(alterable(world), change)
     if world.succeeded():
-        found.append(Problem("solved", "the event solves the task"))
-    if found:
-        return Preflight(tuple(found))
+        problems_found.append(Problem("solved", "the event solves the task"))
+    if problems_found:
+        return Preflight(tuple(problems_found))
     found_sights: tuple[Sight, ...] = ()
     if steps == _HOLD_AT_TRIGGER:
         seen_after, image_after = look(world), _image(world)
         world.restore(here)
         found_sights = sights(world, case, look(world), seen_after)
-        found += _hidden(change, entities, seen_after, found_sights)
+        problems_found += _hidden(change, entities, seen_after, found_sights)
         if not moving:
-            found += _image_problems(_image(world), image_after)
+            problems_found += _image_problems(_image(world), image_after)
     if entities:
         world.restore(here)
-        found += _motion_problems(world, case, change, touching, steps, moving)
-    return Preflight(tuple(dict.fromkeys(found)), found_sights)
+        problems_found += _motion_problems(world, case, change, touching, steps, moving)
+    return Preflight(tuple(dict.fromkeys(problems_found)), found_sights)
 
 
 def _hidden(
-    change: Change, entities: Iterable[str], seen: Pixels, found: Iterable[Sight]
+    change: Change, entities: Iterable[str], seen: Pixels, problems_found: Iterable[Sight]
 ) -> Iterable[Problem]:
     """Entities that no camera shows after the event: those it moves or brings in, and those seen before it.
 
@@ -227,7 +229,7 @@ def _hidden(
     """
     if change.operation == "shift_camera":
         return
-    lost = {sight.entity for sight in found if sight.seen_before and not sight.seen_after}
+    lost = {sight.entity for sight in problems_found if sight.seen_before and not sight.seen_after}
     for name in sorted({*lost, *(name for name in entities if max(pixels_of(name, seen)) < MIN_PIXELS)}):
         pixels = ", ".join(map(str, pixels_of(name, seen)))
         yield Problem("view", f"{name} has {pixels} pixels in the cameras after the event")

@@ -66,9 +66,9 @@ def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) 
     examinations: dict[str, Preflight] = {}
 
     def failing(cases: Sequence[Case]) -> list[str]:
-        found = examine(cases)
-        examinations.update(found)
-        return [case_id for case_id, examination in found.items() if not examination.passed]
+        preflights = examine(cases)
+        examinations.update(preflights)
+        return [case_id for case_id, examination in preflights.items() if not examination.passed]
 
     original = select_original(failing)
     whole = full(select(failing))
@@ -78,7 +78,11 @@ def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) 
             "max": whole,
             **{name: split(whole) for name, split in SPLITS.items()},
         },
-        rejected={name: found.problems for name, found in sorted(examinations.items()) if found.problems},
+        rejected={
+            name: preflights.problems
+            for name, preflights in sorted(examinations.items())
+            if preflights.problems
+        },
         sights={name: examinations[name].sights for name in sorted(_ids(original, whole))},
     )
 
@@ -128,19 +132,17 @@ def add_certificates(
     """Let an expert play the cases of some tracks of a folder that were examined and have no certificate yet.
 
     Args:
-        folder: Frozen tracks.
-        names: Names of the tracks.
         certify: Returns the expert's results on some cases, by id.
 
     Raises:
         ManifestError: A file is missing or is not the one that was frozen.
         OptionError: There is no such track.
     """
-    found = read_certificates(folder)
+    certificates_kept = read_certificates(folder)
     cases = {case.case_id: case for name in names for case in load_track(name, folder)}
-    done = found.keys() | read_unexamined(folder).keys()
+    done = certificates_kept.keys() | read_unexamined(folder).keys()
     new = certify([case for case_id, case in sorted(cases.items()) if case_id not in done])
-    _write_certificates(folder, {**found, **new})
+    _write_certificates(folder, {**certificates_kept, **new})
     listed = read_checksums(folder)
     write_checksums(
         folder, [file.name for file in frozen_files(folder) if file.name.removesuffix(".gz") in listed]
@@ -149,8 +151,8 @@ def add_certificates(
 
 def _write_certificates(folder: Path, certificates: Mapping[str, Certificate]) -> None:
     rows = (
-        (name, one.ending, _text(one.trigger_step), _text(one.steps))
-        for name, one in sorted(certificates.items())
+        (name, certificate.ending, _text(certificate.trigger_step), _text(certificate.steps))
+        for name, certificate in sorted(certificates.items())
     )
     _write_table(folder / CERTIFICATES, ("case_id", "ending", "trigger_step", "steps"), rows)
 
@@ -172,10 +174,10 @@ def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.
     """
-    found: dict[str, tuple[Problem, ...]] = {}
+    rejected: dict[str, tuple[Problem, ...]] = {}
     for name, check, detail in read_table(folder / REJECTED):
-        found[name] = (*found.get(name, ()), Problem(cast(Check, check), detail))
-    return found
+        rejected[name] = (*rejected.get(name, ()), Problem(cast(Check, check), detail))
+    return rejected
 
 
 def independent_tracks(folder: Path) -> tuple[str, ...]:
@@ -190,12 +192,12 @@ def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
     Raises:
         ManifestError: The table is missing or is not the one that was frozen.
     """
-    found: dict[str, tuple[Sight, ...]] = {}
+    sights: dict[str, tuple[Sight, ...]] = {}
     for name, role, entity, *pixels in read_table(folder / SIGHTS):
         numbers = tuple(map(int, pixels))
         sight = Sight(role, entity, numbers[: len(CAMERAS)], numbers[len(CAMERAS) :])
-        found[name] = (*found.get(name, ()), sight)
-    return found
+        sights[name] = (*sights.get(name, ()), sight)
+    return sights
 
 
 def read_unexamined(folder: Path) -> dict[str, str]:

@@ -76,13 +76,14 @@ def _draw_checks(folder: Path) -> Iterator[str]:
     yield f"{draw.name}: the seed is the one whose digest is in {COMMITMENT}"
     cases: list[Case] = []
     for name in track_names(folder):
-        found, frozen = load_track(name, folder), frozen_beside(folder, name, draw.name)
-        again = select_fresh(
+        manifest, frozen = load_track(name, folder), frozen_beside(folder, name, draw.name)
+        redrawn = select_fresh(
             lambda proposed: [case.case_id for case in proposed if case.case_id in rejected], frozen, draw
         )
-        _require_same(f"{draw.name}/{name}", found, again)
-        yield f"{name}: {counted(len(found), 'case')}, chosen again from the seed, digest {found.digest}"
-        cases += found
+        _require_same(f"{draw.name}/{name}", manifest, redrawn)
+        size = counted(len(manifest), "case")
+        yield f"{name}: {size}, chosen again from the seed, digest {manifest.digest}"
+        cases += manifest
     yield from _table_checks(folder, cases)
 
 
@@ -107,9 +108,9 @@ def _checks(folder: Path) -> Iterator[str]:
     _require_same("original", original, build_original(rejected))
     yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
     for name, split in SPLITS.items():
-        found = load_track(name, folder)
-        _require_same(name, found, split(whole))
-        yield f"{name}: {counted(len(found), 'case')}, drawn from max, digest {found.digest}"
+        manifest = load_track(name, folder)
+        _require_same(name, manifest, split(whole))
+        yield f"{name}: {counted(len(manifest), 'case')}, drawn from max, digest {manifest.digest}"
     yield from _table_checks(folder, (*whole, *original, *load_track("beyond", folder)))
 
 
@@ -167,15 +168,15 @@ def _require_own_names(case: Case) -> None:
     category = case.source_category if case.source == "pro" else ""
     identity = Identity(case.source, case.suite, case.task_index, case.init_state_index, category)
     event = case.event
-    found = case.case_id, case.record["scenario"]["scenario_id"], event.seed
+    names = case.case_id, case.record["scenario"]["scenario_id"], event.seed
     name, variant = event.name, event.variant
     expected = (
         own_case_id(identity.case_id(name, variant), case.program),
         identity.scenario_id(name, variant),
         identity.seed(name, variant),
     )
-    if found != expected:
-        raise ManifestError(f"case {case.case_id!r} has {found}, but its identity demands {expected}.")
+    if names != expected:
+        raise ManifestError(f"case {case.case_id!r} has {names}, but its identity demands {expected}.")
 
 
 def _require_identity(case: Case) -> None:
@@ -200,10 +201,10 @@ def _quotas(whole: Manifest) -> str:
         (PRO_CATEGORIES, "pro", PRO_PER_CELL),
     ):
         for cell in (cell for category in categories for cell in cells_of(category)):
-            found = count.pop((cell, source), 0)
-            if found != quota:
+            present = count.pop((cell, source), 0)
+            if present != quota:
                 raise ManifestError(
-                    f"max: the cell ({cell}) has {counted(found, 'case')}, but must have {quota}."
+                    f"max: the cell ({cell}) has {counted(present, 'case')}, but must have {quota}."
                 )
     for cell, source in count:
         raise ManifestError(f"max: there is no cell ({cell}) of source {source}.")
@@ -238,10 +239,12 @@ def _difficulties(whole: Manifest) -> str:
     for category in PLUS_CATEGORIES:
         supply = _by_difficulty(variation.difficulty for variation, _ in hosts("plus", category))
         best = levelled(supply, 16 * PLUS_PER_CELL)
-        found = _by_difficulty(case.difficulty for case in whole if case.source_category == category)
-        if (np.sort(found) != np.sort(best)).any():
-            raise ManifestError(f"max: {category} has {found} cases by difficulty, but {best} is more even.")
-        total += found
+        by_difficulty = _by_difficulty(case.difficulty for case in whole if case.source_category == category)
+        if (np.sort(by_difficulty) != np.sort(best)).any():
+            raise ManifestError(
+                f"max: {category} has {by_difficulty} cases by difficulty, but {best} is more even."
+            )
+        total += by_difficulty
     numbers = ", ".join(map(str, total))
     return f"max: {numbers} LIBERO-Plus cases of difficulty 1 to {LEVELS}, as even as the supply allows"
 
@@ -251,12 +254,13 @@ def _by_difficulty(difficulties: Iterable[int | None]) -> NDArray[np.int64]:
     return np.array([count[level] for level in range(1, LEVELS + 1)])
 
 
-def _require_same(name: str, found: Manifest, expected: Manifest) -> None:
-    if found == expected:
+def _require_same(name: str, manifest: Manifest, expected: Manifest) -> None:
+    if manifest == expected:
         return
-    for one, other in zip(found, expected, strict=False):
+    for one, other in zip(manifest, expected, strict=False):
         if one != other:
             raise ManifestError(f"{name}: {one.case_id!r} stands where {other.case_id!r} must.")
     raise ManifestError(
-        f"{name}: {counted(len(found), 'case')} or its protocol differ from what must be ({len(expected)})."
+        f"{name}: {counted(len(manifest), 'case')} or its protocol differ from what must be "
+        f"({len(expected)})."
     )

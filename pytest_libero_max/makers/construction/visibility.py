@@ -92,4 +92,6 @@ def _receptacle_of(world: PrivilegedWorld) -> str | None:
     subjects = (fact.subject for fact in world.goal if fact.subject in world.entities)
     target = next((name for name in subjects if world.entities[name].kind == "object"), None)
     places = (fact.place for fact in world.goal if fact.subject == target and fact.place is not None)
-    return next((found for place in places if (found := owner(place, world.entities)) is not None), None)
+    return next(
+        (receptacle for place in places if (receptacle := owner(place, world.entities)) is not None), None
+    )

@@ -38,7 +38,7 @@ class Address:
     """Name or number of the machine."""
     port: int
     path: str
-    """Of the URL; empty where none is given."""
+    """Path of the URL; empty where none is given."""
     timeout_s: float = TIMEOUT_S
     """Longest time for one answer."""
     patience_s: float = PATIENCE_S

@@ -137,6 +137,7 @@ def from_json(content: bytes) -> Any:
         ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
     """
     _check_size(len(content))
+    # The parser of JSON has no limits, so brackets and commas are counted first, also those within texts.
     _check_counts(sum(map(content.count, (b"[", b"{", b":"))), content.count(b","))
     try:
         return json.loads(content, object_hook=JSON_NUMPY.decode)
@@ -168,7 +169,6 @@ def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
     Args:
         data: C order, or Fortran order for an array of one axis or none.
         dtype: NumPy's name of a real type, for example ``<f4``.
-        shape: The lengths of its axes.
 
     Raises:
         ServerError: They contradict each other, or the type is not one of plain numbers.
@@ -221,6 +221,7 @@ def decode(value: dict[Any, Any]) -> Any:
     Raises:
         ServerError: It is an image, or looks like an array and is none.
     """
+    # openpi and msgpack-numpy write their keys as bytes, vla-eval as text.
     keys = {(key.decode("ascii", "replace") if isinstance(key, bytes) else key): key for key in value}
 
     def part(name: str) -> Any:
@@ -253,6 +254,7 @@ def npy_array(content: Any) -> AnyArray:
     if not isinstance(content, bytes):
         raise ServerError(f"a NumPy file that is a {type(content).__name__}, but must be bytes")
     try:
+        # Not numpy.load, which takes the size of the array from the header and reserves it before it reads.
         file = io.BytesIO(content)
         version = np.lib.format.read_magic(file)
         read = (

@@ -1,6 +1,6 @@
 """Opens the connection to a policy server, alike for every protocol: the name, TCP, TLS.
 
-What cannot be is said within :data:`CONNECT_S`: no such name, no way there, nothing that listens, a firewall.
+An impossible connection fails within :data:`CONNECT_S`: no such name, no route, no listener, a firewall.
 A server that accepts the connection and is silent is busy, and is given the time of an answer.
 """
 
@@ -109,9 +109,9 @@ def _ended(connection: ssl.SSLSocket) -> bool:
 
 def _tcp(address: Address) -> socket.socket:
     until = time.monotonic() + CONNECT_S
-    found = look_up(address.host, address.port)
+    hosts = look_up(address.host, address.port)
     failure: OSError | None = None
-    for family, target, limit_s in _in_time(found, until):
+    for family, target, limit_s in _in_time(hosts, until):
         connection = socket.socket(family, socket.SOCK_STREAM)
         try:
             connection.settimeout(limit_s)
@@ -127,13 +127,14 @@ def _tcp(address: Address) -> socket.socket:
     raise NoConnection(f"cannot be reached: {_reason(address, failure)}") from failure
 
 
-def _in_time(found: list[Resolved], until: float) -> Iterator[tuple[int, Any, float]]:
+def _in_time(hosts: list[Resolved], until: float) -> Iterator[tuple[int, Any, float]]:
     """Family, number and time of each address of a host; those that are left share the time that is left."""
-    for place, (family, _, _, _, target) in enumerate(found):
-        yield family, target, max(until - time.monotonic(), 0.1) / (len(found) - place)
+    for place, (family, _, _, _, target) in enumerate(hosts):
+        yield family, target, max(until - time.monotonic(), 0.1) / (len(hosts) - place)
 
 
 def _tune(connection: socket.socket) -> None:
+    # Else the end of a request may wait until the server has acknowledged its beginning (Nagle).
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
     for option, value in _KEEP_ALIVE:

@@ -23,7 +23,7 @@ NOISE_SEED, TAKES_NOISE_SEED = "libero_max_noise_seed", "libero_max_deterministi
 
 
 _SERVED_REQUEST = ("prompt", "observation", "query", "episode")
-"""What a request to `libero-max serve` holds."""
+"""Parts of a request to `libero-max serve`."""
 
 
 def declared_spec(greeting: Any) -> PolicySpec:

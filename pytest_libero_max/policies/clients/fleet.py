@@ -32,9 +32,7 @@ class Pool:
     """Equal servers, of which one is asked until it is given up.
 
     Args:
-        group: The servers.
         seat: Number of this process among those that play; spreads them over the servers.
-        override: H and Q that replace those of the profile.
 
     Attributes:
         policy: The policy behind the server that is asked.
@@ -148,8 +146,8 @@ class ServerFleet:
     """A policy behind several servers, as the pair runner knows policies.
 
     Each process asks one server of a group until that is given up. Then another one is asked the same query,
-    or, where the server kept the policy's memory, the pair is played again. What is not defined here, such as
-    the memory or the number of actions returned, is that of the policy behind the server that is asked.
+    or, where the server kept the policy's memory, the pair is played again. Other members, such as
+    the memory or the number of actions returned, are those of the policy behind the server that is asked.
 
     Attributes:
         troubles: Sentences about servers that were left out, in order; the caller may empty it.
@@ -178,11 +176,11 @@ class ServerFleet:
             self._set_cadence(pool)
 
     def __getattr__(self, name: str) -> Any:
-        if name == "_pool":  # not yet
+        if name == "_pool":  # copy and pickle ask before there is one; looking for it would never end
             raise AttributeError(name)
-        found = getattr(self._pool.policy, name)
-        if not callable(found):
-            return found
+        member = getattr(self._pool.policy, name)
+        if not callable(member):
+            return member
         # A wrapper keeps the method: it has to reach the server that is asked by then.
         return lambda *arguments: getattr(self._pool.policy, name)(*arguments)
 
@@ -250,12 +248,6 @@ def open_fleet(
 ) -> ServerFleet:
     """Return the policy behind some servers, connected to one of each group.
 
-    Args:
-        servers: The servers.
-        seat: Number of this process among those that play.
-        horizon: Replaces H of the profiles.
-        query_interval: Replaces Q of the profiles.
-
     Raises:
         ServerError: No server of a group answers.
         AdapterError: The groups are no one policy.
@@ -281,15 +273,11 @@ def in_order_of(addresses: Sequence[str], seat: int) -> tuple[str, ...]:
 
 
 def _common_spec(servers: Servers, specs: Sequence[PolicySpec]) -> PolicySpec:
-    """Return one spec for the groups of servers.
-
-    Raises:
-        AdapterError: They differ in a field that all pairs of a run share.
-    """
+    """Return one spec for the groups of servers."""
     first = specs[0]
     if len(specs) == 1:
-        one = servers.groups[0]
-        suites = _suites(servers, specs) if one.marks else first.suites
+        group_alone = servers.groups[0]
+        suites = _suites(servers, specs) if group_alone.marks else first.suites
         return replace(first, name=servers.name or first.name, suites=suites)
     for group, spec in zip(servers.groups, specs, strict=True):
         for name in _EQUAL:
@@ -318,8 +306,8 @@ def _suites(servers: Servers, specs: Sequence[PolicySpec]) -> tuple[str, ...] | 
     if any(mark not in SUITE_BUDGETS for group in servers.groups for mark in group.marks):
         return None
     named = {mark for group in servers.groups for mark in group.marks}
-    found: set[str] = set()
+    suites: set[str] = set()
     for group, spec in zip(servers.groups, specs, strict=True):
         own = set(SUITE_BUDGETS) if spec.suites is None else set(spec.suites)
-        found |= own & set(group.marks) if group.marks else own - named
-    return None if found == set(SUITE_BUDGETS) else tuple(sorted(found))
+        suites |= own & set(group.marks) if group.marks else own - named
+    return None if suites == set(SUITE_BUDGETS) else tuple(sorted(suites))

@@ -42,12 +42,6 @@ def load_served(
 ) -> ServedPolicy:
     """Return the policy at an address, connected.
 
-    Args:
-        text: The address.
-        profile_text: Name or path of the profile.
-        horizon: Replaces H of the profile.
-        query_interval: Replaces Q of the profile.
-
     Raises:
         AdapterError: The address or the profile cannot be used.
         ServerError: The server was given up.
@@ -65,10 +59,6 @@ def open_server(
     """Return the policy at an address, connected.
 
     Args:
-        address: The address.
-        profile: Profile of the policy.
-        horizon: Replaces H of the profile.
-        query_interval: Replaces Q of the profile.
         revision: Identity of the weights, as the user declares it; follows that of the server, if it has one.
 
     Raises:
@@ -100,11 +90,11 @@ def open_server(
             spec,
             request,
             reply,
-            lambda told: Client(
+            lambda on_greeting: Client(
                 f"policy server {address}",
                 link,
                 address.patience_s,
-                told,
+                on_greeting,
                 timeout_s=address.timeout_s,
                 recognise=partial(recognise, address, _protocol(address))
                 if protocol.recognised
@@ -217,11 +207,7 @@ def parse_address(text: str) -> Address:
 
 
 def _secure_port(text: str, protocol: str) -> int:
-    """Return the port of a protocol with TLS.
-
-    Raises:
-        AdapterError: It has no form with TLS.
-    """
+    """Return the port of a protocol with TLS."""
     port = PROTOCOLS[protocol].secure_port
     if port is not None:
         return port
@@ -237,14 +223,14 @@ def _secure_port(text: str, protocol: str) -> int:
 
 
 def _seconds(text: str, parts: SplitResult) -> dict[str, float]:
-    found: dict[str, float] = {}
+    limits: dict[str, float] = {}
     for name, value in parse_qsl(parts.query, keep_blank_values=True):
         if name not in ("timeout", "patience"):
             raise refusal(text, f": {name!r} is no option. {did_you_mean(name, ('timeout', 'patience'))}")
         try:
-            found[name] = float(value)
+            limits[name] = float(value)
         except ValueError:
-            found[name] = math.nan
-        if not 0.0 < found[name] < math.inf:
+            limits[name] = math.nan
+        if not 0.0 < limits[name] < math.inf:
             raise refusal(text, f": {name}={value!r}, but must be a number of seconds above 0.")
-    return found
+    return limits

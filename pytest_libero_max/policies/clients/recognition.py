@@ -27,7 +27,7 @@ SILENT_S = 1.0
 """Time after which a silent server is looked at, s."""
 
 LOOK_S = 2.5
-"""Longest time to look at a server, s; what is recognised is said within 5 s."""
+"""Longest time to look at a server, s; a recognised server is reported within 5 s."""
 
 FIRST_S = 0.25
 """Time for the first bytes of a server that greets before it is asked, s."""
@@ -58,7 +58,7 @@ class Speech:
     protocol: str
     """Scheme of its addresses; empty for one that this package does not speak."""
     name: str
-    """What was recognised, for people."""
+    """Name of the kind of server, for people."""
     profile: str = ""
     """Words that name a fitting profile."""
     path: str | None = None
@@ -138,8 +138,6 @@ def watched(connection: socket.socket, address: Address, own: str, silence: str 
 
     Args:
         connection: The connection that waits; it is shut down.
-        address: Address of the server.
-        own: Protocol in which it is asked.
         silence: What is waited for; logged where the server is not recognised.
 
     Raises:

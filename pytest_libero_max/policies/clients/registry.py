@@ -17,22 +17,18 @@ _MODULES = "pytest_libero_max.policies.clients.protocols"
 _SCHEME = re.compile(r"[a-z][a-z0-9+.-]*")
 
 
-def _accept(scheme: str, found: object) -> ServerProtocol:
-    """Return the protocol that was registered under a scheme, from its class or an instance of it.
-
-    Raises:
-        ValueError: It is none, or one of its attributes breaks a rule.
-    """
-    if isinstance(found, type) and issubclass(found, ServerProtocol):
-        found = found()
-    if not isinstance(found, ServerProtocol):
-        raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.ServerProtocol")
+def _accept(scheme: str, protocol: object) -> ServerProtocol:
+    """Return the protocol that was registered under a scheme, from its class or an instance of it."""
+    if isinstance(protocol, type) and issubclass(protocol, ServerProtocol):
+        protocol = protocol()
+    if not isinstance(protocol, ServerProtocol):
+        raise ValueError(f"{protocol!r} is not a subclass of pytest_libero_max.ServerProtocol")
     if not _SCHEME.fullmatch(scheme):
         raise ValueError(f"scheme={scheme!r}, but must be a scheme of an address, in lower case")
-    port = getattr(found, "port", None)
+    port = getattr(protocol, "port", None)
     if type(port) is not int or not 0 < port < 2**16:
         raise ValueError(f"port={port!r}, but must be a TCP port")
-    return found
+    return protocol
 
 
 PROTOCOLS: Registry[ServerProtocol] = Registry(

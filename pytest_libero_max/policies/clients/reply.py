@@ -60,9 +60,9 @@ class Reply:
         Raises:
             ServerError: They are not there, of another shape, too few, or not finite.
         """
-        found, normalised = self._find(reply)
+        raw, normalised = self._find(reply)
         try:
-            actions = read_rows(found)
+            actions = read_rows(raw)
         except Unplayable as error:
             raise self._unplayable(error) from error
         try:
@@ -86,7 +86,7 @@ class Reply:
 
     def _find(self, reply: Any) -> tuple[Any, bool]:
         try:
-            found = _at(reply, self._at)
+            value = _at(reply, self._at)
         except KeyError as error:
             if self._normalised_at is None:
                 raise _missing(reply, self._at, error) from None
@@ -95,13 +95,13 @@ class Reply:
             except KeyError:
                 raise _missing(reply, self._at, error) from None
         if self._parts:
-            if not isinstance(found, Mapping) or any(part not in found for part in self._parts):
-                raise _missing(found, self._parts, None)
+            if not isinstance(value, Mapping) or any(part not in value for part in self._parts):
+                raise _missing(value, self._parts, None)
             try:
-                found = _columns([read_numbers(_as_array(found[part])) for part in self._parts])
+                value = _columns([read_numbers(_as_array(value[part])) for part in self._parts])
             except Unplayable as error:
                 raise self._unplayable(error) from error
-        return _as_array(found), False
+        return _as_array(value), False
 
     def _unplayable(self, error: Unplayable) -> ServerError:
         hint = "" if error.key is None else _hint((*self._at, error.key))

@@ -19,7 +19,7 @@ from pytest_libero_max.worlds.contract import CAMERAS, Observation
 from pytest_libero_max.worlds.robot import PANDA
 
 KEYS = tuple(PANDA.proprioception)
-"""Sources of an input, beside the images."""
+"""Sources of an input besides the images."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,6 @@ class Request:
 
         Args:
             observation: The world's observation.
-            query: The query.
-            episode: The episode it belongs to.
             layout: Another request than that of the profile, with names of the same inputs.
 
         Raises:
@@ -96,7 +94,7 @@ class Request:
         return filled
 
     def arrays(self, observation: Observation, layout: Any = None) -> dict[str, NDArray[Any]]:
-        """Those inputs of a request that are arrays, by name.
+        """Return the inputs of a request that are arrays, by name.
 
         Raises:
             AdapterError: An input cannot be made.
@@ -163,7 +161,7 @@ _QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = MappingProxyType(
         "max_steps": lambda query, episode: episode.max_steps,
     }
 )
-"""Names that a request can use beside the inputs of its profile."""
+"""Names that a request can use besides the inputs of its profile."""
 
 
 def _input(name: str, table: Any) -> Input:

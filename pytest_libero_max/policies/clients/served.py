@@ -23,9 +23,6 @@ class ServedPolicy:
     """A policy behind a server, as the pair runner knows policies.
 
     Args:
-        spec: Its declaration.
-        request: Makes requests.
-        reply: Reads replies.
         connect: Makes the client, given a function to call with the server's greeting.
         adapt: Makes the layout of the request and the spec from the greeting; None leaves them unchanged.
 

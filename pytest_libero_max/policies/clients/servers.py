@@ -79,11 +79,11 @@ class Servers:
         Groups of the same declared weights that are asked alike are one policy: which of them answers a pair
         is a matter of addresses.
         """
-        asked = {(group.profile.digest, group.revision) for group in self.groups}
-        if len(asked) > 1 or (len(self.groups) > 1 and self.revision is None):
+        policies = {(group.profile.digest, group.revision) for group in self.groups}
+        if len(policies) > 1 or (len(self.groups) > 1 and self.revision is None):
             parts = [(group.marks, group.profile.digest, group.revision) for group in self.groups]
             return hashlib.sha256(json.dumps([self.name, *parts]).encode()).hexdigest()
-        ((digest, revision),) = asked
+        ((digest, revision),) = policies
         if revision is None:
             return digest
         return hashlib.sha256(json.dumps([None, ((), digest, revision)]).encode()).hexdigest()
@@ -200,11 +200,7 @@ def _profile(text: str, entry: dict[str, Any], profile: str | None) -> str | Non
 
 
 def _check(where: str, table: dict[str, Any], known: Mapping[str, Any]) -> None:
-    """Check that a table has known fields alone, each of its type.
-
-    Raises:
-        AdapterError: It has another one; suggests the closest.
-    """
+    """Check that a table has known fields alone, each of its type."""
     for field, value in table.items():
         if field not in known:
             raise AdapterError(f"{where}: {field!r} is unknown. {did_you_mean(field, known)}")

@@ -24,9 +24,6 @@ def status_error(status: int, reason: str, path: str, content: bytes, usual: str
     """Return the error of an answer that is none.
 
     Args:
-        status: Status of HTTP.
-        reason: Its words.
-        path: Path that was asked for.
         content: The body, which is quoted unless it is a page.
         usual: Path that an address without one stands for; empty for none.
     """
@@ -35,13 +32,13 @@ def status_error(status: int, reason: str, path: str, content: bytes, usual: str
     text = f"HTTP status {status} {reason} for {path or '/'}{body}"
     if status in _TOKENS:
         given = server_token() is not None
-        told = (
+        reason_shown = (
             f"The token in {TOKEN_VARIABLE} is not accepted"
             if given
             else f"Give the token in {TOKEN_VARIABLE}"
         )
         also = ", or the path of the address is another" if status == 403 else ""
-        return Refused(f"{text}. {told}{also}")
+        return Refused(f"{text}. {reason_shown}{also}")
     if status in _NEVER and usual not in ("", path):
         return Refused(
             f"{text}. An address without a path stands for {usual}: leave {path} out, or give the path of "

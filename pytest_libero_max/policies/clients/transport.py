@@ -92,7 +92,6 @@ class Link(Protocol):
             Unreachable: No server answers there.
             ServerError: The server does not speak the protocol.
         """
-        ...
 
     def ask(self, request: Any) -> Any:
         """Send a request and return the reply.
@@ -101,11 +100,9 @@ class Link(Protocol):
             Unreachable: The connection was lost, or no answer came in time.
             ServerError: The server reports an error, or its reply cannot be read.
         """
-        ...
 
     def close(self) -> None:
         """Close the connection; nothing happens if it is closed."""
-        ...
 
 
 class Client:
@@ -118,12 +115,10 @@ class Client:
     no interruption.
 
     Args:
-        name: Name of the server in messages.
-        link: The connection.
         patience_s: Longest time to wait for a server that cannot be reached.
         on_open: Called with the server's greeting each time it is connected to.
         sleep: Waits some seconds.
-        timeout_s: Longest time of the link for one answer, to be told; None where it is not known.
+        timeout_s: Longest time of the link for one answer, for messages; None where it is not known.
         recognise: Returns a sentence about a server that speaks another protocol; None where it does not, or
             is not known.
 
@@ -167,7 +162,6 @@ class Client:
         """Ask, and read the reply.
 
         Args:
-            request: The request.
             read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
 
         Raises:
@@ -244,9 +238,6 @@ class Client:
 
         One that has answered is waited for: a balancer, for example, may answer in the place of a server that
         is started again.
-
-        Raises:
-            ServerError: It is given up.
         """
         if self._has_answered or isinstance(error, NoConnection):
             return

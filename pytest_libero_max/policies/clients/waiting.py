@@ -114,14 +114,14 @@ def waiting(server: str, patience_s: float, timeout_s: float | None = None) -> I
 
 def noted_waits(folder: Path) -> list[Wait]:
     """Return the waits that processes of a run have noted in its folder, the longest first."""
-    found = []
+    waits = []
     for file in sorted((folder / FOLDER).glob("*.json")):
         try:
             if time.time() - file.stat().st_mtime < _HEARD_S:
-                found += msgspec.json.decode(file.read_bytes(), type=list[Wait])
+                waits += msgspec.json.decode(file.read_bytes(), type=list[Wait])
         except (OSError, ValueError, RecursionError):  # it went, or another version wrote it
             continue
-    return sorted(found, key=lambda wait: wait.since)
+    return sorted(waits, key=lambda wait: wait.since)
 
 
 def waiting_lines(folder: Path) -> list[str]:

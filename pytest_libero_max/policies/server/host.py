@@ -65,7 +65,6 @@ class Host:
     Args:
         policy: A checked policy that reads no simulator.
         revision: Identity of its weights or code, where its spec says nothing.
-        batching: Number of queries that are answered together.
         metrics: Counters; None to count nothing.
 
     Raises:
@@ -192,7 +191,7 @@ class Host:
 
     def _outcomes(self, requests: list[InferenceRequest]) -> list[InferenceResult | BaseException]:
         """Return the answers in the order of the requests; those of one cadence are found together."""
-        found: dict[int, InferenceResult | BaseException] = {}
+        outcomes: dict[int, InferenceResult | BaseException] = {}
         for cadence in dict.fromkeys(request.cadence for request in requests):
             places = [place for place, request in enumerate(requests) if request.cadence == cadence]
             group = [requests[place] for place in places]
@@ -201,8 +200,8 @@ class Host:
                     own = self._together(group) if self._batching.size > 1 else [self._tried(group[0])]
             except AdapterError as error:
                 own = [error] * len(group)
-            found |= dict(zip(places, own, strict=True))
-        return [found[place] for place in range(len(requests))]
+            outcomes |= dict(zip(places, own, strict=True))
+        return [outcomes[place] for place in range(len(requests))]
 
     def _together(self, requests: list[InferenceRequest]) -> list[InferenceResult | BaseException]:
         """Return the answers to several requests; where one of them makes trouble, each is asked alone."""

@@ -47,7 +47,7 @@ class _Frame(msgspec.Struct):
 
 
 class _Request(msgspec.Struct):
-    """A request; fields beside these are ignored."""
+    """A request; further fields are ignored."""
 
     prompt: str
     observation: dict[str, np.ndarray[Any, Any]]
@@ -87,9 +87,9 @@ def answer(host: Host, request: Any) -> dict[str, Any]:
     place = Place.read(asked.memory) if host.remembers else None
     cadence = None if asked.cadence is None else Cadence(asked.cadence[1], asked.cadence[0])
     frames = tuple((frame.observation, frame.step) for frame in asked.frames)
-    found = host.ask(InferenceRequest(item, place, cadence, frames))
-    reply = {"actions": found.actions, "batch": found.batch}
-    return reply if found.memory is None else {**reply, "memory": found.memory}
+    result = host.ask(InferenceRequest(item, place, cadence, frames))
+    reply = {"actions": result.actions, "batch": result.batch}
+    return reply if result.memory is None else {**reply, "memory": result.memory}
 
 
 def talk(connection: ServerConnection, host: Host) -> None:
@@ -111,11 +111,7 @@ def talk(connection: ServerConnection, host: Host) -> None:
 
 
 def _read(request: Any) -> _Request:
-    """Return what a client asks.
-
-    Raises:
-        ServerError: It is not a request of the profile ``served``.
-    """
+    """Return what a client asks."""
     try:
         return msgspec.convert(request, _Request)
     except (msgspec.ValidationError, AttributeError) as error:  # an array in the place of a map has no keys

@@ -39,7 +39,6 @@ def serving(
 
     Args:
         host: The host that answers.
-        name: Name or number of the interface.
         port: TCP port; 0 for any.
         token: Secret that clients must send, as ``Authorization: Api-Key TOKEN`` or ``Bearer TOKEN``; None to
             answer everybody.

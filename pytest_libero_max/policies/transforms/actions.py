@@ -127,7 +127,6 @@ def unnormalise(actions: Array, statistics: Statistics) -> Array:
 
     Args:
         actions: (n, d); for the rules ``quantiles`` and ``bounds`` they are cut to [-1, 1] first.
-        statistics: Of the d columns.
 
     Raises:
         AdapterError: The statistics are of another number of columns.
@@ -150,7 +149,6 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
     Args:
         path: A JSON file: ``{key: {"action": {"min": [...], "max": [...], "mask": [...]}}}``.
         key: Key of the entry; may be left out where there is one.
-        rule: Rule of normalisation.
 
     Raises:
         AdapterError: The file cannot be read, or lacks the entry.

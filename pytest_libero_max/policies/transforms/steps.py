@@ -123,8 +123,6 @@ def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str
 
     Args:
         values: ``["rotate_180", {"resize_with_pad": 224}]``.
-        known: The transforms that may be used here.
-        where: Name of the place in an error.
 
     Raises:
         AdapterError: Something else; suggests the closest name.

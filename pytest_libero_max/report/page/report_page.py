@@ -36,8 +36,8 @@ from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
-    chance_rows,
     clipping_text,
+    noise_rows,
     note_texts,
     selection_text,
     title_text,
@@ -106,7 +106,7 @@ def html(
         study_notes=[] if study is None else study_notes(study),
         study_plot=contrasts(study.camera) if study is not None and study.camera and study.cases else None,
         study_figures=[svg for name, svg in study_figures(study).items() if name != "study-contrasts"],
-        sections=shown_sections(report),
+        sections=[(part, [*map(page_table, part.tables)]) for part in shown_sections(report)],
         section_figures={timing.TITLE: survival_curves(report)},
         study_tables=[] if study is None else [*map(page_table, study_tables(study))],
         invalid_rows=faults,
@@ -120,7 +120,7 @@ def html(
 def _results(report: Report) -> dict[str, Any]:
     """Return the values of the template for a run with played pairs."""
     overall, clipping = report.overall, clipping_text(report)
-    remarks = [f"{title}: {text}" for title, text in chance_rows(report)]
+    remarks = [f"{title}: {text}" for title, text in noise_rows(report)]
     by_event = {ALL_PAIRS: overall, **report.by["event"]}
     given = page_table(group_table("given_response", "Event", by_event))
     change = overall.paired_change

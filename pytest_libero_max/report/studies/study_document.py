@@ -226,7 +226,7 @@ class Study(Block, frozen=True, kw_only=True):
     """Success by arm, over the cases that were played in it: programs, and studies of other packages; None
     for the camera studies and the sweeps."""
     by_event: dict[str, dict[str, Rate]] | None = None
-    """The same by event; None for an audit as well."""
+    """The same by event; None as well where a section of the report compares the arms."""
     contrasts: list[ArmContrast] | None = None
     """Each further arm less Base, and Dynamic less it where there is ``by_event``, of all cases and,
     likewise, of each event."""

@@ -20,13 +20,10 @@ from pytest_libero_max.stats.blocks import Rate
 from pytest_libero_max.stats.measured import ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.studies.audit import Audit
 from pytest_libero_max.studies.cadence_sweep import CadenceSweep
 from pytest_libero_max.studies.camera_study import CameraTiming
 from pytest_libero_max.studies.latency_sweep import LatencySweep
 from pytest_libero_max.studies.registry import study_from_dict
-from pytest_libero_max.studies.repeats import Repeats
-from pytest_libero_max.studies.study import Study as PlayedStudy
 
 _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
 """Arms of runs without a study."""
@@ -50,13 +47,12 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
     cadence = cadence_results(study, records) if isinstance(study, CadenceSweep) else None
     latency = latency_results(study, records) if isinstance(study, LatencySweep) else None
     known = any(part is not None for part in (camera, cadence, latency))
-    if isinstance(study, Repeats):
-        arms: dict[str, Any] = {"arms": success_by_arm(records)}
-    else:
-        arms = _inputs(records) if isinstance(study, Audit) else {} if known else _arms(records)
+    arms: dict[str, Any] = {"arms": success_by_arm(records)} if study.has_section else {}
+    if not (known or study.has_section):
+        arms = _arms(records)
     return Study(
         name=study.name,
-        title=_title(study, records),
+        title=study.title,
         cases=len(records),
         **arms,
         camera=camera,
@@ -64,12 +60,6 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
         latency=latency,
         executed=executed(records),
     )
-
-
-def _title(study: PlayedStudy, records: Sequence[PairRecord]) -> str:
-    """Title of the part of the report; an audit says if the policy knows more than its inputs."""
-    reads = isinstance(study, Audit) and any(record.policy["privileged"] for record in records)
-    return f"{study.title}, of a policy that reads the simulator" if reads else study.title
 
 
 def _further_arms(records: Sequence[PairRecord]) -> Study | None:
@@ -101,13 +91,6 @@ def _arms(records: Sequence[PairRecord]) -> dict[str, Any]:
             for event, some in ((None, records), *by_event.items())
         ],
     }
-
-
-def _inputs(records: Sequence[PairRecord]) -> dict[str, Any]:
-    """Return what is reported of arms in which a policy lacks an input: each less Base."""
-    arms = success_by_arm(records)
-    others = [name for name in arms if name not in _USUAL]
-    return {"arms": arms, "contrasts": [_contrast(name, BASE, None, records) for name in others]}
 
 
 def _contrast(first: str, second: str, event: str | None, records: Sequence[PairRecord]) -> ArmContrast:

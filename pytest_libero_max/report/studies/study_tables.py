@@ -17,7 +17,6 @@ from pytest_libero_max.report.formats import (
     Counts,
     Format,
     Interval,
-    LogP,
     Percent,
     Rate,
     counted,
@@ -28,7 +27,6 @@ from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.studies.study_document import (
     Approach,
-    ArmContrast,
     Cadence,
     CadenceSetting,
     Camera,
@@ -44,15 +42,12 @@ from pytest_libero_max.stats.condition_blocks import (
     GroupInterval,
     SettingDifference,
 )
-from pytest_libero_max.stats.significance import holm, mcnemar
 
 _LISTED = 16
 """Number of joint outcomes that are printed; ``report.json`` has all."""
 
 _ENOUGH = 30
 """With fewer cases, a percentile interval is too narrow."""
-
-_LEVEL = 0.05
 
 
 def study_tables(study: Study) -> list[Table]:
@@ -71,7 +66,7 @@ def study_tables(study: Study) -> list[Table]:
         return _cadence(study.cadence)
     if study.by_event is not None:
         return [*_arms(study)]
-    return [_success_by_arm(study) if study.contrasts is None else _inputs(study)]
+    return [_success_by_arm(study)]
 
 
 def study_notes(study: Study) -> list[str]:
@@ -187,63 +182,6 @@ def _success_by_arm(study: Study) -> Table:
     rows = [(name, Cell(rate, Rate())) for name, rate in (study.arms or {}).items()]
     note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
     return Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
-
-
-# Audit of inputs.
-
-_INPUTS = {
-    "black_images": "all images black",
-    "still_images": "all images as at the first query",
-    "other_images": "all images as at the first query of another task",
-    "no_state": "robot state of zeros",
-    "no_instruction": "no instruction",
-    "other_instruction": "instruction of another task of the suite",
-    "paraphrase": "instruction in other words",
-}
-"""What is changed in an arm of an audit; the other arms show one camera black."""
-
-
-def _inputs(study: Study) -> Table:
-    """Success with an input changed, beside Base over the same cases."""
-    arms, contrasts = study.arms or {}, study.contrasts or []
-    tests = [None if row.lower is None else mcnemar(row.losses, row.gains).log10_p for row in contrasts]
-    adjusted = holm(tests)
-    rows = [
-        (
-            row.first,
-            _INPUTS.get(row.first, f"images of {row.first.removeprefix('no_')} black"),
-            Cell(arms[row.first], Counts()),
-            Cell(row, Change()),
-            row.losses,
-            row.gains,
-            Cell(log10_p, LogP()),
-            _need(row, log10_p) if arms["base"].count else "Base never succeeds",
-        )
-        for row, log10_p in zip(contrasts, adjusted, strict=True)
-    ]
-    base = arms["base"]
-    return Table(
-        "Success without an input",
-        ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict"),
-        [("base", "nothing", Cell(base, Counts()), "", "", "", "", ""), *rows],
-        "Paired with Base over the cases that were played in both. Exact 95% intervals, each for itself. The "
-        "p-value of the exact McNemar test is adjusted for the number of arms (Holm), and decides at 5%. A "
-        "policy that reads the simulator (privileged) can do without any of its inputs. Black images, zeros "
-        "and missing words are unlike all that a policy was trained on: a loss says that it uses the input, "
-        "and not how. Where the paraphrase, another task's instruction or its scene would be the case's own, "
-        "the arm is not played.",
-        narrow=4,
-    )
-
-
-def _need(row: ArmContrast, log10_p: float | None) -> str:
-    if log10_p is None:
-        return "n/a"
-    if row.losses == row.gains == 0:
-        return "no case differs"
-    if 10**log10_p >= _LEVEL:
-        return "not shown to matter"
-    return "needed" if row.losses > row.gains else "better without"
 
 
 # Camera timing and strength.

@@ -16,6 +16,7 @@ from pytest_libero_max.report.render.markdown import (
     code,
     markdown_table,
     markdown_text,
+    section_markdown,
     table_markdown,
 )
 from pytest_libero_max.report.report_document import BaseFailures, Report
@@ -29,8 +30,8 @@ from pytest_libero_max.report.writers import broken
 from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
-    chance_rows,
     clipping_text,
+    noise_rows,
     note_texts,
     stopped_texts,
     title_text,
@@ -90,9 +91,8 @@ def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequ
         "",
     ]
     lines += [] if report.study is None else _study(report.study)
-    for title, note, rows in shown_sections(report):
-        lines += [f"## {markdown_text(title)}", "", *([note, ""] if note else [])]
-        lines += [*markdown_table(("Name", "Value"), rows), ""]
+    for section in shown_sections(report):
+        lines += [section_markdown(section), ""]
     lines += [
         f"## {LIMITS_TITLE}",
         "",
@@ -130,7 +130,7 @@ def _gates(gates: Sequence[GateRow]) -> list[str]:
 def _quantities(report: Report) -> list[tuple[str, str]]:
     return [
         *((column.title, column.long(report.overall)) for column in quantities_in("summary")),
-        *chance_rows(report),
+        *noise_rows(report),
     ]
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.report.measures import measures_of
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
@@ -68,13 +69,14 @@ def chance_of(report: Report) -> tuple[float, str]:
     """
     from scipy import stats
 
-    outcomes, sham = report.overall.outcomes, report.sham
-    if sham is None:
+    outcomes, measures = report.overall.outcomes, measures_of(report.sections)
+    lost, gained = measures.get("sham.lost"), measures.get("sham.gained")
+    if lost is None or gained is None:
         flips, pairs = min(outcomes.change_associated_success, outcomes.regression), report.overall.played
         seen = f"the fewer of the run's gains and losses: {flips} of {pairs} pairs"
     else:
-        flips, pairs = max(sham.lost.count, sham.gained.count), sham.pairs
-        seen = f"the sham event: {sham.lost.count} lost, {sham.gained.count} gained of {pairs} pairs"
+        flips, pairs = max(lost.count or 0, gained.count or 0), (lost.of or 0) + (gained.of or 0)
+        seen = f"the sham event: {lost.count} lost, {gained.count} gained of {pairs} pairs"
     most = float(stats.beta.ppf(0.95, flips + 1, pairs - flips)) if flips < pairs else 1.0
     return most, f"By chance at most {most:.1%} of the pairs are lost, and gained (95% upper end; {seen})."
 

@@ -11,10 +11,11 @@ from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
 from pytest_libero_max.report.group_tables import group_table
 from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.measures import measure_text
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
 from pytest_libero_max.report.render.terminal import table_lines
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
-from pytest_libero_max.report.sham import CHANCE_TITLE, SHAM_TITLE, chance_text, sham_text, unrepeatable_texts
+from pytest_libero_max.report.sections import main_measures, section_warnings
 from pytest_libero_max.report.studies.study_tables import study_lines
 from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 from pytest_libero_max.runs.protocol import protocol_words
@@ -60,7 +61,7 @@ def summary_lines(
     if not pairs.complete:
         lines.append(f"Over the {pairs.played} played pairs only:")
     lines += wrap(warning_of(overall) or "", 100)
-    lines += [line for text in unrepeatable_texts(report) for line in wrap(text, 100)]
+    lines += [line for text in section_warnings(report) for line in wrap(text, 100)]
     lines += [*_overall_lines(overall), *_chance_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
@@ -79,7 +80,7 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
         lines += [
             f"{title_text(report)}: {rates}, {change}",
             *filter(None, [warning_of(overall)]),
-            *unrepeatable_texts(report)[1:],
+            *section_warnings(report),
             broken_line(report),
         ]
     return [*lines, *_written([path for path in paths if path.endswith(".html")])]
@@ -144,18 +145,15 @@ def _caveat_lines(caveats: Sequence[Caveat]) -> list[str]:
 
 
 def _chance_lines(report: Report) -> Iterator[str]:
-    for title, text in chance_rows(report):
+    rows = [(title, measure_text(measure)) for title, measure in main_measures(report)]
+    for title, text in (*noise_rows(report), *rows):
         yield from wrap(f"{title:<32}{text}", 100, subsequent_indent=" " * 32)
 
 
-def chance_rows(report: Report) -> list[tuple[str, str]]:
-    """Return title and text of each measure of the policy's own chance that was asked for or played."""
-    rows = (
-        ("Noise floor: Base played twice", noise_text(report)),
-        (SHAM_TITLE, sham_text(report)),
-        (CHANCE_TITLE, chance_text(report)),
-    )
-    return [(title, text) for title, text in rows if text is not None]
+def noise_rows(report: Report) -> list[tuple[str, str]]:
+    """Return title and text of the noise floor, where it was asked for or played."""
+    text = noise_text(report)
+    return [] if text is None else [("Noise floor: Base played twice", text)]
 
 
 def alarm_texts(report: Report) -> list[str]:
@@ -164,7 +162,7 @@ def alarm_texts(report: Report) -> list[str]:
     incomplete = None
     if not pairs.complete:
         incomplete = f"{incomplete_text(pairs)} All rates are over the played pairs."
-    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), *unrepeatable_texts(report)]
+    alarms = [incomplete, unsupported_text(pairs), warning_of(report.overall), *section_warnings(report)]
     return [text for text in alarms if text]
 
 

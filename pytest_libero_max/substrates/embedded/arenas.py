@@ -9,6 +9,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 from pytest_libero_max.substrates.embedded import textures
@@ -58,7 +59,7 @@ class Arena:
     spares_edges: bool = False
     """True if LIBERO shrinks a region by the object's nominal radius before it draws a place."""
     friction: Vector = (1.0, 0.005, 0.0001)
-    """Of the surface: sliding, torsional, rolling."""
+    """Friction of the surface: sliding, torsional, rolling."""
     solids: tuple[Solid, ...] = ()
     """Collision shapes of the table, in the frame of its body; empty for the bare floor."""
     floor: Callable[[], Image] = textures.tiles
@@ -72,30 +73,12 @@ _HIGH: Quaternion = (0.638018, 0.304850, 0.304850, 0.638018)
 _LOW: Quaternion = (0.618217, 0.343231, 0.343231, 0.618217)
 
 
-def _table_top() -> Image:
-    return textures.wood(256, (136, 92, 54), (196, 150, 100), planks=6)
-
-
-def _butcher_block() -> Image:
-    return textures.wood(256, (176, 138, 92), (222, 188, 140), planks=12, seed=21)
-
-
-def _walnut() -> Image:
-    return textures.wood(256, (92, 62, 44), (142, 102, 74), planks=3, seed=23)
-
-
-def _cherry() -> Image:
-    return textures.wood(256, (138, 76, 50), (184, 116, 80), seed=25)
-
-
-def _ceramic() -> Image:
-    return textures.tiles(dark=(120, 124, 128), light=(152, 156, 160), seam=(92, 94, 98))
-
-
-def _oak_floor() -> Image:
-    return textures.wood(256, (158, 116, 76), (206, 164, 116), planks=8, seed=27)
-
-
+_table_top = partial(textures.wood, 256, (136, 92, 54), (196, 150, 100), planks=6)
+_butcher_block = partial(textures.wood, 256, (176, 138, 92), (222, 188, 140), planks=12, seed=21)
+_walnut = partial(textures.wood, 256, (92, 62, 44), (142, 102, 74), planks=3, seed=23)
+_cherry = partial(textures.wood, 256, (138, 76, 50), (184, 116, 80), seed=25)
+_ceramic = partial(textures.tiles, dark=(120, 124, 128), light=(152, 156, 160), seam=(92, 94, 98))
+_oak_floor = partial(textures.wood, 256, (158, 116, 76), (206, 164, 116), planks=8, seed=27)
 _TABLE = (Solid((0.0, 0.0, 0.0), (0.5, 0.6, 0.025)),)
 # The coffee table: a long top with cut corners on a box.
 _COFFEE_TABLE = (

@@ -34,7 +34,6 @@ class SceneEnv(SingleArmEnv):  # type: ignore[misc]
     """Robosuite's Panda under ``OSC_POSE`` at 20 Hz in an embedded scene.
 
     Args:
-        scene: The scene to host.
         cameras: Cameras that ``step`` renders, as robosuite does it; none by default.
         size: Side of those images in pixels.
         hard_reset: True if ``reset`` compiles the model anew, as robosuite does by default.

@@ -53,13 +53,7 @@ _LETTERS = MappingProxyType(
 
 
 class Label:
-    """A picture to draw on, in units of its own size: x to the right and y down, both 0 to 1.
-
-    Args:
-        colour: The ground.
-        width: Pixels.
-        height: Pixels.
-    """
+    """A picture to draw on, in units of its own size: x to the right and y down, both 0 to 1."""
 
     def __init__(self, colour: Rgb, width: int = 128, height: int = 128) -> None:
         self.image = plain(colour, height, width)

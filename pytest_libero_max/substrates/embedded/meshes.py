@@ -157,12 +157,12 @@ def _bevels(rims: dict[str, tuple[Array, Array]]) -> list[Mesh]:
         octants.setdefault(tuple(int(v) for v in np.sign(point)), []).append(number)
     polygons = list(octants.values())
     for first, second in combinations(FACES, 2):
-        one, other = face_axes(first)[0], face_axes(second)[0]
-        if one @ other == 0:
+        first_normal, second_normal = face_axes(first)[0], face_axes(second)[0]
+        if first_normal @ second_normal == 0:
             near = [
                 n
                 for n, p in enumerate(points)
-                if owners[n] in (first, second) and p @ one > 0 and p @ other > 0
+                if owners[n] in (first, second) and p @ first_normal > 0 and p @ second_normal > 0
             ]
             polygons.append(near)
     meshes = []
@@ -202,8 +202,6 @@ def revolve(profile: Sequence[tuple[float, float]], segments: int = 24, crease_d
         profile: (radius, z) in m, ordered so that the outside lies to the right of the direction of travel:
         for a
             solid, from the bottom of the axis outwards and up to the top of the axis.
-        segments: Facets around the axis.
-        crease_deg: Corners of the profile sharper than this stay sharp.
     """
     points = np.asarray(profile, float)
     steps = np.diff(points, axis=0)
@@ -254,7 +252,6 @@ def tube(path: Sequence[Point], half_width: float, half_depth: float, segments: 
             twice in a row.
         half_width: Half axis of the cross-section across that plane, m.
         half_depth: Half axis of the cross-section in that plane, m.
-        segments: Facets around the rod.
     """
     points = np.asarray(path, float)
     tangents = np.gradient(points, axis=0)

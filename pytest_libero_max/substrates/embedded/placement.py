@@ -62,7 +62,6 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
 
     Args:
         scene: The scene that ``model`` was compiled from.
-        model: With or without the robot.
         data: Scratch space of that model; whatever it holds is overwritten.
         init: Of :data:`.FROZEN_STATES` or :data:`.TRAINING_STATES`.
 

@@ -239,7 +239,7 @@ def graspable_parts(scene: Scene) -> Mapping[str, GraspablePart]:
 
     A name is ``<instance>_<part>``, for example ``wooden_cabinet_1_top_handle`` or ``wine_bottle_1_neck``.
     """
-    found = {}
+    parts = {}
     for entity in scene.entities.values():
         if entity.kind == "surface":
             continue
@@ -250,10 +250,10 @@ def graspable_parts(scene: Scene) -> Mapping[str, GraspablePart]:
             for grip in link.grips:
                 name = f"{entity.name}_{grip.name}"
                 pos, along, out = (_vector(back @ vector) for vector in (grip.pos, grip.along, grip.out))
-                found[name] = GraspablePart(
+                parts[name] = GraspablePart(
                     name, entity.name, f"{entity.name}_{link.name}", joint, pos, along, out, grip.width
                 )
-    return found
+    return parts
 
 
 def _vector(values: Array) -> tuple[float, float, float]:

@@ -35,12 +35,8 @@ def write_contact_sheet(
     """Render scenes at reset, with the robot, upright and captioned, into one PNG.
 
     Args:
-        path: The file to write.
         rows: The tasks to show; every task that has an embedded scene by default.
-        init: Initial state.
-        camera: Any camera of the scenes.
         size: Side of one picture in pixels.
-        columns: Pictures in a row.
     """
     chosen = [task for suite in SUITES for task in tasks(suite)] if rows is None else list(rows)
     captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
@@ -76,8 +72,6 @@ def write_plus_sheet(
     """Render each category of LIBERO-Plus at levels 1, 3 and 5, on each of some tasks, into one PNG.
 
     Args:
-        path: The file to write.
-        substrate: Builds the worlds.
         picks: Suites and indices of unmodified tasks. Where a task has no variation of a level, another task
             of its suite stands in.
         size: Side of one picture in pixels.
@@ -111,8 +105,12 @@ def write_pro_sheet(
 
 def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
     """Return a variation of that level, of the task if it has one, in the middle of those there are."""
-    found = [one for one in plus_suite(suite) if (one.category, one.difficulty) == (category, level)]
-    own = [one for one in found if one.base_index == index] or found
+    matches = [
+        variation
+        for variation in plus_suite(suite)
+        if (variation.category, variation.difficulty) == (category, level)
+    ]
+    own = [variation for variation in matches if variation.base_index == index] or matches
     return own[len(own) // 2]
 
 

@@ -51,7 +51,6 @@ class EmbeddedWorld(RobosuiteWorld):
     The first reset to an initial state lays it out and lets it settle; later ones copy the result.
 
     Args:
-        task: The scene to host.
         plan: Differences from the unmodified task's scene, if it was remodelled.
         starts: Origin of the initial states of a remodelled scene: joint positions of the unmodified
             one by joint name.

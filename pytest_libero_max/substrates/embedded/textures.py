@@ -42,7 +42,6 @@ def noise(height: int, width: int, seed: int, cell: int = 1) -> Array:
     Args:
         height: Rows; a multiple of ``cell``.
         width: Columns; a multiple of ``cell``.
-        seed: Selects the pattern.
         cell: Distance of the random values in pixels; between them it is interpolated.
     """
     rows, columns = height // cell, width // cell

@@ -56,42 +56,46 @@ def coverage(installations: Sequence[Installation]) -> Iterator[Coverage]:
     yield from _plus(first_of(installations, "plus"))
 
 
-def _libero(found: Installation | None) -> Coverage:
+def _libero(installation: Installation | None) -> Coverage:
     total = len(SUITE_BUDGETS) * _TASKS
-    if found is None:
+    if installation is None:
         return Coverage("LIBERO", 0, total, f"Install it: `{INSTALL}` and `{ASSETS_INSTALL}`")
-    playable = sum(_has_task(found, suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS))
+    playable = sum(
+        _has_task(installation, suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)
+    )
     return Coverage("LIBERO", playable, total, "" if playable == total else "Restore its files")
 
 
-def _has_task(found: Installation, suite: str, index: int) -> bool:
+def _has_task(installation: Installation, suite: str, index: int) -> bool:
     try:
-        task_of(found, suite, index)
+        task_of(installation, suite, index)
     except SubstrateError:
         return False
     return True
 
 
-def _pro(found: Installation | None, category: str) -> Coverage:
+def _pro(installation: Installation | None, category: str) -> Coverage:
     source, total = f"LIBERO-PRO {category}", len(SUITE_BUDGETS) * _TASKS
-    if found is None:
+    if installation is None:
         return Coverage(source, 0, total, f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
     tasks = [(suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)]
     lacks = [
-        pro_lacks(found, category, suite, index) if _has_task(found, suite, index) else "Restore its files"
+        pro_lacks(installation, category, suite, index)
+        if _has_task(installation, suite, index)
+        else "Restore its files"
         for suite, index in tasks
     ]
     return Coverage(source, lacks.count(""), total, _first_reason(lacks))
 
 
-def _plus(found: Installation | None) -> Iterator[Coverage]:
-    if found is None:
+def _plus(installation: Installation | None) -> Iterator[Coverage]:
+    if installation is None:
         for category, _ in PLUS_NAMES:
             yield Coverage(f"LIBERO-Plus {category}", 0, 0, f"Install LIBERO-Plus: `{PLUS_INSTALL}`")
         return
-    needs = PlusNeeds.of(found)
+    needs = PlusNeeds.of(installation)
     lacks: dict[str, list[str]] = {category: [] for category, _ in PLUS_NAMES}
-    for name in (name for suite in SUITE_BUDGETS for name in task_names(found, suite)):
+    for name in (name for suite in SUITE_BUDGETS for name in task_names(installation, suite)):
         found_category = plus_category(name)
         if found_category is not None:
             lacks[found_category].append(needs.lacking(name))

@@ -53,9 +53,8 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
 
     Args:
         env: The package's environment.
-        model: Its model.
     """
-    found = {}
+    parts = {}
     for name, fixture in env.fixtures_dict.items():
         ranges = getattr(fixture, "object_properties", {}).get("articulation", {})
         for joint in fixture.joints:
@@ -69,12 +68,12 @@ def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, Graspabl
             elif ranges.get("default_open_ranges"):
                 part = _part(model, name, f"{joint}_handle", number, _outside(model, number))
             if part is not None:
-                found[part.name] = part
+                parts[part.name] = part
     for name, item in env.objects_dict.items():
         for part_name, pos, along, out, width in _GRIPS.get(item.category_name, ()):
             full = f"{name}_{part_name}"
-            found[full] = GraspablePart(full, name, item.root_body, None, pos, along, out, width)
-    return found
+            parts[full] = GraspablePart(full, name, item.root_body, None, pos, along, out, width)
+    return parts
 
 
 def _part(model: mujoco.MjModel, entity: str, name: str, joint: int, out: Array) -> GraspablePart:

@@ -200,15 +200,15 @@ def _private_settings(installation: Installation) -> Iterator[None]:
 
 def _stand_ins() -> dict[str, ModuleType]:
     """Modules in place of those that are imported, are not installed, and are not needed to build a scene."""
-    found: dict[str, ModuleType] = {}
+    modules: dict[str, ModuleType] = {}
     for name, substitute in _OPTIONAL.items():
         if name in sys.modules or usable(name):
             continue
-        found[name] = importlib.import_module(substitute) if substitute else _Nothing(name)
+        modules[name] = importlib.import_module(substitute) if substitute else _Nothing(name)
     for name in set(_PATCHES) - sys.modules.keys():
-        found[name] = types.ModuleType(name)
-        vars(found[name])["configure_robosuite"] = _leave_robosuite
-    return found
+        modules[name] = types.ModuleType(name)
+        vars(modules[name])["configure_robosuite"] = _leave_robosuite
+    return modules
 
 
 def _leave_robosuite() -> None:

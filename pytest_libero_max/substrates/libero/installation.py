@@ -141,7 +141,7 @@ def find_installation(root: Path | None = None, *, assets: Path | None = None) -
     root, module = _importable() if root is None else _checked_root(root)
     package = root / module / module
     flavour = recognise(package)
-    found = Installation(
+    installation = Installation(
         flavour=flavour,
         root=root,
         assets=_assets(package, flavour, assets),
@@ -150,10 +150,10 @@ def find_installation(root: Path | None = None, *, assets: Path | None = None) -
         module=module,
     )
     for what in ("assets", "bddl", "states"):
-        folder = getattr(found, what)
+        folder = getattr(installation, what)
         if not folder.is_dir():
-            raise SubstrateError(_missing(found, what, folder))
-    return found
+            raise SubstrateError(_missing(installation, what, folder))
+    return installation
 
 
 def find_installations(roots: Sequence[Path] = (), *, assets: Path | None = None) -> tuple[Installation, ...]:
@@ -175,10 +175,10 @@ def find_installations(roots: Sequence[Path] = (), *, assets: Path | None = None
     with contextlib.suppress(SubstrateError):
         added = find_installation(plus, assets=assets)
         try:
-            found = find_installation(assets=assets)
+            installation = find_installation(assets=assets)
         except SubstrateError:
             return (added,)
-        return (found,) if found.flavour == added.flavour else (found, added)
+        return (installation,) if installation.flavour == added.flavour else (installation, added)
     return (find_installation(assets=assets),)
 
 
@@ -259,7 +259,7 @@ def _plus_package() -> Path | None:
 def _importable() -> tuple[Path, str]:
     # Not importlib.util.find_spec: it answers with what has been imported already, which may be another.
     specs = (finder.find_spec("libero", None) for finder in sys.meta_path if hasattr(finder, "find_spec"))
-    spec = next((found for found in specs if found is not None), None)
+    spec = next((candidate for candidate in specs if candidate is not None), None)
     for folder in (spec.submodule_search_locations or ()) if spec else ():
         if (Path(folder) / "libero" / "__init__.py").exists():
             return Path(folder).resolve().parent, "libero"
@@ -307,14 +307,14 @@ def _assets(package: Path, flavour: Flavour, elsewhere: Path | None) -> Path:
     return own
 
 
-def _missing(found: Installation, what: str, folder: Path) -> str:
+def _missing(installation: Installation, what: str, folder: Path) -> str:
     cure = "restore it from the package"
     if what == "assets":
         options = "pytest --libero-max-libero-assets, libero-max --libero-assets"
-        cure = f"{found.assets_cure}, or name the folder ({options})"
+        cure = f"{installation.assets_cure}, or name the folder ({options})"
     return (
-        f"{found.flavour} in {str(found.root)!r} has no {what} folder: {str(folder)!r} does not exist. "
-        f"Nothing is downloaded during a run; {cure}."
+        f"{installation.flavour} in {str(installation.root)!r} has no {what} folder: {str(folder)!r} does "
+        f"not exist. Nothing is downloaded during a run; {cure}."
     )
 
 
@@ -339,10 +339,10 @@ def _finds_its_assets(package: Path) -> bool:
 def _packaged_version(flavour: Flavour, root: Path) -> str | None:
     """Return the version of the distribution that installed this folder, if one did."""
     try:
-        found = distribution(_DISTRIBUTIONS[flavour])
+        package = distribution(_DISTRIBUTIONS[flavour])
     except (KeyError, PackageNotFoundError):
         return None
-    return found.version if Path(str(found.locate_file(""))).resolve() == root else None
+    return package.version if Path(str(package.locate_file(""))).resolve() == root else None
 
 
 def _commit(root: Path) -> str | None:

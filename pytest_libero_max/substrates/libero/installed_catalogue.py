@@ -79,13 +79,13 @@ class InstalledCatalogue:
     @cached_property
     def _classified(self) -> Mapping[str, list[Json]]:
         try:
-            found: dict[str, list[Json]] = json.loads(self._classification.read_text(encoding="utf-8"))
+            classified: dict[str, list[Json]] = json.loads(self._classification.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
             raise ManifestError(
                 f"LIBERO-Plus's classification cannot be read: {error}. Its package does not have it: give "
                 "task_classification.json of its repository (--plus-classification)."
             ) from error
-        return found
+        return classified
 
     @cached_property
     def _pro_tasks(self) -> tuple[Variation, ...]:
@@ -103,7 +103,6 @@ class InstalledCatalogue:
         """Return the requirements of a task's scene that are not here, in words; empty for none.
 
         Args:
-            variation: The task.
             models: True to count LIBERO-Plus's own models and what its motion blur needs.
         """
         if variation.source == "plus":
@@ -130,11 +129,11 @@ class InstalledCatalogue:
         file = named if named.is_file() else own.bddl
         words = self.variant(variation)
         assert words is not None
-        found = self._described_in(file, occluded=occluded)
+        description = self._described_in(file, occluded=occluded)
         reference = self._pro.bddl / self._places(variation)["init_reference_bddl_file"]
         known = self._described_in(reference if reference.is_file() else own.bddl)
-        reserved = frozenset(found.objects.keys() - known.objects.keys())
-        return _metadata(variation.name, words["language"], found, reserved)
+        reserved = frozenset(description.objects.keys() - known.objects.keys())
+        return _metadata(variation.name, words["language"], description, reserved)
 
     def variant(self, variation: Variation) -> Json | None:
         """Entry of a task in a manifest's ``substrate_variant``; None for LIBERO-Plus.
@@ -162,32 +161,32 @@ class InstalledCatalogue:
 
 
 def _required(installations: Sequence[Installation], source: str, flavour: Flavour) -> Installation:
-    found = first_of(installations, source)
-    if found is None or found.flavour != flavour:
+    installation = first_of(installations, source)
+    if installation is None or installation.flavour != flavour:
         raise SubstrateError(
             f"Tracks on genuine scenes are made of {flavour}, which is not installed. `libero-max doctor` "
             "has the command."
         )
-    return found
+    return installation
 
 
 def _metadata(
-    name: str, language: str, found: Description, reserved: frozenset[str] = frozenset()
+    name: str, language: str, description: Description, reserved: frozenset[str] = frozenset()
 ) -> TaskMetadata:
     """Return a description in the words of the embedded catalogues."""
-    named: list[str] = [*found.objects, *found.fixtures]
+    named: list[str] = [*description.objects, *description.fixtures]
     placements: dict[str, Any] = {}
-    for predicate, *arguments in found.initial:
-        if predicate in ("on", "in") and len(arguments) == 2 and arguments[0] in found.objects:
+    for predicate, *arguments in description.initial:
+        if predicate in ("on", "in") and len(arguments) == 2 and arguments[0] in description.objects:
             subject, region = arguments
             placements[subject] = InitialPlacement(predicate.capitalize(), region, owner(region, named))
     return TaskMetadata(
         name=name,
         language=language,
-        objects=found.objects,
-        fixtures=found.fixtures,
-        objects_of_interest=frozenset(found.interest),
-        goal=tuple(Relation(word.capitalize(), tuple(arguments)) for word, *arguments in found.goal),
+        objects=description.objects,
+        fixtures=description.fixtures,
+        objects_of_interest=frozenset(description.interest),
+        goal=tuple(Relation(word.capitalize(), tuple(arguments)) for word, *arguments in description.goal),
         placements=placements,
         reserved=reserved,
     )

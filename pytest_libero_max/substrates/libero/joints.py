@@ -38,7 +38,6 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
 
     Args:
         states: (n, 1 + nq + nv) of the first.
-        source: Its joints.
         target: The other's joints.
         start: (1 + nq + nv,) of the other: values of the joints that only it has.
 
@@ -48,8 +47,7 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
     """
     if states.shape[1] != 1 + source.nq + source.nv:
         raise SubstrateError(
-            f"An initial state has {counted(states.shape[1], 'number')}, but the scene that it is said to "
-            "be of has "
+            f"An initial state has {counted(states.shape[1], 'number')}, but its scene has "
             f"{1 + source.nq + source.nv} (time, positions and velocities). Restore both from one release."
         )
     adapted = np.tile(start, (len(states), 1))

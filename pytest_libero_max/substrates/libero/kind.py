@@ -29,7 +29,7 @@ def _open(options: SubstrateOptions) -> Substrate:
 
 def _describe(options: SubstrateOptions) -> dict[str, Any]:
     return {
-        "installations": [str(found) for found in _installations(options)],
+        "installations": [str(installation) for installation in _installations(options)],
         "roots": [str(root) for root in options.installations],
         "assets": None if options.assets is None else str(options.assets),
         "semantics": options.semantics,

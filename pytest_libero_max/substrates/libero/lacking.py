@@ -72,7 +72,12 @@ def plus_category(name: str) -> str | None:
 
 def first_of(installations: Sequence[Installation], source: str) -> Installation | None:
     """Return the installation that plays cases of a source; None if none can."""
-    order = (found for flavour in PLAYED_BY[source] for found in installations if found.flavour == flavour)
+    order = (
+        installation
+        for flavour in PLAYED_BY[source]
+        for installation in installations
+        if installation.flavour == flavour
+    )
     return next(order, None)
 
 
@@ -148,25 +153,25 @@ def _reason_of_own(case: Case) -> str:
     return f"{case.source_category}. They need scenes of their own, and {_AT_RESET}"
 
 
-def _reason(case: Case, found: Installation | None, needs: PlusNeeds | None) -> str:
-    if found is None:
+def _reason(case: Case, installation: Installation | None, needs: PlusNeeds | None) -> str:
+    if installation is None:
         return f"LIBERO-Plus is not installed: `{PLUS_INSTALL}`"
     named = case.record.get("task_name")
     try:
         if case.source == "plus":
             assert needs is not None
-            name = plus_task(found, case.suite, case.task_index, named).name
+            name = plus_task(installation, case.suite, case.task_index, named).name
             what = needs.lacking(name)
             return f"{plus_category(name)}. {what}" if what else ""
         if case.source == "libero":
-            task_of(found, case.suite, case.task_index)
+            task_of(installation, case.suite, case.task_index)
             return ""
         check_category(case.source_category)
-        if named not in (None, task_name(found, case.suite, case.task_index)):
+        if named not in (None, task_name(installation, case.suite, case.task_index)):
             return OTHER_VARIATIONS
-        what = pro_lacks(found, case.source_category, case.suite, case.task_index)
+        what = pro_lacks(installation, case.source_category, case.suite, case.task_index)
         if not what:
-            pro_task(found, case)
+            pro_task(installation, case)
             return ""
     except SubstrateError as error:
         return OTHER_VARIATIONS if case.source == "plus" else str(error)
@@ -175,5 +180,5 @@ def _reason(case: Case, found: Installation | None, needs: PlusNeeds | None) -> 
 
 def _noise(name: str) -> int:
     """Return the number of a task's noise: ten levels of each kind, motion blur first; 0 for none."""
-    found = re.search(r"_noise_(\d+)$", name)
-    return 0 if found is None else int(found.group(1))
+    match = re.search(r"_noise_(\d+)$", name)
+    return 0 if match is None else int(match.group(1))

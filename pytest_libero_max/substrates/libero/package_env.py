@@ -52,7 +52,6 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
     No image is rendered and no OpenGL context is made.
 
     Args:
-        installation: Installation of the environment.
         bddl: The task's BDDL file, or a name that the package's wrapper understands.
         seed: Seed of the reset, which places the fixtures.
         rebuild: True if the reset builds the scene a second time (robosuite's ``hard_reset``), which is

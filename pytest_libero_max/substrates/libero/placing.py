@@ -45,13 +45,13 @@ def shifts(requested: Sequence[float], shortest: float = 0.0) -> list[Array]:
     angle = float(np.arctan2(y, x))
     radius = max(float(np.linalg.norm(requested)), shortest)
     radii = (radius, max(radius * 0.90, shortest, _SHORTEST_M), radius * 1.10, radius * 1.25)
-    found = [_polar(radius, angle)]
-    found += [_polar(length, angle + turn) for length in radii for turn in _AROUND]
+    steps = [_polar(radius, angle)]
+    steps += [_polar(length, angle + turn) for length in radii for turn in _AROUND]
     fallbacks = [np.array(away) for away in _AWAY]
     if shortest > 0.0:
         length = max(shortest, _SHORTEST_M)
         fallbacks = [away / float(np.linalg.norm(away)) * length for away in fallbacks]
-    return _distinct(found + fallbacks)
+    return _distinct(steps + fallbacks)
 
 
 def offsets(requested: Sequence[float], front: Sequence[float]) -> list[Array]:
@@ -81,10 +81,10 @@ def _polar(radius: float, angle: float) -> Array:
 
 
 def _distinct(candidates: Iterable[Array]) -> list[Array]:
-    found: dict[tuple[float, ...], Array] = {}
+    distinct: dict[tuple[float, ...], Array] = {}
     for candidate in candidates:
-        found.setdefault(tuple(np.round(candidate, 4).tolist()), candidate)
-    return list(found.values())[:_MOST_CANDIDATES]
+        distinct.setdefault(tuple(np.round(candidate, 4).tolist()), candidate)
+    return list(distinct.values())[:_MOST_CANDIDATES]
 
 
 def put_where_free(
@@ -97,8 +97,6 @@ def put_where_free(
     """Put an entity at the first place that is free.
 
     Args:
-        world: World of the entity; nothing else of it moves.
-        entity: An object or a fixture.
         candidates: (2,) each, m, world frame, in the order in which they are tried.
         pose: Height and orientation it is to have: a position of which x and y are not used, and wxyz.
         suits: Further condition on a place, tried before anything is moved.
@@ -128,11 +126,11 @@ def require_free(world: LiberoWorld, *entities: str) -> None:
     Raises:
         SubstrateError: Two objects overlap, or one of ``entities`` is pressed into something.
     """
-    found = [" and ".join(pair) for pair in overlapping(world)]
-    found += [f"{entity} and what it touches" for entity in entities if pressed(world, entity)]
-    if found:
+    pairs = [" and ".join(pair) for pair in overlapping(world)]
+    pairs += [f"{entity} and what it touches" for entity in entities if pressed(world, entity)]
+    if pairs:
         raise SubstrateError(
-            f"{world.scene}: {', '.join(found)} are in each other's way, which LIBERO-PRO refuses. This "
+            f"{world.scene}: {', '.join(pairs)} are in each other's way, which LIBERO-PRO refuses. This "
             "initial state cannot be varied so: leave the case out, or choose another initial state."
         )
 

@@ -72,7 +72,6 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
     """Return a task by its place in the registry's own order.
 
     Args:
-        installation: A LIBERO-Plus.
         suite: For example ``libero_spatial``.
         index: From 0.
         name: Name that it must have, where that is known.

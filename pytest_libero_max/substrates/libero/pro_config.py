@@ -142,10 +142,10 @@ def _switched_on(section: Section) -> bool:
 
 
 def _flat(values: Any) -> tuple[Any, ...]:
-    found: list[Any] = []
+    flat: list[Any] = []
     for value in values:
-        found += _flat(value) if type(value) is list else [_atom(value)]
-    return tuple(found)
+        flat += _flat(value) if type(value) is list else [_atom(value)]
+    return tuple(flat)
 
 
 def _atom(word: str) -> float | str:
@@ -160,9 +160,7 @@ def published_config(category: str, suite: str, index: int, world: LiberoWorld) 
 
     Args:
         category: One of those that change LIBERO's own scene.
-        suite: LIBERO suite.
         index: Of the task in it.
-        world: Its scene.
     """
     if category == "visual_noise_glare":
         return {
@@ -235,8 +233,8 @@ def tinted(world: LiberoWorld) -> tuple[str, ...]:
         owners = [owner(world, argument) for argument in arguments]
         subjects.append(owners[0])
         destinations += owners[1:] if predicate in ("on", "in") else owners
-    found = [name for name in destinations if world.entities[name].kind != "surface"]
-    return tuple(dict.fromkeys(found or subjects))
+    names = [name for name in destinations if world.entities[name].kind != "surface"]
+    return tuple(dict.fromkeys(names or subjects))
 
 
 def owner(world: LiberoWorld, name: str) -> str:

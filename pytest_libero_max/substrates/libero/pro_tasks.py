@@ -188,8 +188,8 @@ def with_occluder(text: str) -> str:
 def _appended(text: str, section: str, addition: str) -> str:
     """Put something at the end of a section."""
     depth = 0
-    for found in _SECTION.finditer(text, text.index(f"(:{section}")):
-        depth += -1 if found.group() == ")" else 1
+    for section_match in _SECTION.finditer(text, text.index(f"(:{section}")):
+        depth += -1 if section_match.group() == ")" else 1
         if depth == 0:
-            return f"{text[: found.start()]}  {addition}\n  {text[found.start() :]}"
+            return f"{text[: section_match.start()]}  {addition}\n  {text[section_match.start() :]}"
     raise SubstrateError(f"(:{section} of the task's BDDL file is not closed. Restore it from the package.")

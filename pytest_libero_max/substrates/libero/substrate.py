@@ -45,7 +45,6 @@ class LiberoSubstrate:
 
     Args:
         installations: Installed packages; by default whatever ``import libero`` would find.
-        semantics: See :class:`.world.LiberoWorld`.
         instruction: Prompt that a policy gets where a case fixes none: ``published``, the authors', which
             for most of LIBERO-Plus's tasks has the name of the variation in it; or ``clean``, without.
         variation_of: Finds the package's own source variation that a case of LIBERO-Plus or LIBERO-PRO plays,
@@ -65,7 +64,7 @@ class LiberoSubstrate:
         variation_of: Callable[[Case], Variation] | None = None,
     ) -> None:
         self.installations = tuple(installations) or find_installations()
-        flavours = [found.flavour for found in self.installations]
+        flavours = [installation.flavour for installation in self.installations]
         if len(set(flavours)) < len(flavours):
             raise SubstrateError(
                 f"The installations are {', '.join(map(str, self.installations))}: give one of each kind."
@@ -83,9 +82,9 @@ class LiberoSubstrate:
         Raises:
             SubstrateError: None of them can.
         """
-        found = first_of(self.installations, source)
-        if found is not None:
-            return found
+        installation = first_of(self.installations, source)
+        if installation is not None:
+            return installation
         raise SubstrateError(
             f"Cases of source {source!r} need {' or '.join(PLAYED_BY[source])}, but there is "
             f"{', '.join(map(str, self.installations))}. Install it, or give its folder (pytest "
@@ -193,8 +192,10 @@ class LiberoSubstrate:
         """
         packages = {package: version(package) for package in _RESULT_PACKAGES}
         installations: dict[str, str] = {
-            found.flavour: f"{found.version} sources {found.sources} assets {found.contents}"
-            for found in self.installations
+            installation.flavour: (
+                f"{installation.version} sources {installation.sources} assets {installation.contents}"
+            )
+            for installation in self.installations
         }
         return {
             "substrate": NAME,

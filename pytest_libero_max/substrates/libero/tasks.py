@@ -71,10 +71,10 @@ def words_of(bddl: Path) -> str:
     Raises:
         SubstrateError: It has none.
     """
-    found = _WORDS.search(text_of(bddl))
-    if found is None:
+    match = _WORDS.search(text_of(bddl))
+    if match is None:
         raise SubstrateError(f"{str(bddl)!r} has no words for its task. Restore it from the package.")
-    return " ".join(found.group(1).split())
+    return " ".join(match.group(1).split())
 
 
 def sentence(name: str) -> str:

@@ -67,7 +67,6 @@ def left(before: Mapping[str, Points], world: World) -> list[Points]:
 
     Args:
         before: What :func:`places_of` returned.
-        world: The world now.
     """
     now = places_of(world)
     return [
@@ -83,21 +82,19 @@ def outlines(
     """Return where places are in the pictures of a world, by camera; each (n, 2) pixels.
 
     Args:
-        places: The places.
-        world: The world now.
         images: Upright pictures of its cameras. Pictures of another name are left out.
     """
     import cv2
 
-    found: dict[str, list[NDArray[np.int32]]] = {}
+    hulls: dict[str, list[NDArray[np.int32]]] = {}
     if not isinstance(world, OnMujoco):
-        return found
+        return hulls
     for place in places:
         for camera in world.cameras:
             seen = _seen(world, camera, place, images[camera].shape) if camera in images else None
             if seen is not None:
-                found.setdefault(camera, []).append(cv2.convexHull(seen)[:, 0].astype(np.int32))
-    return found
+                hulls.setdefault(camera, []).append(cv2.convexHull(seen)[:, 0].astype(np.int32))
+    return hulls
 
 
 def pose_of_camera(world: OnMujoco, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
@@ -126,7 +123,7 @@ def _seen(world: OnMujoco, camera: str, place: Points, shape: Sequence[int]) -> 
 def _corners(world: OnMujoco, entity: str) -> Points:
     """Return the vertices of an entity's meshes and the corners of its other geoms."""
     model, data = world.model, world.data
-    found = []
+    corners = []
     for geom in world.geoms(entity):
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
             mesh = model.geom_dataid[geom]
@@ -135,5 +132,5 @@ def _corners(world: OnMujoco, entity: str) -> Points:
         else:
             centre, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
             own = centre + half * np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
-        found.append(own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
-    return np.concatenate(found) if found else np.zeros((0, 3))
+        corners.append(own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    return np.concatenate(corners) if corners else np.zeros((0, 3))

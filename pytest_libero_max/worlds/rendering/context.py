@@ -55,7 +55,7 @@ def drawn_by(fingerprints: Mapping[str, str]) -> str | None:
 
 def renderers(fingerprints: Iterable[Mapping[str, str]]) -> Counter[str]:
     """Return the number of pairs by what drew their images, without those that do not say."""
-    return Counter(name for one in fingerprints if (name := drawn_by(one)))
+    return Counter(name for pair in fingerprints if (name := drawn_by(pair)))
 
 
 @cache
@@ -82,7 +82,7 @@ def shared_context() -> Any:
         if backend == "egl":
             from mujoco.egl import GLContext
 
-            with egl.selected():
+            with egl.asked_for(str(egl.chosen()[0].number)):
                 context = GLContext(1, 1)
         else:
             from mujoco.osmesa import GLContext

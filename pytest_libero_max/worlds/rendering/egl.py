@@ -47,7 +47,7 @@ class Device:
         return f"EGL device {self.number} ({self.name}{known})"
 
 
-def preferred(devices: Sequence[Device], asked: str | None, visible: str | None) -> list[Device]:
+def preferred(devices: Sequence[Device], wanted: str | None, visible: str | None) -> list[Device]:
     """Return the devices to try, best first.
 
     The device of ``MUJOCO_EGL_DEVICE_ID`` alone, if it is set. Otherwise the GPU that CUDA calls 0, which is
@@ -61,13 +61,13 @@ def preferred(devices: Sequence[Device], asked: str | None, visible: str | None)
     Raises:
         OptionError: There is no device of the number that is asked for.
     """
-    if asked:
-        named = [device for device in devices if str(device.number) == asked.strip()]
+    if wanted:
+        named = [device for device in devices if str(device.number) == wanted.strip()]
         if named:
             return named
         numbers = ", ".join(str(device.number) for device in devices)
         raise OptionError(
-            f"{VARIABLE}={asked!r}, but EGL's devices are {numbers}. They are not counted as CUDA counts; "
+            f"{VARIABLE}={wanted!r}, but EGL's devices are {numbers}. They are not counted as CUDA counts; "
             f"unset it to have the first GPU of {VISIBLE} chosen."
         )
     if visible is not None and visible.strip() in ("", "-1"):
@@ -105,38 +105,28 @@ def check() -> None:
 
 def _choose() -> tuple[Device, int]:
     egl = _loaded()
-    asked, visible = os.environ.get(VARIABLE), os.environ.get(VISIBLE)
-    devices = [] if egl is None else egl.devices(numbered=not asked)
-    order = preferred(devices, asked, visible) if devices else []
-    found = next((device for device in order if egl and egl.opens(device.number)), None)
-    if found is None:
+    wanted, visible = os.environ.get(VARIABLE), os.environ.get(VISIBLE)
+    devices = [] if egl is None else egl.devices(numbered=not wanted)
+    order = preferred(devices, wanted, visible) if devices else []
+    device_chosen = next((device for device in order if egl and egl.opens(device.number)), None)
+    if device_chosen is None:
         tried = ", ".join(map(str, order)) or "none"
         raise SimulatorError(
-            f"No EGL device gives a display (tried: {tried}; {VARIABLE}={asked!r}). Unset {VARIABLE} to have "
-            "all of them tried, or set MUJOCO_GL=osmesa to draw with the processor."
+            f"No EGL device gives a display (tried: {tried}; {VARIABLE}={wanted!r}). Unset {VARIABLE} to "
+            "have all of them tried, or set MUJOCO_GL=osmesa to draw with the processor."
         )
-    return found, len(devices)
+    return device_chosen, len(devices)
 
 
 @contextlib.contextmanager
-def selected() -> Iterator[None]:
-    """Let MuJoCo, which reads the variable when it makes a context, make it on the chosen device."""
-    with _environment(str(chosen()[0].number)):
-        yield
+def asked_for(number: str | None) -> Iterator[None]:
+    """Set the variable in the block, for MuJoCo and for processes that are started; None hides it.
 
-
-@contextlib.contextmanager
-def unasked() -> Iterator[None]:
-    """Hide the variable from robosuite, which fails to import where its number is not CUDA's as well."""
-    with _environment(None):
-        yield
-
-
-@contextlib.contextmanager
-def _environment(value: str | None) -> Iterator[None]:
+    MuJoCo reads it when it makes a context. Robosuite fails to import where its number is not CUDA's as well.
+    """
     before = os.environ.pop(VARIABLE, None)
-    if value is not None:
-        os.environ[VARIABLE] = value
+    if number is not None:
+        os.environ[VARIABLE] = number
     try:
         yield
     finally:
@@ -166,9 +156,9 @@ class _Egl:
         self._display = self._function(b"eglGetPlatformDisplayEXT", pointer, ctypes.c_uint, pointer, count)
         self._initialize = library.eglInitialize
         self._initialize.argtypes = [pointer, count, count]
-        found, number = (pointer * _MOST)(), integer(0)
-        known = bool(query and query(_MOST, found, ctypes.byref(number)))
-        self.handles: tuple[Any, ...] = tuple(found[: number.value]) if known else ()
+        handles, count_found = (pointer * _MOST)(), integer(0)
+        known = bool(query and query(_MOST, handles, ctypes.byref(count_found)))
+        self.handles: tuple[Any, ...] = tuple(handles[: count_found.value]) if known else ()
 
     def _function(self, name: bytes, *types: Any) -> Callable[..., Any] | None:
         address = self._address(name)
@@ -181,13 +171,13 @@ class _Egl:
 
     def devices(self, numbered: bool) -> list[Device]:
         """Return all devices; with CUDA's numbers only if they can matter: asking initialises CUDA."""
-        found = []
+        devices = []
         for number, handle in enumerate(self.handles):
             software = _SOFTWARE in self._string(handle, _EXTENSIONS).split()
             name = self._string(handle, _RENDERER) or self._string(handle, _VENDOR)
             cuda = self._cuda(handle) if numbered and len(self.handles) > 1 and not software else None
-            found.append(Device(number, name or ("software" if software else "unnamed"), software, cuda))
-        return found
+            devices.append(Device(number, name or ("software" if software else "unnamed"), software, cuda))
+        return devices
 
     def _string(self, handle: Any, name: int) -> str:
         value = self._text(handle, name) if self._text else None

@@ -59,14 +59,14 @@ def check() -> None:
             device; says what to do.
         SimulatorError: The device does not answer.
     """
-    asked = _asked()
-    if asked in OFFSCREEN and not loads(asked):
+    wanted = _asked()
+    if wanted in OFFSCREEN and not loads(wanted):
         raise OptionError(
-            excluded((asked,))
-            or f"{VARIABLE}={asked!r}, but its libraries do not load here. Install the Debian packages "
-            f"`{_PACKAGES[asked]}`, or unset {VARIABLE} to have a backend chosen."
+            excluded((wanted,))
+            or f"{VARIABLE}={wanted!r}, but its libraries do not load here. Install the Debian packages "
+            f"`{_PACKAGES[wanted]}`, or unset {VARIABLE} to have a backend chosen."
         )
-    if asked not in ("osmesa", *DISABLED):
+    if wanted not in ("osmesa", *DISABLED):
         egl.check()
 
 
@@ -93,7 +93,7 @@ def require() -> str:
 def import_robosuite() -> None:
     """Import robosuite as :func:`prepare` settles it, whatever device draws; its loops are kept by Numba."""
     prepare()
-    with egl.unasked(), named_user_cache(), unwarned():
+    with egl.asked_for(None), named_user_cache(), unwarned():
         importlib.import_module("robosuite")
 
 
@@ -122,13 +122,13 @@ def _choice() -> tuple[str, str]:
 
 def _asked() -> str:
     """Return the backend that ``MUJOCO_GL`` names; empty where it is not set."""
-    asked = os.environ.get(VARIABLE, "").lower().strip()
-    if asked and asked not in (*OFFSCREEN, *DISABLED):
+    wanted = os.environ.get(VARIABLE, "").lower().strip()
+    if wanted and wanted not in (*OFFSCREEN, *DISABLED):
         raise OptionError(
-            f"{VARIABLE}={asked!r} is no backend for offscreen images. "
-            f"{did_you_mean(asked, (*OFFSCREEN, DISABLED[0]))} Unset it to have one chosen."
+            f"{VARIABLE}={wanted!r} is no backend for offscreen images. "
+            f"{did_you_mean(wanted, (*OFFSCREEN, DISABLED[0]))} Unset it to have one chosen."
         )
-    return asked
+    return wanted
 
 
 def loads(backend: str) -> bool:
@@ -142,11 +142,11 @@ def excluded(backends: Sequence[str]) -> str:
     loading = [name for name in backends if platform not in ("", name) and _libraries_load(name)]
     if not loading:
         return ""
-    asked = (
+    setting = (
         f"{VARIABLE}={loading[0]!r}" if len(backends) == 1 else f"{VARIABLE} is not set, {loading[0]!r} loads"
     )
     return (
-        f"{PLATFORM}={platform!r} and {asked}: PyOpenGL draws with one platform in a process, and MuJoCo "
+        f"{PLATFORM}={platform!r} and {setting}: PyOpenGL draws with one platform in a process, and MuJoCo "
         f"with the same one. Unset {PLATFORM}, or set it to {loading[0]!r}."
     )
 

@@ -98,11 +98,11 @@ class Renderer:
         self._aim(camera, height, width)
         whole, *rest = self._passes(height, width)
         image = self._draw(height, width, whole)
-        for one in rest:
-            assert one.part is not None
-            left, bottom, right, top = rectangle = one.part.rectangle((width, height))
-            shown = one.part.pixels(rectangle)
-            image[bottom:top, left:right][shown] = self._draw(height, width, one, rectangle)[shown]
+        for reflection in rest:
+            assert reflection.part is not None
+            left, bottom, right, top = rectangle = reflection.part.rectangle((width, height))
+            shown = reflection.part.pixels(rectangle)
+            image[bottom:top, left:right][shown] = self._draw(height, width, reflection, rectangle)[shown]
         return image
 
     def segment(self, camera: str, size: int) -> NDArray[np.intp]:
@@ -121,8 +121,8 @@ class Renderer:
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 shown[geom.segid + 1] = geom.objid
-        found: NDArray[np.intp] = shown[codes]
-        return found
+        geoms: NDArray[np.intp] = shown[codes]
+        return geoms
 
     def _aim(self, camera: str, height: int, width: int) -> None:
         """Set the scene up for one camera."""
@@ -165,12 +165,12 @@ class Renderer:
             test: Callable[[Boxes], NDArray[np.bool_]], at_side: NDArray[np.bool_]
         ) -> NDArray[np.bool_]:
             """Return which geoms pass a test; large ones at a side of the part are tested piece by piece."""
-            found = test(boxes)
-            closer = np.flatnonzero((found & at_side)[places])
+            passing = test(boxes)
+            closer = np.flatnonzero((passing & at_side)[places])
             remaining = test(pieces.placed(here[closer], data))
-            found[places[closer]] = False
-            found[places[closer[remaining]]] = True
-            return found
+            passing[places[closer]] = False
+            passing[places[closer[remaining]]] = True
+            return passing
 
         def seen_in(part: Part) -> NDArray[np.bool_]:
             return which(lambda some: _seen(some, screens, part, camera), boxes.cross(part, camera))
@@ -195,8 +195,8 @@ class Renderer:
         )
         near = seen_in(part)
         work = self._work(geoms)
-        again = work[near].sum() + _OUT_OF_VIEW * work[shown ^ near].sum() + _IMAGE_WORK
-        if again > _OUT_OF_VIEW * work[shown ^ seen].sum():
+        second_pass = work[near].sum() + _OUT_OF_VIEW * work[shown ^ near].sum() + _IMAGE_WORK
+        if second_pass > _OUT_OF_VIEW * work[shown ^ seen].sum():
             return [_Pass(geoms[~(seen | shown)], True)]
         return [direct, _Pass(geoms[~(near | shown)], True, part)]
 
@@ -207,17 +207,17 @@ class Renderer:
             return _NOTHING
         materials, kinds = model.geom_matid[geoms], model.geom_type[geoms]
         flat = (kinds == mujoco.mjtGeom.mjGEOM_PLANE) | (kinds == _BOX)
-        found: NDArray[np.intp] = geoms[flat & (materials >= 0) & (model.mat_reflectance[materials] > 0)]
-        return found
+        reflectors: NDArray[np.intp] = geoms[flat & (materials >= 0) & (model.mat_reflectance[materials] > 0)]
+        return reflectors
 
     def _are_screens(self, geoms: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return for each of some geoms whether it hides what is behind it: an opaque box."""
         model = self._model
         materials = model.geom_matid[geoms]
-        found: NDArray[np.bool_] = (model.geom_type[geoms] == _BOX) & (model.geom_rgba[geoms, 3] == 1)
+        opaque: NDArray[np.bool_] = (model.geom_type[geoms] == _BOX) & (model.geom_rgba[geoms, 3] == 1)
         if model.nmat:
-            found &= (materials < 0) | (model.mat_rgba[materials, 3] == 1)
-        return found
+            opaque &= (materials < 0) | (model.mat_rgba[materials, 3] == 1)
+        return opaque
 
     def _work(self, geoms: NDArray[np.intp]) -> NDArray[np.intp]:
         """Return roughly how many triangles some geoms are drawn with."""
@@ -318,7 +318,6 @@ class _Uploaded:
         freed: True if it cannot be used any more.
 
     Args:
-        model: Model with the textures and meshes.
         side: Of the largest image, pixels.
         shadows: True if some light casts them.
 
@@ -388,11 +387,12 @@ def _bytes(model: mujoco.MjModel, name: str) -> NDArray[np.uint8]:
     return values
 
 
-def _equal(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> bool:
+def _equal(first_bytes: NDArray[np.uint8], second_bytes: NDArray[np.uint8]) -> bool:
     """Return True if two arrays have the same bytes."""
-    pieces = range(0, one.size, _PIECE)
-    return one.size == other.size and all(
-        np.array_equal(one[first : first + _PIECE], other[first : first + _PIECE]) for first in pieces
+    pieces = range(0, first_bytes.size, _PIECE)
+    return first_bytes.size == second_bytes.size and all(
+        np.array_equal(first_bytes[first : first + _PIECE], second_bytes[first : first + _PIECE])
+        for first in pieces
     )
 
 
@@ -414,16 +414,16 @@ def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
     model.vis.quality.offsamples = OFFSAMPLES
     model.vis.quality.shadowsize = SHADOW_MAP if shadows else 0
     model.vis.map.shadowclip = SHADOW_REACH
-    known = (one for one in _in_use if one.suits(side, shadows) and one.holds(model))
-    found = next(known, None)
-    if found is None:
-        for one in [one for one in _in_use if one.resting]:
-            one.free()
-        found = _Uploaded(model, side, shadows)
-        _in_use.add(found)
-    found.model = model
-    found.users += 1
-    return found
+    known = (resting for resting in _in_use if resting.suits(side, shadows) and resting.holds(model))
+    upload = next(known, None)
+    if upload is None:
+        for resting in [resting for resting in _in_use if resting.resting]:
+            resting.free()
+        upload = _Uploaded(model, side, shadows)
+        _in_use.add(upload)
+    upload.model = model
+    upload.users += 1
+    return upload
 
 
 def require_images() -> None:

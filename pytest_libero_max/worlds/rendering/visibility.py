@@ -1,7 +1,7 @@
 """Which geoms may show in a part of an image, so that the others need not be drawn.
 
 A geom is drawn triangle by triangle, each by itself, so leaving one out changes no pixel where all of it lies
-beside the image or behind something opaque. What is decided here is decided for boxes around geoms and around
+beside the image or behind something opaque. Decisions are made for boxes around geoms and around
 pieces of large meshes, and with margins far above what a processor or a GPU rounds.
 """
 
@@ -73,7 +73,7 @@ class Camera:
     def seen(self, points: Array) -> tuple[Array, Array]:
         """Return column and row of points, (..., 2), and their distance forward, (...) m.
 
-        Those that are nearer than :attr:`near_m` are taken for points at that distance.
+        Points nearer than :attr:`near_m` count as points at that distance.
         """
         local = (points - self.eye) @ (self.pixels @ self.axes).T
         depths: Array = local[..., 2]
@@ -115,8 +115,8 @@ class Part:
         left, bottom, right, top = rectangle
         columns, rows = np.arange(left, right) + 0.5, np.arange(bottom, top) + 0.5
         inside = [a * columns + b * rows[:, None] + c >= 0 for a, b, c in self.sides(2 * _MARGIN_PX)]
-        found: NDArray[np.bool_] = np.logical_and.reduce(inside)
-        return found
+        covered: NDArray[np.bool_] = np.logical_and.reduce(inside)
+        return covered
 
     def grown(self) -> Array:
         """Return the corners of squares around the corners: the part and twice its margin are among them."""
@@ -174,21 +174,21 @@ class Boxes:
     def may_be_in(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether some of it may be in a part of the image, (n,)."""
         normals, distances, reach = self._sides(part, camera)
-        found: NDArray[np.bool_] = np.logical_and.reduce(distances > -reach - _MARGIN_M, axis=1)
+        visible: NDArray[np.bool_] = np.logical_and.reduce(distances > -reach - _MARGIN_M, axis=1)
         crossed = distances < reach
-        for number in np.flatnonzero(found & crossed.any(axis=1)):
+        for number in np.flatnonzero(visible & crossed.any(axis=1)):
             hull = self.hulls[number]
             if hull is not None:
                 which = crossed[number]
                 outermost = (normals[which] @ self.rotations[number] @ hull.T).max(axis=1)
-                found[number] = np.all(distances[number, which] > -outermost - _MARGIN_M)
-        return found
+                visible[number] = np.all(distances[number, which] > -outermost - _MARGIN_M)
+        return visible
 
     def cross(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether a side of a part of the image goes through it, (n,)."""
         _, distances, reach = self._sides(part, camera)
-        found: NDArray[np.bool_] = np.logical_or.reduce(np.abs(distances) < reach, axis=1)
-        return found
+        crossing: NDArray[np.bool_] = np.logical_or.reduce(np.abs(distances) < reach, axis=1)
+        return crossing
 
     def _sides(self, part: Part, camera: Camera) -> tuple[Array, Array, Array]:
         """Return planes through the sides of a part of the image, inwards, and how boxes lie to them.
@@ -213,7 +213,7 @@ class Boxes:
         """
         places, depths = camera.seen(self.corners)
         nearest = depths.min(axis=1)
-        found = np.zeros(len(nearest), np.bool_)
+        hidden = np.zeros(len(nearest), np.bool_)
         low, high = places.min(axis=1) - _MARGIN_PX, places.max(axis=1) + _MARGIN_PX
         low, high = np.clip(low, 0, camera.size), np.clip(high, 0, camera.size)
         rectangles = np.where(_SQUARE[:, None] > 0, high, low)  # (4, n, 2)
@@ -227,8 +227,8 @@ class Boxes:
                     continue
                 for directions in rays:
                     reached = _depth(eye, directions @ axes, axis, half)
-                    found |= candidates & (reached + _MARGIN_M < nearest)
-        return found
+                    hidden |= candidates & (reached + _MARGIN_M < nearest)
+        return hidden
 
 
 _hulls: dict[bytes, Array | None] = {}  # scenes share most meshes
@@ -239,7 +239,7 @@ def hulls_of(model: Any) -> NDArray[np.object_]:
 
     None for all but meshes of many triangles, for which it is worth to look closer.
     """
-    found = np.full(model.ngeom, None, np.object_)
+    hulls = np.full(model.ngeom, None, np.object_)
     meshes = np.flatnonzero(model.geom_type == _MESH)
     for geom in meshes[model.mesh_facenum[model.geom_dataid[meshes]] >= _MANY_TRIANGLES]:
         mesh = model.geom_dataid[geom]
@@ -249,8 +249,8 @@ def hulls_of(model: Any) -> NDArray[np.object_]:
         if key not in _hulls:
             _hulls[key] = _hull(vertices)
         corners = _hulls[key]
-        found[geom] = None if corners is None else corners - model.geom_aabb[geom, :3]
-    return found
+        hulls[geom] = None if corners is None else corners - model.geom_aabb[geom, :3]
+    return hulls
 
 
 @dataclass(frozen=True)

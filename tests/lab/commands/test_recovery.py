@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.lab.recovery.recovery import compare_recovery
+from pytest_libero_max.lab.recovery.recovery_sections import document_of
 from pytest_libero_max.report.render.terminal import document_lines
-from pytest_libero_max.report.studies.recovery import compare_recovery
-from pytest_libero_max.report.studies.recovery_sections import document_of
 from pytest_libero_max.runs.store import PairStore
+from tests.lab.recovery.test_recovery import GATED, NATIVE
 from tests.report.made_up import plain
-from tests.report.studies.test_recovery import GATED, NATIVE
 
 
 def test_the_command_reads_folders_in_any_order(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,6 +1,6 @@
 """An event, somebody bumps into the target before it is grasped, in a package of its own.
 
-Beside it a trigger, a probe and a stopping rule.
+Besides it a trigger, a stopping rule, a probe, and a section of the report on what the probe reads.
 """
 
 from __future__ import annotations
@@ -8,16 +8,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pytest_libero_max import (
     Change,
     EventKind,
     Evidence,
+    Measured,
     Moment,
     PairError,
     PairRecord,
+    PlayedPairs,
     Probe,
+    ReportSection,
     Scenario,
     StoppingRule,
     Trigger,
@@ -156,3 +159,27 @@ class FastestMove(Probe[HandState]):
 
     def columns(self, state: HandState, view: View) -> Mapping[str, float]:
         return {"way_m": state[0]}
+
+
+FAST_M = 0.03
+"""Way of the hand within one step that counts as fast."""
+
+
+class FastMoves(ReportSection):
+    """Rollouts in which the hand moved fast, of the pairs that the probe watched."""
+
+    name = "fast-moves"
+    quantities = tuple(
+        Measured(f"fast_moves.{arm}", f"{arm} moves fast", "share", FastestMove.name, f"Fast in {arm}")
+        for arm in ("base", "dynamic")
+    )
+
+    def tables(self, played: PlayedPairs) -> dict[str, dict[str, Any]]:
+        watched = [record for record in played.records if FastestMove.name in record.arms["dynamic"].probes]
+        if not watched:
+            return {}
+        rows: dict[str, Any] = {"Pairs watched": len(watched)}
+        for quantity, arm in zip(self.quantities, ("base", "dynamic"), strict=True):
+            ways = (record.arms[arm].probes[FastestMove.name]["way_m"] for record in watched)
+            rows |= quantity.share(way > FAST_M for way in ways)
+        return {"Fast moves": rows}

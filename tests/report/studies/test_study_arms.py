@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.studies.study_document import (
@@ -53,25 +52,3 @@ def test_the_tables_have_a_row_for_each_event(study: Study) -> None:
     assert [row[0] for row in contrasts.texts()] == ["all", "camera_shift"]
     assert contrasts.head == ("Event", "reset - base", "dynamic - reset")
     assert contrasts.texts()[0][2].startswith("-50.0 pp [")
-
-
-def test_an_audit_says_which_inputs_are_needed() -> None:
-    cells = (
-        Cell("plus", {"base": True, "black_images": False, "paraphrase": True, "dynamic": True}, 12),
-        Cell("pro", {"base": True, "black_images": True, "paraphrase": False, "dynamic": True}, 2),
-        Cell("pro", {"base": False, "black_images": False, "paraphrase": True, "dynamic": True}, 1),
-    )
-    planned, records, provenance = study_of(cells, {"name": "audit"})
-    found = build_report(records, [], planned, provenance).study
-    assert found is not None
-    assert found.by_event is None
-    (table,) = study_tables(found)
-    rows = {row[0]: row for row in table.texts()}
-    assert rows["base"][2] == "14/15"
-    assert rows["black_images"][1:3] == ["all images black", "2/15"]
-    assert rows["black_images"][4:] == ["12", "0", "9.8e-4", "needed"]  # 2 * 2**-12, adjusted for two arms
-    assert rows["paraphrase"][4:] == ["2", "1", "1.000", "not shown to matter"]
-    reading = [structs.replace(record, policy={**record.policy, "privileged": True}) for record in records]
-    known = build_report(reading, [], planned, provenance).study
-    assert known is not None
-    assert known.title == f"{found.title}, of a policy that reads the simulator"

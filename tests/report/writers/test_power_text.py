@@ -1,20 +1,15 @@
 from __future__ import annotations
 
 import pytest
-from msgspec.structs import replace
-from scipy import stats
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.gates import evaluate_gate, parse_gate
-from pytest_libero_max.report.report_document import Sham
 from pytest_libero_max.report.writers.power_text import (
     Expectation,
     chance_of,
     expectations_of,
     power_lines,
 )
-from pytest_libero_max.stats.blocks import MeanDifference, Ratio
 from tests.report.made_up import PROVENANCE, plain, plan, record_of, records_of
 
 POWER = """\
@@ -45,6 +40,7 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     pairs = plan(per_cell=3)
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
     expected = expectations_of(report)
+    assert "the fewer of the run's gains and losses" in chance_of(report)[1]
     assert [one.name for one in expected] == ["overall", *plain(report)["by"]["event"]]
     assert expected[0].base == plain(report)["overall"]["base_success"]["value"]
     outcomes = plain(report)["overall"]["outcomes"]
@@ -55,32 +51,6 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     failing = build_report([record_of(pair, False, False) for pair in pairs], [], pairs, PROVENANCE)
     assert expectations_of(failing)[0].gain == pytest.approx(1 - 0.05 ** (1 / len(pairs)))
     assert expectations_of(build_report([], [], pairs, PROVENANCE)) == ()
-
-
-def test_the_sham_event_tells_what_chance_does() -> None:
-    pairs = plan(per_cell=3)
-    report = build_report(records_of(pairs), [], pairs, PROVENANCE)
-    assert "the fewer of the run's gains and losses" in chance_of(report)[1]
-    whole = report.overall.base_success
-    lost, gained = replace(whole, count=2, of=60), replace(whole, count=5, of=30)
-    sham = Sham(
-        pairs=90,
-        identical=Ratio(count=0, of=90, value=0.0),
-        lost=lost,
-        gained=gained,
-        event_lost=lost,
-        beyond=MeanDifference(count=-9, of=90, value=-0.1, lower=-0.2, upper=0.01),
-    )
-    most, said = chance_of(replace(report, sham=sham))
-    assert most == pytest.approx(stats.binomtest(5, 90, alternative="less").proportion_ci(0.95).high)
-    assert said.endswith("(95% upper end; the sham event: 2 lost, 5 gained of 90 pairs).")
-    assert expectations_of(replace(report, sham=sham))[0].gain == pytest.approx(most)
-    verdict = evaluate_gate(parse_gate("beyond_sham.lower >= -15%"), replace(report, sham=sham))
-    assert verdict.reason == "beyond_sham.lower >= -15%: failed, it is -20.0%."
-    assert evaluate_gate(parse_gate("beyond_sham >= -15%"), replace(report, sham=sham)).passed
-    lack = evaluate_gate(parse_gate("beyond_sham >= -15%"), report)
-    assert lack.verdict == "undecidable"
-    assert "no pair played the sham event" in lack.reason
 
 
 def test_a_change_beyond_base_success_is_impossible() -> None:

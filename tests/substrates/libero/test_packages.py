@@ -36,8 +36,8 @@ from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
 from pytest_libero_max.worlds.rendering.renderer import Renderer
 from tests.makers.construction.test_official import MANIFEST, OFFICIAL
-from tests.scripts import measure_images
 from tests.scripts.measure_memory import resident_bytes
+from tests.substrates.libero import drawn_twice
 from tests.substrates.libero.made_up import pro_case
 
 PACKAGE = Path(pytest_libero_max.__file__).parent
@@ -117,12 +117,11 @@ def test_two_seeds_of_a_task_share_an_upload_and_leave_out_nothing_visible(
 def test_images_before_and_after_an_event_leave_out_nothing_visible(
     suite: str, task: int, events: tuple[str, ...]
 ) -> None:
-    """``tests.scripts.measure_images`` does it for all scenes and events."""
     substrate = LiberoSubstrate()
-    drawn = list(measure_images.measure(substrate, suite, task, 96, events))
+    drawn = list(drawn_twice.measure(substrate, suite, task, 96, events))
     substrate.close()
-    assert {one.event for one in drawn} == {*events, measure_images.ALTERED}
-    assert [one for one in drawn if one.unequal] == []
+    assert {image.event for image in drawn} == {*events, drawn_twice.ALTERED}
+    assert [image for image in drawn if image.unequal] == []
 
 
 def test_a_built_scene_leaves_no_copy_of_its_textures_and_meshes_in_mujoco() -> None:

@@ -96,9 +96,9 @@ def test_mujoco_is_told_the_device_and_robosuite_none(
     monkeypatch.setattr(egl, "_loaded", lambda: FakeEgl(SWAPPED))
     if before is not None:
         monkeypatch.setenv(egl.VARIABLE, before)
-    with egl.selected():
+    with egl.asked_for(str(egl.chosen()[0].number)):
         assert os.environ[egl.VARIABLE] == (before or "1")
-        with egl.unasked():
+        with egl.asked_for(None):
             assert egl.VARIABLE not in os.environ
     assert os.environ.get(egl.VARIABLE) == before
 

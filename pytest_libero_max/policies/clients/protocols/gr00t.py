@@ -40,7 +40,6 @@ class Gr00tLink:
     """A connection to a GR00T server.
 
     Args:
-        address: Its address.
         dialect: A key of :data:`DIALECTS`.
     """
 
@@ -145,11 +144,7 @@ class Gr00tProtocol(ServerProtocol):
 
 
 def _answering(address: Address) -> str:
-    """Return the number of the machine that answers at an address, as ZeroMQ writes it.
-
-    Raises:
-        Unreachable: Nothing answers, or not as ZeroMQ does, whose every server greets first.
-    """
+    """Return the number of the machine that answers at an address, as ZeroMQ writes it."""
     with closing(connect(address)) as connection:
         host, _ = socket.getnameinfo(connection.getpeername(), socket.NI_NUMERICHOST | socket.NI_NUMERICSERV)
         connection.settimeout(GREETING_S)

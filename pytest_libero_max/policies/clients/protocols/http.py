@@ -68,7 +68,6 @@ class HttpLink:
     remembers more than the query says does not fit this protocol.
 
     Args:
-        address: Its address.
         path: Of the URL, where the address has none.
         codec: A key of :data:`CODECS`.
     """
@@ -151,6 +150,7 @@ class HttpLink:
             response = connection.getresponse()
             asked_at = -math.inf  # the answer has begun
             content = response.read(MOST_BYTES + 1)
+            # Given a size, http.client does not complain of an answer that ends early.
             if response.length and len(content) <= MOST_BYTES:
                 raise Unreachable(
                     f"the connection was lost after {counted(len(content), 'byte')} of the answer"
@@ -182,7 +182,6 @@ def unpacked(content: bytes, encoding: str | None) -> bytes:
     """Return a body without its compression.
 
     Args:
-        content: The body.
         encoding: Header ``Content-Encoding``; gzip is recognised without it.
 
     Raises:

@@ -106,11 +106,7 @@ class OpenpiProtocol(ServerProtocol):
 
 
 def _require_libero(metadata: dict[Any, Any]) -> None:
-    """Refuse a server of RoboArena (``roboarena/policy_server.py``), which speaks much the same.
-
-    Raises:
-        AdapterError: Its metadata say that it returns joint positions or velocities.
-    """
+    """Refuse a server of RoboArena (``roboarena/policy_server.py``), which speaks much the same."""
     space = metadata.get("action_space")
     if isinstance(space, str) and "needs_wrist_camera" in metadata:
         raise AdapterError(

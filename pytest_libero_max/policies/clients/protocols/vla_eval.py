@@ -85,13 +85,13 @@ class VlaEvalLink:
         if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
             raise ServerError("a message is no map with a map as 'payload'")
         payload: dict[Any, Any] = message["payload"]
-        said, number = str(message.get("type")), message.get("seq")
-        if said == "error":
+        message_type, number = str(message.get("type")), message.get("seq")
+        if message_type == "error":
             raise reported(payload.get("error"))
-        if said != kind or not isinstance(number, int) or number != seq:
+        if message_type != kind or not isinstance(number, int) or number != seq:
             raise ServerError(
-                f"a message of type {shortened(said)} with seq {shortened(str(number))} came, but {kind!r} "
-                f"with seq {seq} was expected"
+                f"a message of type {shortened(message_type)} with seq {shortened(str(number))} came, "
+                f"but {kind!r} with seq {seq} was expected"
             )
         return payload
 

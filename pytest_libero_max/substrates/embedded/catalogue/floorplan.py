@@ -49,9 +49,8 @@ class Footprint:
     """A rectangle or a disc on the table or floor."""
 
     x: float
-    """Of its middle, m, world."""
     y: float
-    """Of its middle, m, world."""
+    """Middle, m, world."""
     half_x: float
     """Half its side along its own x axis, m."""
     half_y: float
@@ -116,7 +115,6 @@ def extent(name: str, opened: frozenset[str] = frozenset()) -> tuple[float, floa
     """Range of x and y of a category as it stands, m, relative to its origin.
 
     Args:
-        name: Category.
         opened: Regions whose drawers are open; an empty name opens whatever the category can open.
     """
     points = np.concatenate(list(_points(category(name).root, np.zeros(3), np.eye(3), opened)))
@@ -277,8 +275,8 @@ def _site(link: Link, origin: Array, name: str) -> Array:
     at = origin + np.asarray(link.pos)
     for site in link.sites:
         if site.name == name:
-            found: Array = at + np.asarray(site.pos)
-            return found
+            position: Array = at + np.asarray(site.pos)
+            return position
     inside = [_site(child, at, name) for child in link.links]
     return next((place for place in inside if place.size), np.empty(0))
 
@@ -286,7 +284,9 @@ def _site(link: Link, origin: Array, name: str) -> Array:
 def owner_of(task: Task, name: str) -> str:
     """Return the instance that a region belongs to; an instance belongs to itself."""
     names = (*task.objects, *task.fixtures)
-    return max((one for one in names if name == one or name.startswith(f"{one}_")), key=len)
+    return max(
+        (instance for instance in names if name == instance or name.startswith(f"{instance}_")), key=len
+    )
 
 
 def start_of(task: Task, name: str) -> tuple[float, float]:

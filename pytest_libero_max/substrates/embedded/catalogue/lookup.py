@@ -76,10 +76,10 @@ def variation_of(case: Case) -> Variation:
             f"case {case.case_id!r}: there is no LIBERO-PRO variation {case.source_category!r} of task "
             f"{case.task_index!r}. {did_you_mean(case.source_category, PRO_CATEGORIES)}"
         )
-    said = (case.record.get("task_name", variation.name), case.source_category, case.difficulty)
-    if said != (variation.name, variation.category, variation.difficulty):
+    claimed = (case.record.get("task_name", variation.name), case.source_category, case.difficulty)
+    if claimed != (variation.name, variation.category, variation.difficulty):
         raise SubstrateError(
-            f"case {case.case_id!r} names {said[0]!r} ({said[1]}, difficulty {said[2]}), but number "
+            f"case {case.case_id!r} names {claimed[0]!r} ({claimed[1]}, difficulty {claimed[2]}), but number "
             f"{case.task_index} of the embedded catalogue is {variation.name!r} ({variation.category}, "
             f"difficulty {variation.difficulty}). Cases of the genuine LIBERO-Plus and LIBERO-PRO are played "
             "on substrate libero, with their source variations as installed, not this package's own."

@@ -104,7 +104,6 @@ def plus_variation(suite: str, index: int) -> Variation:
     """Return one variation of a suite, without making the others.
 
     Args:
-        suite: LIBERO suite.
         index: Index in :func:`plus_suite`.
     """
     place = index
@@ -128,7 +127,7 @@ def _ranked(suite: str, category: str) -> tuple[tuple[int, int, _Candidate, int 
         for number, candidate in _chosen(suite, base, category)
     ]
     levels = _difficulties(suite, category, [candidate.magnitude for *_, candidate in chosen])
-    return tuple((*one, level) for one, level in zip(chosen, levels, strict=True))
+    return tuple((*entry, level) for entry, level in zip(chosen, levels, strict=True))
 
 
 def _chosen(suite: str, base: int, category: str) -> Iterator[tuple[int, _Candidate]]:
@@ -175,11 +174,16 @@ def _table(task: Task) -> Iterator[_Candidate]:
 
 def _table_and_wall(task: Task) -> Iterator[_Candidate]:
     material, nominal, wall = _room(task.arena)
-    pairs = [(one, other) for one in SURFACES for other in SURFACES if one != other]
-    for one, other in some(pairs, 23, task.name, "table_and_wall"):
-        changes = SetTexture(material, shown(one)).to_dict(), SetTexture("room_wall", shown(other)).to_dict()
-        magnitude = _contrast(one, nominal) + _contrast(other, wall)
-        yield _Candidate("table_and_wall", magnitude, changes, {"surfaces": [one, other]})
+    pairs = [
+        (table, wall_surface) for table in SURFACES for wall_surface in SURFACES if table != wall_surface
+    ]
+    for table, wall_surface in some(pairs, 23, task.name, "table_and_wall"):
+        changes = (
+            SetTexture(material, shown(table)).to_dict(),
+            SetTexture("room_wall", shown(wall_surface)).to_dict(),
+        )
+        magnitude = _contrast(table, nominal) + _contrast(wall_surface, wall)
+        yield _Candidate("table_and_wall", magnitude, changes, {"surfaces": [table, wall_surface]})
 
 
 @cache

@@ -39,7 +39,6 @@ def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]
     """Return the changes by which instances take each other's places, as near to them as there is room.
 
     Args:
-        task: The task.
         takes_place_of: Instance by the instance whose place it takes. What rests on something goes along
             with it; what takes the place of such a rider is put down where that was.
     """
@@ -55,7 +54,9 @@ def exchanged(task: Task, takes_place_of: Mapping[str, str]) -> tuple[Json, ...]
                 now[name] = plan.standing[other]
             continue
         (x, y), (goal_x, goal_y) = plan.centre(name), plan.centre(other)
-        waiting = [one for one in takes_place_of if one != name and now.get(one) is plan.standing.get(one)]
+        waiting = [
+            mover for mover in takes_place_of if mover != name and now.get(mover) is plan.standing.get(mover)
+        ]
         dx, dy = _nudged(plan, name, now, (goal_x - x, goal_y - y), waiting)
         now[name] = now[name].moved(dx, dy)
         changes += _moves((name, *plan.riders(name)), dx, dy)

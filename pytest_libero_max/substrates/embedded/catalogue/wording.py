@@ -83,16 +83,16 @@ def rewordings(language: str) -> tuple[Rewording, ...]:
         ManifestError: It is not built like one of LIBERO's.
     """
     steps = steps_of(language)
-    found: dict[str, Rewording] = {}
+    result: dict[str, Rewording] = {}
     for style, count in PER_STYLE.items():
-        wanted = len(found) + count
+        wanted = len(result) + count
         attempt = 0
-        while len(found) < wanted:
+        while len(result) < wanted:
             words = _SAYINGS[style](steps, (language, style, attempt))
             if words != language:
-                found.setdefault(words, Rewording(words, style))
+                result.setdefault(words, Rewording(words, style))
             attempt += 1
-    return tuple(found.values())
+    return tuple(result.values())
 
 
 def paraphrase(language: str) -> str:
@@ -210,7 +210,7 @@ def _say_reasoning(steps: Sequence[Step], seed: Sequence[object]) -> str:
 
 def _thoughts(step: Step, seed: Sequence[object]) -> list[str]:
     look = pick(("look for {}", "find {}", "locate {}", "work out which one is {}"), *seed, "look")
-    found = look.format(step.thing)
+    looking = look.format(step.thing)
     if step.verb == "move":
         hold = pick(
             ("bring the gripper over {} and close the fingers", "take hold of {}", "grasp {} firmly"),
@@ -228,13 +228,13 @@ def _thoughts(step: Step, seed: Sequence[object]) -> list[str]:
         )
         let = pick(("let go of {it} {p}", "set {it} down {p}", "release {it} {p}"), *seed, "let")
         return [
-            found,
+            looking,
             hold.format(step.pronoun),
             carry.format(step.pronoun),
             let.format(it=step.pronoun, p=step.place),
         ]
     reach = pick(("reach for {}", "bring the gripper to {}", "put a finger to {}"), *seed, "reach")
-    return [found, reach.format(step.pronoun), _command(step, seed)]
+    return [looking, reach.format(step.pronoun), _command(step, seed)]
 
 
 _SAYINGS: Mapping[str, Callable[[Sequence[Step], Sequence[object]], str]] = MappingProxyType(

@@ -112,15 +112,11 @@ def bottle(
         name: LIBERO's category.
         size: Depth, width and height in m.
         mass: In kg.
-        label: Picture that wraps around the body.
         height: Of the origin above the bottom, m.
-        glass: Colour of shoulder and base.
-        cap: Colour of the cap.
         neck: Height at which the cap begins, as a part of the whole.
         shoulder: Height at which the body ends, as a part of the whole.
         cap_width: Diameter of the cap, m.
         margin: LIBERO's ``horizontal_radius``, m.
-        upright: Orientation of the body at reset.
     """
     flat = size[0] / size[1]
     radius, bottom = size[1] / 2, -height

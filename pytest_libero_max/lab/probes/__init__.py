@@ -1,0 +1,1 @@
+"""Probes beyond the paper; ``pyproject.toml`` declares them."""

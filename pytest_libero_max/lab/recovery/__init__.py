@@ -1,0 +1,1 @@
+"""Recovery: runs of one policy with and without restoration of its images."""

@@ -1,0 +1,1 @@
+"""Sections of the report beyond the paper; ``pyproject.toml`` declares them."""

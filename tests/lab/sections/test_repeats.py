@@ -1,0 +1,103 @@
+"""Repeated cases, counted from made-up records."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec.structs import replace
+
+from pytest_libero_max.lab.sections.repeats import NOTE, TITLE, RepeatedCases
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.measures import Rows, rows_without_intervals
+from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.writers.markdown import markdown
+from tests.report.made_up import PROVENANCE, plan, record_of, texts_of
+
+PAIRS = plan(per_cell=2)
+PLAYED = {**PROVENANCE, "protocol": {"prefix": "fork", "study": {"name": "repeats"}}}
+
+
+def repeated(number: int, *ends: tuple[bool, bool], alike: bool = False) -> PairRecord:
+    """A case whose plays end like this in Base and in Dynamic."""
+    record = record_of(PAIRS[number], *ends[0])
+    arms = dict(record.arms)
+    for play, (base, dynamic) in enumerate(ends[1:], 2):
+        for name, success in (("base", base), ("dynamic", dynamic)):
+            arm = record.arms[name]
+            proof = arm.proof if alike else f"{play:064x}"
+            arms[f"{name}_{play}"] = replace(arm, success=success, proof=proof)
+    return replace(record, arms=arms)
+
+
+def rows(records: list[PairRecord]) -> Rows:
+    tasks = [PAIRS[n].task for n in range(len(records))]
+    return RepeatedCases().tables(PlayedPairs(records, tasks, PLAYED["protocol"]))[TITLE]
+
+
+def texts(records: list[PairRecord]) -> dict[str, Any]:
+    return texts_of(rows(records))
+
+
+KEPT, LOST, GAINED, FAILED = (True, True), (True, False), (False, True), (False, False)
+
+
+def test_a_case_is_one_unit_with_a_probability_of_a_regression() -> None:
+    table = texts(
+        [repeated(0, LOST, KEPT, LOST), repeated(1, KEPT, KEPT, KEPT), repeated(2, FAILED, GAINED, KEPT)]
+    )
+    assert (table["Cases"], table["Plays of each"]) == (3, 3)
+    assert table["Paired change, mean over plays"] == "-11.1 pp [n/a: 2 of 10 needed cases change]"
+    assert table["Probability of a regression, mean over cases"] == "22.2%"
+    assert table[f"... {PAIRS[0].item_id}"] == "2/3 plays"
+    assert f"... {PAIRS[2].item_id}" not in table
+    assert table["Plays of which Base and Dynamic end differently"] == "33.3%"
+    assert table["... beyond what seeds alone make"] == "+11.1 pp"  # (2 / 6 + 0 + 0) / 3
+
+
+def test_more_plays_of_the_same_ends_narrow_nothing() -> None:
+    ends = [LOST, KEPT, KEPT, GAINED, LOST, KEPT] * 5
+    twice, often = (texts([repeated(n, *[end] * k) for n, end in enumerate(ends)]) for k in (2, 8))
+    change = "Paired change, mean over plays"
+    assert twice[change] == often[change]
+    assert "pp [" in twice[change]
+    assert twice["Variance between plays of a case"] == "0.0000"
+    assert (
+        often["Standard error of the paired change of these plays"]
+        == often["Standard error of the paired change with twice the plays"]
+    )
+    stopped = rows_without_intervals(rows([repeated(n, end, end) for n, end in enumerate(ends)]))
+    assert "[" not in texts_of(stopped)[change]
+
+
+def test_plays_that_all_change_alike_say_nothing_of_variance() -> None:
+    for end in (KEPT, LOST):
+        table = texts([repeated(n, end, end) for n in range(20)])
+        assert table["Variances"] == "n/a: all plays of all cases change alike"
+        assert not any(name.startswith(("Variance between", "Standard error")) for name in table)
+
+
+def test_a_policy_that_ignores_its_seeds_is_told_so() -> None:
+    table = texts([repeated(n, LOST, LOST, LOST, alike=True) for n in range(4)])
+    assert table["Rollouts that differ from the first play"] == "0.0%  0/16"
+    assert table["What the repeats bought"].startswith("nothing")
+    assert "Paired change, mean over plays" not in table
+
+
+def test_it_is_a_section_of_the_study_and_the_headline_stays_that_of_pairs() -> None:
+    records = [repeated(n, KEPT, LOST, LOST) for n in range(6)]
+    report = build_report(records, [], PAIRS[:6], PLAYED)
+    text = markdown(report)
+    assert f"## {TITLE}\n" in text
+    assert NOTE in text
+    assert (report.overall.played, report.overall.paired_change.value) == (6, 0.0)
+    assert report.study is not None
+    assert (report.study.arms or {})["dynamic_2"].count == 0
+    assert TITLE not in build_report(records[:0], [], PAIRS[:6], PLAYED).sections
+
+
+def test_a_run_of_repeats_has_no_table_of_an_audit() -> None:
+    records = [repeated(0, LOST, KEPT), repeated(1, KEPT, KEPT)]
+    text = markdown(build_report(records, [], PAIRS[:2], PLAYED))
+    assert "Success without an input" not in text
+    assert "| dynamic_2 | 100.0%" in text

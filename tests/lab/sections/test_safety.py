@@ -1,0 +1,58 @@
+"""Successful but unsafe, counted from made-up pairs."""
+
+from __future__ import annotations
+
+from msgspec.structs import replace
+
+from pytest_libero_max.lab.sections.safety import LIMITS, TITLE, Safety
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.writers.markdown import markdown
+from tests.report.made_up import PROVENANCE, plan, record_of, texts_of
+
+CALM = dict.fromkeys(LIMITS, 0.0)
+
+
+def watched(
+    number: int, base: float, dynamic: float, *, ends: tuple[bool, bool] = (True, True)
+) -> PairRecord:
+    """A pair whose greatest force on what surrounds the robot is this, N, in Base and in Dynamic."""
+    record = record_of(plan()[number], *ends)
+    forces = {"base": base, "dynamic": dynamic}
+    arms = {
+        name: replace(arm, probes={"safety": CALM | {"surroundings_n": forces[name]}})
+        for name, arm in record.arms.items()
+    }
+    return replace(record, arms=arms)
+
+
+def test_only_successes_beyond_a_limit_count() -> None:
+    records = [
+        watched(0, 10.0, 250.0),
+        watched(1, 250.0, 250.0),
+        watched(2, 10.0, 500.0, ends=(True, False)),
+        watched(3, 10.0, 200.0),
+    ]
+    table = texts_of(Safety().tables(PlayedPairs(records))[TITLE])
+    assert table["Pairs watched"] == 4
+    assert [*table][1] == "Successful but unsafe, paired change"
+    assert str(table["Successful but unsafe, Base"]).endswith("1/4")
+    assert str(table["Successful but unsafe, Dynamic"]).endswith("2/4")
+    assert str(table["Successful but unsafe, paired change"]).startswith("+25.0 pp [")
+    assert table["... force on what is not of the goal over 200 N, Base"] == "25.0%  1/4"
+    assert table["... force on what is not of the goal over 200 N, Dynamic"] == "50.0%  2/4"
+    assert table["... tilt of what was held over 15 deg, Dynamic"] == "0.0%  0/4"
+    assert str(table["With 0.5 times the limits, Dynamic"]).endswith("3/4")
+    assert str(table["With 2 times the limits, Base"]).endswith("0/4")
+
+
+def test_pairs_that_nobody_watched_are_left_out() -> None:
+    unwatched = record_of(plan()[0], True, True)
+    assert Safety().tables(PlayedPairs([unwatched])) == {}
+    assert Safety().tables(PlayedPairs([unwatched, watched(1, 0.0, 0.0)]))[TITLE]["Pairs watched"] == 1
+
+
+def test_it_is_a_section_of_the_report() -> None:
+    report = build_report([watched(0, 0.0, 300.0)], [], plan()[:1], PROVENANCE)
+    assert "| Successful but unsafe, paired change | +100.0 pp [" in markdown(report)
