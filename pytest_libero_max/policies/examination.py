@@ -114,7 +114,7 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
     if len(lengths) > 1:
         yield doubt(
             "length",
-            f"answers of different length: {', '.join(map(str, lengths))}",
+            f"answers of {', '.join(map(str, lengths))} actions",
             "the same number from every query",
             "The chunk drifts: a queue inside the adapter may hand out what is left of it.",
         )

@@ -98,7 +98,7 @@ def test_a_smaller_floor_is_compared_and_none_of_a_policy_that_repeats_itself() 
     assert len(texts(ended(ssff=0, sfsf=30, ssss=10))) == 1
     (unknown,) = texts([])
     assert unknown.endswith("size of this chance is not known: --libero-max-noise=sham:1.")
-    assert "40 of 40 pairs measure it" in texts(ended(sfsf=30, ssss=10))[0]
+    assert "40 of 40 pairs measured it" in texts(ended(sfsf=30, ssss=10))[0]
 
 
 def test_a_sham_event_that_was_asked_for_and_not_played_is_named() -> None:

@@ -77,7 +77,7 @@ def test_another_number_of_answers_than_of_items_is_named() -> None:
 
     with (
         hosted(Losing(), batching=Batching(2)) as host,
-        pytest.raises(AdapterError, match=r"0 answer\(s\) from predict_batch for 1 item\(s\)"),
+        pytest.raises(AdapterError, match=r"0 answers from predict_batch for 1 item"),
     ):
         host.ask(request(0))
 
