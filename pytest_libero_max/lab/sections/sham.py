@@ -139,7 +139,7 @@ def _floor_texts(flips: Measure, floor: float, beyond: Measure) -> Iterator[str]
     if not (flips.count or floor) or beyond.lower is None or beyond.lower > 0.0:
         return
     observed = (
-        f"of {counted(flips.of, 'pair')} that were played twice, Base and Dynamic end differently in "
+        f"of {counted(flips.of or 0, 'pair')} that were played twice, Base and Dynamic end differently in "
         f"{percent(flips.value)}, and two plays of the same arm in {percent(floor)}."
     )
     reading = "read the paired change with its interval, and no single pair."
