@@ -56,6 +56,7 @@ def array_of(content: bytes) -> NDArray[Any]:
     """
     file = io.BytesIO(content)
     try:
+        # Not numpy.load, which reserves memory for the size that the header claims before it reads.
         version = np.lib.format.read_magic(file)
         read = (
             np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

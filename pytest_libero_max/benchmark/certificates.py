@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal, cast, get_args
+from typing import Literal, cast, get_args
+
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.tracks import read_table
 
@@ -18,8 +19,7 @@ the task neither with the event nor without it; it completes it without the even
 ENDINGS: tuple[Ending, ...] = get_args(Ending)
 
 
-@dataclass(frozen=True)
-class Certificate:
+class Certificate(Struct, frozen=True):
     """Result of the expert on a case: proof that it can be done, or that this expert cannot do it."""
 
     ending: Ending
@@ -33,24 +33,6 @@ class Certificate:
     def solved(self) -> bool:
         """True if the expert completes the case."""
         return self.ending == "solved"
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON values; :meth:`from_dict` reads them."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, value: dict[str, Any]) -> Certificate:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            TypeError: It has other fields.
-            ValueError: A value is none that a certificate can have.
-        """
-        certificate = cls(**value)
-        steps = (certificate.trigger_step, certificate.steps)
-        if certificate.ending not in ENDINGS or any(type(n) is not int for n in steps if n is not None):
-            raise ValueError(f"no certificate: {value!r:.200}")
-        return certificate
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:

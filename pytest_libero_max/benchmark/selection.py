@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
 from functools import reduce
 from typing import Any
 
+from msgspec import Struct
+
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
+from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Texts, checked, to_builtins
 from pytest_libero_max.errors import ReportError, counted
 
 
-@dataclass(frozen=True)
-class Shards:
+class Shards(Struct, frozen=True, forbid_unknown_fields=True):
     """Parts of a divided case set that are here."""
 
-    of: int
-    present: tuple[int, ...]
+    of: Positive
+    present: tuple[Positive, ...]
     """The numbers of those that are here, from 1, sorted."""
 
     @property
@@ -25,22 +26,21 @@ class Shards:
         return tuple(number for number in range(1, self.of + 1) if number not in self.present)
 
 
-@dataclass(frozen=True)
-class Selection:
+class Selection(Struct, frozen=True, forbid_unknown_fields=True):
     """The part of its case set that a run plays."""
 
-    asked: tuple[str, ...]
+    asked: Texts
     """User's selection, as the command line spells it, for example ``-k camera_shift``. Where runs of
     different selections were merged: one entry for each, in brackets."""
-    chosen: int
+    chosen: Count
     """Number of cases that the run plays."""
-    of: int
+    of: Count
     """Number of cases of the whole track or manifest."""
     digest: str
     """SHA-256 of the sorted ids of the chosen cases, hexadecimal."""
-    shards: Shards | None = None
+    shards: Shards | None
     """Shards that are here; None where the cases were not divided, or where all shards are here."""
-    merged: bool = False
+    merged: Flag
     """True if this is several runs joined, so that a shard that is not here is missing."""
 
     @classmethod
@@ -56,7 +56,7 @@ class Selection:
         """
         ids = sorted(case_ids)
         shards = None if shard is None or shard[1] == 1 else Shards(shard[1], (shard[0],))
-        return cls(tuple(asked), len(ids), of, canonical_digest(ids), shards)
+        return cls(tuple(asked), len(ids), of, canonical_digest(ids), shards, merged=False)
 
     @property
     def whole(self) -> bool:
@@ -98,10 +98,7 @@ class Selection:
         return f"{self.chosen} of {counted(self.of, 'case')} of {case_set} (selection: {words})"
 
     def to_dict(self) -> Json:
-        values = {**asdict(self), "asked": list(self.asked)}
-        if self.shards is not None:
-            values["shards"] = {"of": self.shards.of, "present": list(self.shards.present)}
-        return values
+        return to_builtins(self)
 
     @classmethod
     def from_dict(cls, values: Any) -> Selection:
@@ -110,26 +107,10 @@ class Selection:
         Raises:
             ReportError: It has another form.
         """
-        names = {field.name for field in fields(cls)}
-        try:
-            if values.keys() != names:
-                raise ValueError(f"it has the fields {sorted(values)}")
-            shards = values["shards"]
-            read = cls(
-                asked=tuple(map(str, values["asked"])),
-                chosen=int(values["chosen"]),
-                of=int(values["of"]),
-                digest=str(values["digest"]),
-                shards=None if shards is None else Shards(int(shards["of"]), tuple(shards["present"])),
-                merged=bool(values["merged"]),
-            )
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise ReportError.seen("selection", values, f" is not one: {error}.") from error
-        if read.to_dict() != values or not 0 <= read.chosen <= read.of:
-            raise ReportError.seen(
-                "selection", values, f" is not one: {read.chosen} of {counted(read.of, 'case')}."
-            )
-        return read
+        selection: Selection = checked(values, cls, "selection", ReportError)
+        if selection.chosen > selection.of:
+            raise ReportError.seen("selection", values, f", but of {counted(selection.of, 'case')}.")
+        return selection
 
 
 def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -> Selection:

@@ -176,6 +176,7 @@ def _places(provenance: Json, options: argparse.Namespace) -> Places:
         profile,
         None if options.case_set is None else str(Path(options.case_set).expanduser().absolute()),
         None,
+        None,
         tuple(str(root.expanduser().absolute()) for root in options.libero),
         None if options.libero_assets is None else str(options.libero_assets.expanduser().absolute()),
     )

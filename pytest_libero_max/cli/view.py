@@ -67,7 +67,7 @@ def _view(options: argparse.Namespace) -> int:
 def _make_films(folder: Path, case_set: str | None) -> None:
     """Film the named pairs that the run has traces of, as many as a run films at its end."""
     from pytest_libero_max.cli import main
-    from pytest_libero_max.report.writers.broken import to_look_at
+    from pytest_libero_max.report.broken import to_look_at
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.store import read_pairs
 

@@ -14,7 +14,7 @@ from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, Settings
 from pytest_libero_max.runs.protocol import RECORDED_RUN
-from pytest_libero_max.studies.registry import STUDIES
+from pytest_libero_max.studies.registry import find_study
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
         values["libero_assets"] = path_from(here, values["libero_assets"])
     _check_substrate_options(given, values["substrate"].name)
     values["order"] = values["order"] or Order()
-    values["study"] = _study(values)
+    values["study"] = _study(values, here)
     values["latency"] = _latency(values["latency"], here)
     values["timeout"] = values["timeout"] or Limits()
     _check_timing(values)
@@ -117,7 +117,7 @@ def _track(settings: Settings, name: str | None) -> str:
     return supported_track(name, settings.substrate.name, settings.substrate_options)
 
 
-def _study(values: dict[str, Any]) -> Study | None:
+def _study(values: dict[str, Any], here: Path) -> Study | None:
     """Return the study that is asked for; the track becomes that of the study where none is named.
 
     Raises:
@@ -125,22 +125,22 @@ def _study(values: dict[str, Any]) -> Study | None:
     """
     if values["study"] is None:
         return None
-    name, _, sweep = values["study"].partition(":")
-    study = STUDIES[name].of(sweep or None)
-    if name in ("cadence", "latency") and "adaptive" in values["wrap"]:
+    study = find_study(values["study"], here)
+    varies = {key for arm in study.spelled for key in arm}
+    if varies & {"cadence", "latency"} and "adaptive" in values["wrap"]:
         raise OptionError(
-            f"--libero-max-study={name} plays fixed query intervals, but "
+            f"--libero-max-study={study.name} plays fixed query intervals, but "
             f"--libero-max-wrap=adaptive:{values['wrap']['adaptive']} chooses when to ask. Leave one of them "
             "out."
         )
-    if name == "latency" and values["latency"] not in (None, NO_LATENCY):
+    if "latency" in varies and values["latency"] not in (None, NO_LATENCY):
         raise OptionError(
-            "--libero-max-study=latency plays delays of its own, but "
+            f"--libero-max-study={study.name} plays delays of its own, but "
             f"--libero-max-latency={values['latency']} is given. Leave one of the two out."
         )
     if study.scales and values["strength"] != 1.0:
         raise OptionError(
-            f"--libero-max-study={name} plays the event at strengths of its own, but "
+            f"--libero-max-study={study.name} plays the event at strengths of its own, but "
             f"--libero-max-strength={values['strength']:g} is given. Leave one of the two out."
         )
     if values["track"] is None:

@@ -106,6 +106,7 @@ class RunCases:
             **known(
                 path=None if settings.manifest is None else str(settings.manifest),
                 program=None if settings.program is None else settings.program.source,
+                study=None if settings.study is None else settings.study.source,
                 released_as=None if recognition is None else str(recognition),
             ),
         }

@@ -151,6 +151,9 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     held_steps: Count | None = None
     """Steps in which the robot had no action to execute and waited for an answer; absent without latency, of
     the arm or of a change in its schedule."""
+    policy: PlainObject | None = None
+    """The spec of the policy that went on from the first entry, with its ``reference`` and ``code``; absent
+    where that of the pair did."""
 
     @property
     def clipped_share(self) -> float:

@@ -281,14 +281,15 @@ def _is_count(value: Any, least: int = 0) -> bool:
 
 
 def _require_policy(record: PairRecord) -> None:
-    """Check the policy's spec, and that it plays the pair's suite."""
-    policy = convert(record.policy, PlayedPolicy)
-    if policy.query_interval > policy.horizon:
-        raise ReportError(
-            f"query_interval={policy.query_interval} of the policy, but horizon={policy.horizon}: Q <= H."
-        )
-    if policy.suites is not None and record.suite not in policy.suites:
-        raise ReportError(f"suite={record.suite!r}, but the policy plays {list(policy.suites)} alone.")
+    """Check the spec of each policy, and that it plays the pair's suite."""
+    for spec in (record.policy, *(arm.policy for arm in record.arms.values() if arm.policy is not None)):
+        policy = convert(spec, PlayedPolicy)
+        if policy.query_interval > policy.horizon:
+            raise ReportError(
+                f"query_interval={policy.query_interval} of the policy, but horizon={policy.horizon}: Q <= H."
+            )
+        if policy.suites is not None and record.suite not in policy.suites:
+            raise ReportError(f"suite={record.suite!r}, but the policy plays {list(policy.suites)} alone.")
 
 
 def _require_timings(timings: Mapping[str, object]) -> None:

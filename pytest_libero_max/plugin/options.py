@@ -103,6 +103,7 @@ def places_of(config: pytest.Config, settings: Settings) -> Places:
         str(path_from(folder, profile)) if profile is not None and profile.endswith(".toml") else profile,
         None if settings.manifest is None else str(settings.manifest.absolute()),
         None,
+        None,
         tuple(map(str, settings.libero)),
         None if settings.libero_assets is None else str(settings.libero_assets),
         tuple(arguments),

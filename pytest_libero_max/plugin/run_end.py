@@ -155,7 +155,7 @@ class RunEnd:
 
     def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
-        from pytest_libero_max.report.writers.broken import to_look_at
+        from pytest_libero_max.report.broken import to_look_at
         from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
@@ -289,7 +289,7 @@ class RunEnd:
         ], status
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        from pytest_libero_max.report.writers.broken import colour_of
+        from pytest_libero_max.report.broken import colour_of
 
         if terminalreporter.verbosity < 0:
             from pytest_libero_max.report.writers.gate_text import KEPT

@@ -12,8 +12,8 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import class_name, text_of
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.broken import named_of
 from pytest_libero_max.report.report_document import ChangedPair
-from pytest_libero_max.report.writers.broken import named_of
 from pytest_libero_max.runs.media import FILMS_NAME, MOST_FILMS, is_selected
 
 _LONGEST_S = 300.0

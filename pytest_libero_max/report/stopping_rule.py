@@ -35,7 +35,6 @@ class Declared:
     """What is known of a run before it is played."""
 
     order: Order
-    """Order of play."""
     gates: Sequence[Gate]
     """Conditions that the finished report has to meet."""
     shards: int

@@ -46,6 +46,7 @@ class Agreement:
         self._measured: dict[str, str] = {}
         self._same_play = SamePlay()
         self._header = _Header.of(run.provenance)
+        self._of_arms: dict[str, tuple[Json | None, str]] = {}
 
     def add(self, pair: PairRecord | PairError, where: str) -> None:
         """Take in the next pair.
@@ -78,7 +79,18 @@ class Agreement:
             if (case := self._cases.get(pair.case_id)) is not None:
                 require_of_case(pair, case)
             self._same_play.add(pair)
+            self._require_same_arms(pair)
             self._measured[pair.case_id] = where
+
+    def _require_same_arms(self, pair: PairRecord) -> None:
+        """Compare the policies that arms name with those of the pairs before."""
+        for name, arm in pair.arms.items():
+            known, item_id = self._of_arms.setdefault(name, (arm.policy, pair.item_id))
+            if known != arm.policy:
+                raise OtherRunError(
+                    f"Arm {name!r} of {pair.item_id!r} was played by the policy {shown(arm.policy)}, that of "
+                    f"{item_id!r} by {shown(known)}. Compare runs instead of mixing them."
+                )
 
 
 class Played(Protocol):

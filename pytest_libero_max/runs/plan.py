@@ -153,6 +153,7 @@ class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
     limit: Positive | None = None
     path: Text | None = None
     program: Text | None = None
+    study: Text | None = None
     released_as: Text | None = None
 
 

@@ -20,7 +20,7 @@ from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.pairing.record import LatencyText
 from pytest_libero_max.policies.wrappers import WRAPPERS
 from pytest_libero_max.runs.setting import ALWAYS, Part, Recorded, options_of, setting
-from pytest_libero_max.studies.registry import STUDIES
+from pytest_libero_max.studies.registry import FILES, STUDIES
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.programs import Program
@@ -104,8 +104,9 @@ def _latency(text: str) -> Latency | str:
 
 
 def _study(text: str) -> str:
-    """Check the name of a study, with settings behind a colon."""
-    known_in(STUDIES)(text.partition(":")[0])
+    """Check the name of a study, with settings behind a colon; a file is read later."""
+    if not text.endswith(FILES):
+        known_in(STUDIES)(text.partition(":")[0])
     return text
 
 
@@ -129,7 +130,7 @@ class ProtocolSettings:
     program: Program | None = setting(
         "NAME|FILE",
         "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
-        "`libero-max list programs`, or a JSON file",
+        "`libero-max list programs`, or a JSON or TOML file",
         text,
         recorded=Recorded(
             "protocol",
@@ -155,19 +156,15 @@ class ProtocolSettings:
         recorded=Recorded("protocol", Share, usual=1.0),
     )
     study: Study | None = setting(
-        "NAME[:SETTINGS]",
+        "NAME[:SETTINGS]|FILE",
         "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
         "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
         "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
         "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
-        "smoke: each case 3 or so many times, with other seeds of the policy), or one of another package",
+        "smoke: each case 3 or so many times, with other seeds of the policy), one of another package, or a "
+        "JSON or TOML file that spells one",
         _study,
-        recorded=Recorded(
-            "protocol",
-            Object,
-            lambda study: study and study.to_dict(),
-            option=lambda study: ":".join(filter(None, [study["name"], study.get("settings")])),
-        ),
+        recorded=Recorded("protocol", Object, lambda study: study and study.to_dict(), option=None),
     )
     probe: tuple[str, ...] = setting(
         "NAME",

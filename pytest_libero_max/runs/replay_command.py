@@ -41,6 +41,8 @@ class Places:
     """The manifest; None for a run of a frozen track."""
     program: str | None = None
     """Name or file of the program that is laid over the cases, if any."""
+    study: str | None = None
+    """File of the study, if one spells it."""
     installations: tuple[str, ...] = ()
     """LIBERO's folders; none: what ``import libero`` finds."""
     assets: str | None = None
@@ -57,6 +59,7 @@ class Places:
             policy.get("profile"),
             cases.get("path"),
             cases.get("program"),
+            cases.get("study"),
             tuple(substrate.get("roots", ())),
             substrate.get("assets"),
         )
@@ -90,6 +93,9 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     options += [("libero", root) for root in places.installations]
     options.append(("libero-assets", places.assets))
     options += option_values(provenance)
+    study = provenance["protocol"].get("study") or {}
+    name = ":".join(filter(None, [study.get("name"), study.get("settings")])) or None
+    options.append(("study", (places.study or f"{name}.json") if "document" in study else name))
     options += _selection(provenance) if depends_on_selection(provenance) else []
     options.append(("output", OUTPUT))
     given = (f"--libero-max-{name}={value}" for name, value in options if value is not None)

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.errors import ReportError, counted
@@ -106,12 +106,15 @@ def _again(run: StoredRun, record: PairRecord, places: Places, folder: Path | No
 
 
 def _command(run: StoredRun, places: Places, working: Path) -> list[str]:
-    """Return the command that plays a pair of the run, with the program of its header in a file."""
-    program = program_of_run(run.run.provenance["protocol"])
-    if program is not None:
-        file = working.with_name("program.json")
-        file.write_text(json.dumps(program.to_dict()), encoding="utf-8")
-        places = replace(places, program=str(file))
+    """Return the command that plays a pair of the run, with program and study of its header in files."""
+    protocol = run.run.provenance["protocol"]
+    program, study = program_of_run(protocol), (protocol.get("study") or {}).get("document")
+    for name, document in (("program", program and program.to_dict()), ("study", study)):
+        if document is not None:
+            file = working.with_name(f"{name}.json")
+            file.write_text(json.dumps(document), encoding="utf-8")
+            named: dict[str, Any] = {name: str(file)}
+            places = replace(places, **named)
     command = replay_command(run, places)[:-1]
     command.remove(f"--libero-max-output={OUTPUT}")
     return command

@@ -174,18 +174,18 @@ def _falling_roots(products: Products, level: float) -> FloatArray:
     target = special.ndtri(level)
 
     def excess(at: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
-        found: FloatArray = (
+        solution: FloatArray = (
             special.ndtri(np.clip(products.where(rows).exceed(at), 1e-300, 1 - 1e-16)) - target
         )
-        return found
+        return solution
 
     low = np.where(products.positive, 0.0, -1.0)
     roots = low + 1  # where all of the probability is at the upper end
     rows = np.flatnonzero(excess(roots, np.arange(roots.size)) < 0)
     if rows.size:
         bracket = (low[rows], roots[rows])
-        found = elementwise.find_root(excess, bracket, args=(rows,), tolerances={"xatol": PRECISION})
-        roots[rows] = found.x
+        solution = elementwise.find_root(excess, bracket, args=(rows,), tolerances={"xatol": PRECISION})
+        roots[rows] = solution.x
     return roots
 
 

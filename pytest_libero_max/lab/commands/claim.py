@@ -144,7 +144,7 @@ def judge(claim: Claim) -> Verdict:
         claim,
         (gains - losses) / first.of,
         interval,
-        mcnemar(losses, gains).log10_p,
+        mcnemar(losses, gains),
         pairs_to_show(losses, gains, first.of),
         powered,
     )

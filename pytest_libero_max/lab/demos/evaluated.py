@@ -103,7 +103,7 @@ def _arms(
             record.arms[name].success,
             record.instruction,
             record.arms[name].firings[0].step if record.arms[name].firings else None,
-            {key: np.stack([one[key] for one in seen]) for key in sorted(seen[0])},
+            {key: np.stack([frame[key] for frame in seen]) for key in sorted(seen[0])},
             traces[name].actions,
         )
         for name, seen in shown.items()

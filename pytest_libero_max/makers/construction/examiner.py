@@ -12,6 +12,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+import msgspec
+
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.certificates import Certificate
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
@@ -174,9 +176,9 @@ class Ledger(Generic[Found]):
             cut_torn_line(path)
             for number, line in enumerate(path.read_bytes().splitlines(), start=1):
                 try:
-                    case_id, digest, result = json.loads(line)
-                    self._digests[case_id], self.found[case_id] = digest, kind.from_dict(result)
-                except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+                    case_id, digest, values = msgspec.json.decode(line)
+                    self._digests[case_id], self.found[case_id] = digest, msgspec.convert(values, kind)
+                except (msgspec.MsgspecError, ValueError, TypeError, RecursionError) as error:
                     raise ManifestError(
                         f"{path}, line {number} is damaged ({type(error).__name__}: {error}). Remove the "
                         "line; its case is examined again."
@@ -190,7 +192,7 @@ class Ledger(Generic[Found]):
         """Keep the result of a case."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([case.case_id, case.digest, result.to_dict()]) + "\n")
+            file.write(json.dumps([case.case_id, case.digest, msgspec.to_builtins(result)]) + "\n")
         self._digests[case.case_id], self.found[case.case_id] = case.digest, result
 
 

@@ -11,14 +11,13 @@ no policy, so no policy's skill decides which cases pass.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from math import dist, hypot
 from typing import Literal, get_args
 
 import numpy as np
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.changes import Change, change_from_dict
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.events.approach import WAYS, approach, begin, hold, proximity_of
@@ -79,8 +78,7 @@ _HOLD_AT_START = 2  # control steps: the authors' 50 simulation steps
 _HOLD_AT_TRIGGER = CONTROL_HZ
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(Struct, frozen=True, array_like=True):
     """A check that a case fails."""
 
     check: Check
@@ -90,8 +88,7 @@ class Problem:
         return self.detail
 
 
-@dataclass(frozen=True)
-class Preflight:
+class Preflight(Struct, frozen=True):
     """Result of a preflight of a case."""
 
     problems: tuple[Problem, ...]
@@ -103,20 +100,6 @@ class Preflight:
     def passed(self) -> bool:
         """True if the case can be used."""
         return not self.problems
-
-    def to_dict(self) -> Json:
-        """As JSON values; :meth:`from_dict` reads them."""
-        return {
-            "problems": [[problem.check, problem.detail] for problem in self.problems],
-            "sights": [[sight.role, sight.entity, sight.before, sight.after] for sight in self.sights],
-        }
-
-    @classmethod
-    def from_dict(cls, value: Json) -> Preflight:
-        return cls(
-            tuple(Problem(check, detail) for check, detail in value["problems"]),
-            tuple(Sight(role, name, tuple(one), tuple(two)) for role, name, one, two in value["sights"]),
-        )
 
 
 def preflight(world: World, case: Case) -> Preflight:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
@@ -24,8 +25,7 @@ Pixels = Mapping[str, Mapping[str, int]]
 """Pixels by camera of each entity that is in its image."""
 
 
-@dataclass(frozen=True)
-class Sight:
+class Sight(Struct, frozen=True, array_like=True):
     """Number of pixels that show an entity just before the event and just after it."""
 
     role: str

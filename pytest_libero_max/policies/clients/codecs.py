@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.benchmark.array_files import array_of
 from pytest_libero_max.errors import ServerError, counted
 
 MOST_BYTES = 64 * 2**20
@@ -254,21 +255,12 @@ def npy_array(content: Any) -> AnyArray:
     if not isinstance(content, bytes):
         raise ServerError(f"a NumPy file that is a {type(content).__name__}, but must be bytes")
     try:
-        # Not numpy.load, which takes the size of the array from the header and reserves it before it reads.
-        file = io.BytesIO(content)
-        version = np.lib.format.read_magic(file)
-        read = (
-            np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        )
-        shape, fortran, dtype = read(file)
-    except (ValueError, TypeError, SyntaxError, EOFError, RecursionError, MemoryError) as error:
+        array = array_of(content)
+    except ValueError as error:
         raise ServerError(f"a NumPy file that cannot be read ({error})") from error
-    if dtype.fields is not None:
-        raise ServerError("a NumPy file of records, but only plain real numbers are read")
-    data = content[file.tell() :]
-    order = tuple(reversed(shape)) if fortran else shape
-    array = array_from(data, dtype.str, order)
-    return array.transpose() if fortran else array
+    if array.dtype.kind not in _KINDS:
+        raise ServerError(f"a NumPy file of {array.dtype}, but only plain real numbers are read")
+    return array
 
 
 def _msgpack_numpy(part: Callable[[str], Any]) -> Any:

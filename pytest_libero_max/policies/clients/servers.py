@@ -259,10 +259,10 @@ def _resolved(text: str) -> list[str]:
     if address.secure:  # its certificate is issued for the name
         return [text]
     try:
-        found = look_up(address.host, address.port, socket.AF_INET)
+        entries = look_up(address.host, address.port, socket.AF_INET)
     except ServerError:  # no such name, or an IPv6 address: connecting says so
         return [text]
-    hosts = sorted({str(entry[4][0]) for entry in found})
+    hosts = sorted({str(entry[4][0]) for entry in entries})
     if len(hosts) < 2:
         return [text]
     query = text.partition("?")[2]

@@ -81,12 +81,12 @@ def answer(host: Host, request: Any) -> dict[str, Any]:
         ServerError: The request is not that of the profile ``served``.
         LiberoMaxError: See :meth:`Host.ask`.
     """
-    asked = _read(request)
-    query = Query(asked.query.index, asked.query.step, asked.prompt, asked.query.seed)
-    item = BatchItem(asked.observation, query, Episode(**msgspec.structs.asdict(asked.episode)))
-    place = Place.read(asked.memory) if host.remembers else None
-    cadence = None if asked.cadence is None else Cadence(asked.cadence[1], asked.cadence[0])
-    frames = tuple((frame.observation, frame.step) for frame in asked.frames)
+    message = _read(request)
+    query = Query(message.query.index, message.query.step, message.prompt, message.query.seed)
+    item = BatchItem(message.observation, query, Episode(**msgspec.structs.asdict(message.episode)))
+    place = Place.read(message.memory) if host.remembers else None
+    cadence = None if message.cadence is None else Cadence(message.cadence[1], message.cadence[0])
+    frames = tuple((frame.observation, frame.step) for frame in message.frames)
     result = host.ask(InferenceRequest(item, place, cadence, frames))
     reply = {"actions": result.actions, "batch": result.batch}
     return reply if result.memory is None else {**reply, "memory": result.memory}

@@ -79,16 +79,16 @@ def plus_task(installation: Installation, suite: str, index: int, name: str | No
     Raises:
         SubstrateError: There is no such task, it is called otherwise, or its files are missing.
     """
-    found = task_name(installation, suite, index)
-    base = base_name(found)
+    listed = task_name(installation, suite, index)
+    base = base_name(listed)
     folder = installation.bddl / suite
-    if _LAYOUT.search(found):
-        states = states_file(installation.states / "libero_newobj" / suite / f"{found}.pruned_init")
+    if _LAYOUT.search(listed):
+        states = states_file(installation.states / "libero_newobj" / suite / f"{listed}.pruned_init")
     else:
         states = states_file(installation.states / suite / f"{base}.pruned_init")
-    task = PlusTask(suite, index, found, folder / f"{found}.bddl", states, base)
+    task = PlusTask(suite, index, listed, folder / f"{listed}.bddl", states, base)
     check_name(installation, task, name)
-    for path in (description_file(installation, suite, found), states):
+    for path in (description_file(installation, suite, listed), states):
         if not path.is_file():
             raise SubstrateError(f"{installation} lacks {str(path)!r}. Restore it from the package.")
     return task

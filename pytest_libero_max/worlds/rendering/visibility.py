@@ -269,9 +269,9 @@ class Pieces:
         """Return the pieces of a model's meshes."""
         meshes = np.flatnonzero(model.geom_type == _MESH)
         geoms = meshes[model.mesh_facenum[model.geom_dataid[meshes]] >= _MANY_TRIANGLES]
-        found = [_covered(model, model.geom_dataid[geom]) for geom in geoms]
-        low, high = np.concatenate([np.empty((0, 2, 3)), *found]).swapaxes(0, 1)
-        owners = np.repeat(geoms, [len(boxes) for boxes in found])
+        covers = [_covered(model, model.geom_dataid[geom]) for geom in geoms]
+        low, high = np.concatenate([np.empty((0, 2, 3)), *covers]).swapaxes(0, 1)
+        owners = np.repeat(geoms, [len(boxes) for boxes in covers])
         return cls(owners, (low + high) / 2, (high - low) / 2)
 
     def placed(self, which: NDArray[Any], data: Any) -> Boxes:
