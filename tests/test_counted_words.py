@@ -25,6 +25,7 @@ OF_MANY = {
     "asked",  # a list
     "pairs",  # several, after which a run is stopped
     "_either(stale)",  # words
+    "', '.join(map(str, lengths))",  # several
     "steps",  # beyond the most
 }
 """Expressions that are never 1, or no number, apart from constants."""
