@@ -43,7 +43,13 @@ def test_a_pair_is_played_and_reported_without_lab_and_makers(tmp_path: Path) ->
     command = ("-m", "pytest_libero_max.cli")
     run(*command, "report", "libero-max-results")
     report = json.loads((here / "libero-max-results" / "report.json").read_text())
-    assert report["pairs"]
+    assert report["pairs"]["played"] == 1
+    assert [*report["sections"]] == ["How long it took"]  # of the core; every other one is of the lab
+    shown = "".join(
+        (here / "libero-max-results" / name).read_text(encoding="utf-8")
+        for name in ("report.md", "report.html")
+    )
+    assert not re.search("[Ss]ham event|Audit of inputs|but unsafe|Repeats with|Monitor ", shown)
     listed = run(*command, "--help")
     assert re.search("^  gate ", listed, re.MULTILINE)
     assert not re.search("^  (lab|dev) ", listed, re.MULTILINE)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.lab.recovery.recovery import compare_recovery
+from pytest_libero_max.lab.recovery import compare_recovery
 from pytest_libero_max.lab.sections.safety import PROBE, beyond
 from pytest_libero_max.report.formats import (
     change_text,
@@ -168,8 +168,7 @@ def cadence_rows() -> Iterator[str]:
     for name in ("cadence-servo", "cadence-stale_expert"):
         study = report(f"studies/{name}").study
         assert study is not None
-        assert study.cadence is not None
-        for row in study.cadence.settings:
+        for row in study.settings:
             change = f"{points(row.paired_change.value)} {interval_text(row.paired_change, signed=True)}"
             rates = " | ".join(map(count_text, (row.base_success, row.dynamic_success)))
             yield f"{'its own | ' if row.own else ' | '}{rates} | {change} | {row.stale_actions.mean:.1f} |"

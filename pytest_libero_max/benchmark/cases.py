@@ -154,7 +154,12 @@ class Case:
 
     def fits(self, program: Program) -> bool:
         """Return True if a program makes sense in the case, as far as the program says it."""
-        return program.fits(self.event.name, self.suite, self.event.entity)
+        return program.fits(
+            event=self.event.name,
+            operation=str(self.event.change["operation"]),
+            suite=self.suite,
+            entity=self.event.entity,
+        )
 
     def playing(self, program: Program) -> Case:
         """Return the case with a program laid over it.

@@ -1,8 +1,9 @@
 """Programs: the arms of a case with their schedules, as plain data that needs no simulator.
 
 A program is an object with a ``name`` and a list of ``arms``, in a case of a manifest or in a file of its own
-that is laid over the cases of a run. An arm is a ``name`` and a ``schedule``: entries that happen one after
-another, each with a ``trigger`` and either a ``change`` or the index of an earlier entry it ``reverts``::
+(JSON or TOML) that is laid over the cases of a run. An arm is a ``name`` and a ``schedule``: entries that
+happen one after another, each with a ``trigger`` and either a ``change`` or the index of an earlier entry it
+``reverts``::
 
     {"name": "transient", "arms": [
       {"name": "dynamic", "schedule": [
@@ -10,8 +11,9 @@ another, each with a ``trigger`` and either a ``change`` or the index of an earl
         {"trigger": {"type": "steps_after", "steps": 20}, "reverts": 0}]}]}
 
 The word ``"event"`` stands for the trigger or the change of the case's own event, and ``{"event": FIELD}``
-inside a trigger or a change for one of its fields. ``base`` and ``dynamic`` are part of every program; where
-they are not spelled out, nothing happens in Base, and the case's event happens in Dynamic.
+inside a trigger or a change for one of its fields. An arm may also have a ``cadence``, a ``latency`` and a
+``policy``, the name of the one that goes on from its first entry. ``base`` and ``dynamic`` are part of every
+program; where they are not spelled out, nothing happens in Base, and the case's event happens in Dynamic.
 :mod:`pytest_libero_max.events.schedules` turns programs into triggers and changes.
 """
 
@@ -19,11 +21,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from msgspec import Struct
 
@@ -31,12 +34,15 @@ from pytest_libero_max.benchmark.documents import (
     Json,
     canonical_digest,
     read_content,
+    read_text,
     refuse_constant,
     text_of,
 )
 from pytest_libero_max.benchmark.latency import PATTERN as LATENCY
 from pytest_libero_max.benchmark.structs import Count, Object, Positive, Text, Word, checked, rule
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
+
+T = TypeVar("T")
 
 FOLDER = Path(__file__).with_name("named_programs")
 """The programs of this package, a file each."""
@@ -69,8 +75,8 @@ class Program:
     about: str = field(default="", compare=False)
     """Description of what is played; empty where it has none."""
     only: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
-    """Patterns of the cases that it fits, by ``event``, ``suite`` and ``entity`` (of the trigger); a case has
-    to match one of each. Empty: it fits all."""
+    """Patterns of the cases that it fits, by ``event``, ``operation`` (of its change), ``suite`` and
+    ``entity`` (of its trigger); a case has to match one of each. Empty: it fits all."""
     without: Mapping[str, tuple[str, ...]] = field(default_factory=dict, compare=False)
     """Patterns of the cases that it does not fit, likewise: none may match."""
     because: str = field(default="", compare=False)
@@ -86,16 +92,19 @@ class Program:
         """SHA-256 of the canonical JSON of the program, hexadecimal."""
         return canonical_digest(self.to_dict())
 
-    def fits(self, event: str, suite: str, entity: str) -> bool:
+    def fits(self, **case: str) -> bool:
         """Return True if the program makes sense in a case, as far as the program says it.
 
         Args:
-            event: Name of the case's event.
+            case: What patterns are of: the case's ``event``, ``operation``, ``suite`` and ``entity``.
         """
-        values = {"event": event, "suite": suite, "entity": entity}
-        return all(_matches(values[key], patterns) for key, patterns in self.only.items()) and not any(
-            _matches(values[key], patterns) for key, patterns in self.without.items()
+        return all(_matches(case[key], patterns) for key, patterns in self.only.items()) and not any(
+            _matches(case[key], patterns) for key, patterns in self.without.items()
         )
+
+    def varies(self, key: str) -> bool:
+        """Return True if an arm has a ``cadence``, ``latency`` or ``policy`` of its own."""
+        return any(key in arm for arm in self.arms)
 
     def to_dict(self) -> Json:
         """Return what is played, as JSON types that :func:`parse_program` reads."""
@@ -121,6 +130,7 @@ _Patterns = Annotated[tuple[Text, ...], rule("a non-empty list of patterns", min
 
 class _Cases(_Spelled, frozen=True):
     event: _Patterns = None
+    operation: _Patterns = None
     suite: _Patterns = None
     entity: _Patterns = None
 
@@ -146,6 +156,7 @@ class _Arm(_Spelled, frozen=True):
     repetition: Count = 0
     cadence: _Cadence = _Cadence(1)
     latency: Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=LATENCY)] = "0steps"
+    policy: Annotated[str, rule("the name of a policy, no file and no address", pattern=r"^[\w-]+\Z")] = "own"
 
 
 class _Happening(_Spelled, frozen=True):
@@ -188,19 +199,36 @@ def find_program(text: str, folder: Path = Path()) -> Program:
 
 
 def load_program(path: Path) -> Program:
-    """Read a program from a JSON file.
+    """Read a program from a JSON or TOML file.
 
     Raises:
-        OptionError: The file cannot be read, is not JSON, or breaks the format; names it.
+        OptionError: The file cannot be read, is neither, or breaks the format; names it.
+    """
+    return replace(read_document(path, "program", parse_program), source=str(path))
+
+
+def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
+    """Return what a JSON or TOML file spells.
+
+    Args:
+        path: Its path; the format follows from ``.toml``.
+        noun: What it holds, for messages.
+        parse: Turns its value into that.
+
+    Raises:
+        OptionError: The file cannot be read, is of neither format, or breaks a rule; names it.
     """
     try:
-        document = json.loads(text_of(read_content(path)), parse_constant=refuse_constant)
+        if path.suffix == ".toml":
+            document = tomllib.loads(read_text(path))
+        else:
+            document = json.loads(text_of(read_content(path)), parse_constant=refuse_constant)
     except (OSError, ValueError, RecursionError) as error:
         raise OptionError(
-            f"Cannot read program {str(path)!r}: {error}. Give the path of a JSON file.", path=path
+            f"Cannot read {noun} {str(path)!r}: {error}. Give the path of a JSON or TOML file.", path=path
         ) from error
     try:
-        return replace(parse_program(document), source=str(path))
+        return parse(document)
     except ManifestError as error:
         raise OptionError(f"{path}: {error}", field=error.field, value=error.value, path=path) from error
 
@@ -252,7 +280,7 @@ def _check_arm(value: Json, where: str) -> str:
     """Return the name of an arm that is spelled as it must be."""
     arm: _Arm = checked(value, _Arm, where, ManifestError)
     name, schedule = arm.name, arm.schedule
-    for taken, option in ((BASE_AGAIN, "noise-floor"), (SHAM, "sham"), (SHAM_DYNAMIC, "sham")):
+    for taken, option in ((BASE_AGAIN, "noise=floor"), (SHAM, "noise=sham"), (SHAM_DYNAMIC, "noise=sham")):
         if name == taken:
             raise ManifestError.seen(
                 f"{where}.name",
@@ -261,10 +289,15 @@ def _check_arm(value: Json, where: str) -> str:
             )
     for i, entry in enumerate(schedule):
         check_entry(entry, f"{where}.schedule[{i}]")
-    if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence", "latency"}:
+    if name in (BASE, DYNAMIC) and value.keys() & {"repetition", "cadence", "latency", "policy"}:
         raise ManifestError(
-            f"{where}: {name!r} has a repetition, a cadence or a latency, but Base and Dynamic share their "
-            "prefix. Give them to an arm of another name."
+            f"{where}: {name!r} has a repetition, a cadence, a latency or a policy, but Base and Dynamic "
+            "share their prefix. Give them to an arm of another name."
+        )
+    if "policy" in value and not schedule:
+        raise ManifestError(
+            f"{where}: arm {name!r} has policy={arm.policy!r} and an empty schedule, but another policy goes "
+            "on from the first entry. Give it one, for example at_start with the change nothing."
         )
     if (name == BASE and schedule) or (name == DYNAMIC and not schedule):
         what = "nothing happens in Base" if name == BASE else "something happens in Dynamic"

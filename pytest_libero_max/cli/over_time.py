@@ -12,11 +12,16 @@ def compare_over_time(options: argparse.Namespace) -> None:
     """Print success and causes of several runs in their order, and write what the options ask for."""
     from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
     from pytest_libero_max.report.comparison.comparison_sections import terminal_head, with_short_names
-    from pytest_libero_max.report.comparison.trend import causes_of, trend_html, trend_of, trend_table
-    from pytest_libero_max.report.formats import counted
+    from pytest_libero_max.report.comparison.trend import (
+        causes_of,
+        success_by_run,
+        trend_html,
+        trend_of,
+        trend_table,
+    )
+    from pytest_libero_max.report.render.drawing import drawn
     from pytest_libero_max.report.render.tables import table_csv
     from pytest_libero_max.report.render.terminal import table_lines
-    from pytest_libero_max.report.studies.study_figures import success_plot
     from pytest_libero_max.report.writers.report_files import write_text
 
     if len(options.folders) < 2:
@@ -32,8 +37,4 @@ def compare_over_time(options: argparse.Namespace) -> None:
     if options.html:
         write_text(options.html, trend_html(comparison, causes))
     if options.figure:
-        names = [run.name for run in comparison.runs]
-        base = [run.base_success for run in comparison.runs]
-        dynamic = [run.dynamic_success for run in comparison.runs]
-        title = f"Success on {counted(comparison.pairs.common, 'common case')}"
-        write_text(options.figure, success_plot(title, "run", names, base, dynamic))
+        write_text(options.figure, drawn(success_by_run(comparison)))

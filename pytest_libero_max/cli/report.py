@@ -84,11 +84,11 @@ def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path]
 
 
 def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.broken import to_look_at
     from pytest_libero_max.report.run_tables import csv_text, latex_text
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
-    from pytest_libero_max.report.writers.broken import to_look_at
     from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.report_files import write_figures, write_text
     from pytest_libero_max.report.writers.summary import summary_lines

@@ -16,6 +16,6 @@ def say(lines: Iterable[str]) -> None:
 
 def say_coloured(lines: Sequence[str]) -> None:
     """Print lines of a summary: in colours on a terminal, unless ``NO_COLOR`` is set."""
-    from pytest_libero_max.report.writers.broken import coloured
+    from pytest_libero_max.report.broken import coloured
 
     print(coloured(lines, sys.stdout.isatty() and not os.environ.get("NO_COLOR")))

@@ -107,6 +107,7 @@ class PairPlayer:
         self._adapter: str | None = None
         self._declared: tuple[Policy, PolicySpec] | None = None
         self._first: _First | None = None
+        self._of_arms: dict[str, Policy] = {}
 
     def play(self, case: Case, sources: Sources, process: Playing) -> PlayedPair:
         """Play a pair.
@@ -196,12 +197,33 @@ class PairPlayer:
             **self._settings.played,
         }
         self._require_declared_spec(policy)
-        arms = self._arms(case, policy)
+        arms = self._played_by(self._arms(case, policy), case, world, process)
         pair = self._measure_arms(case, world, policy, process, fingerprints, arms)
         if study is not None:
             study.check(pair)
-        pair = self._with_files(pair, policy)
+        pair = _with_codes(self._with_files(pair, policy))
         return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin})
+
+    def _played_by(
+        self, arms: tuple[Arm, ...], case: Case, world: World, process: Playing
+    ) -> tuple[Arm, ...]:
+        """Load the policies that arms name; return the arms whose policy plays the suite of the case.
+
+        Raises:
+            AdapterError: One is not installed, or wants a camera that the world lacks.
+        """
+        from pytest_libero_max.policies.check import check_cameras
+        from pytest_libero_max.policies.loading import installed_policy
+
+        for name in dict.fromkeys(arm.policy for arm in arms if arm.policy is not None):
+            if name not in self._of_arms:
+                process.enter(POLICY_PHASE)
+                self._of_arms[name] = installed_policy(name)
+                check_cameras(self._of_arms[name], world)
+                process.enter("setup")
+        return tuple(
+            arm for arm in arms if arm.policy is None or self._of_arms[arm.policy].spec.supports(case.suite)
+        )
 
     def _measure_arms(
         self,
@@ -221,7 +243,8 @@ class PairPlayer:
             fingerprints,
             process.watchdog,
             probes_called(settings.probe),
-            films=settings.film != "none",
+            films=settings.film.which != "none",
+            policies=self._of_arms,
         )
         return measure_pair(case, world, policy, how, process.enter, arms)
 
@@ -233,9 +256,8 @@ class PairPlayer:
 
         settings = self._settings
         repeat_base = case.item_id in self._with_second_base
-        share = (
-            settings.sham if settings.sham is not None else 0.0 if policy.spec.repeatable else CHANCE_SHARE
-        )
+        by_policy = 0.0 if policy.spec.repeatable else CHANCE_SHARE
+        share = by_policy if settings.noise.sham is None else settings.noise.sham
         sham = bool(in_share((case,), share, "sham"))
         arms = arms_of(case, repeat_base, settings.strength, sham)
         if settings.study is not None:
@@ -261,7 +283,7 @@ class PairPlayer:
         from pytest_libero_max.runs.media import is_selected
 
         settings = self._settings
-        if any(is_selected(pair.record, which) for which in (settings.film, settings.traces)):
+        if any(is_selected(pair.record, which) for which in (settings.film.which, settings.traces)):
             try:
                 write_trace(settings.output / TRACES_NAME, pair)
             except (OSError, ValueError) as error:
@@ -292,6 +314,19 @@ def _on_servers(policy: Policy, case: Case, measure: Callable[[], Result]) -> Re
             return measure()
         except OtherServer:  # each time one server less is left, and then another error is raised
             continue
+
+
+def _with_codes(pair: Pair) -> Pair:
+    """Return the pair with the identity of each policy that an arm names."""
+    from pytest_libero_max.policies.adapter_digest import adapter_digest
+
+    arms = {
+        name: arm
+        if arm.policy is None
+        else structs.replace(arm, policy={**arm.policy, "code": adapter_digest(arm.policy["reference"])})
+        for name, arm in pair.record.arms.items()
+    }
+    return replace(pair, record=structs.replace(pair.record, arms=arms))
 
 
 def _timed(pair: Pair, said: Mapping[str, float | str]) -> Pair:

@@ -105,6 +105,9 @@ class Arm:
     """Frequency of queries; None for the policy's own. Arms of another cadence share nothing."""
     latency: Latency = NO_LATENCY
     """Time that a query takes. Arms of another latency share nothing."""
+    policy: str | None = None
+    """Name of the policy that goes on from the first entry; None for that of Base. The executed prefix, and
+    what is queued of it, are of the policy of Base. A cadence is then that of this policy."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
@@ -140,6 +143,8 @@ class Arm:
             values["cadence"] = self.cadence.to_dict()
         if self.latency != NO_LATENCY:
             values["latency"] = str(self.latency)
+        if self.policy is not None:
+            values["policy"] = self.policy
         return values
 
 
@@ -327,6 +332,7 @@ def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
             raw.get("repetition", 0),
             None if cadence is None else Cadence(cadence["query_interval"], cadence.get("horizon")),
             Latency.parse(raw["latency"]) if "latency" in raw else NO_LATENCY,
+            raw.get("policy"),
         )
     except ManifestError as error:
         raise error.within(where) from error
@@ -348,13 +354,20 @@ def check_arms(arms: Iterable[Arm]) -> tuple[Arm, ...]:
     """Return the arms as a tuple, each name once.
 
     Raises:
-        ManifestError: There is none, or a name occurs twice.
+        ManifestError: There is none, a name occurs twice, or an arm with a policy has nothing to go on from.
     """
     checked = tuple(arms)
     if not checked:
         raise ManifestError("no arm given, but a case is played in at least one.")
     seen: set[str] = set()
+    quiet = {(arm.latency, arm.repetition) for arm in checked if not arm.schedule and arm.cadence is None}
     for arm in checked:
+        if arm.policy is not None and (not arm.schedule or (arm.latency, arm.repetition) not in quiet):
+            raise ManifestError(
+                f"arm {arm.name!r} has policy={arm.policy!r}, which goes on where the arm parts from one in "
+                "which nothing happens. Give it a schedule, and play an arm of the same latency and "
+                "repetition without one."
+            )
         if arm.name in seen:
             raise ManifestError(f"two arms are called {arm.name!r}. Give each a name of its own.")
         seen.add(arm.name)

@@ -68,7 +68,7 @@ class ArmEnv:
         differing: Steps of the executed prefix at which another action was given than Base executed.
 
     Raises:
-        AdapterError: The arm has a latency.
+        AdapterError: The arm has a latency or a policy.
     """
 
     metadata: Mapping[str, Any] = {"render_modes": []}
@@ -84,10 +84,11 @@ class ArmEnv:
         base: RolloutResult | None = None,
     ) -> None:
         self._arm = Arm(BASE) if arm is None else arm
-        if self._arm.is_late:
+        if self._arm.is_late or self._arm.policy is not None:
+            what = "latency" if self._arm.is_late else "policy"
             raise AdapterError(
-                f"arm {self._arm.name!r} has a latency, but whoever steps an environment decides "
-                "how late its actions are. Leave the latency out."
+                f"arm {self._arm.name!r} has a {what}, but whoever steps an environment decides what "
+                f"is done, and when. Leave the {what} out."
             )
         self._stage = Stage(case, world, _Outside(replace(spec, repeatable=False)), probes=probes)
         self._base = base

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from pytest_libero_max.errors import ProtocolError
@@ -43,6 +43,12 @@ class BranchPoint:
     def digest(self) -> bytes:
         """Fingerprint of the world, 32 bytes."""
         return self.trajectory.digest
+
+    def handed_to(self, query_interval: int) -> BranchPoint:
+        """Return the point as another policy with this Q goes on from it, whose queries are still to come."""
+        trajectory = self.trajectory
+        over = replace(trajectory, handed_over=(len(trajectory.queries), query_interval))
+        return replace(self, trajectory=over, memory=None, recorded=None)
 
     @property
     def pending(self) -> Actions:

@@ -362,7 +362,9 @@ class Rollout:
         done = len(self.trajectory.firings)
         self.arms = arms
         self._groups = _by_next_entry(arms, done)
-        self._may_part = any(arm.schedule[done:] != arms[0].schedule[done:] for arm in arms)
+        self._may_part = any(
+            (arm.schedule[done:], arm.policy) != (arms[0].schedule[done:], arms[0].policy) for arm in arms
+        )
 
     def _happening(self) -> list[Entry]:
         """Return the next entries of the arms whose moment is now."""
@@ -398,11 +400,12 @@ class Rollout:
 
 
 def _by_next_entry(arms: Sequence[Arm], done: int) -> list[tuple[Entry | None, tuple[Arm, ...]]]:
-    """Return the arms by their next entry; None for arms without one."""
+    """Return the arms by their next entry; None for arms without one. An arm of another policy is alone."""
     groups: list[tuple[Entry | None, tuple[Arm, ...]]] = []
     for arm in arms:
         entry = arm.schedule[done] if done < len(arm.schedule) else None
-        place = next((i for i, (known, _) in enumerate(groups) if known == entry), None)
+        alike = (i for i, (known, group) in enumerate(groups) if known == entry and group[0].policy is None)
+        place = next(alike, None) if arm.policy is None else None
         if place is None:
             groups.append((entry, (arm,)))
         else:

@@ -9,15 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from msgspec import structs
+
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.changes.nothing import Nothing
-from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.events.schedules import (
     BASE,
     DYNAMIC,
     Arm,
+    Cadence,
     Entry,
     arms_of,
     change_of,
@@ -54,6 +57,8 @@ class PairSettings:
     :func:`~pytest_libero_max.pairing.probes.registry.probes_called`."""
     films: bool = False
     """True if rollouts keep what films are drawn from."""
+    policies: Mapping[str, Policy] = field(default_factory=dict)
+    """The checked policies that arms name."""
 
 
 @dataclass(frozen=True)
@@ -204,13 +209,14 @@ def _pair(
     enter("setup")
     clock, spec = Clock(), replace(policy.spec)
     chosen = check_arms(arms_of(case) if arms is None else arms)
+    _require_policies(chosen, settings.policies)
     rollouts: dict[str, RolloutResult] = {}
-    for cadence, latency in dict.fromkeys((arm.cadence, arm.latency) for arm in chosen):
-        together = tuple(arm for arm in chosen if (arm.cadence, arm.latency) == (cadence, latency))
+    for cadence, latency in dict.fromkeys(map(_begins_with, chosen)):
+        together = tuple(arm for arm in chosen if _begins_with(arm) == (cadence, latency))
         with played_at(policy, cadence):
             stage = Stage(case, world, policy, clock, settings.watch, settings.probes, settings.films)
             try:
-                instruction, results = yield from _play(stage, together, settings.prefix, enter)
+                instruction, results = yield from _play(stage, together, settings, enter)
             except Exception:
                 stage.require_untouched()  # a write to the model may be what the error came from
                 raise
@@ -220,14 +226,35 @@ def _pair(
         rollouts |= results
     rollouts = {arm.name: rollouts[arm.name] for arm in chosen}
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
+    for arm in chosen:
+        if arm.policy is not None:
+            with played_at(settings.policies[arm.policy], arm.cadence) as acting:
+                named = {"reference": arm.policy, **acting.to_dict()}
+            played[arm.name] = structs.replace(played[arm.name], policy=named)
     times = query_times(rollouts)
     timings = {**clock.seconds, **({QUERY_MS: times} if times else {})}
     record = PairRecord.of(case, instruction, played, spec, settings.fingerprints, timings, memory_of(policy))
     return Pair(record, rollouts)
 
 
+def _require_policies(arms: Sequence[Arm], policies: Mapping[str, Policy]) -> None:
+    for arm in arms:
+        if arm.policy is not None and arm.policy not in policies:
+            raise AdapterError.seen(
+                f"policy of arm {arm.name!r}",
+                arm.policy,
+                f", but it is not among the policies of the settings. {did_you_mean(arm.policy, policies)} "
+                "Add it to PairSettings(policies=...).",
+            )
+
+
+def _begins_with(arm: Arm) -> tuple[Cadence | None, Latency]:
+    """Return cadence and latency of an arm's first step, where the policy of Base plays in every arm."""
+    return arm.cadence if arm.policy is None else None, arm.latency
+
+
 def _play(
-    stage: Stage, arms: tuple[Arm, ...], mode: PrefixMode, enter: Callable[[str], None]
+    stage: Stage, arms: tuple[Arm, ...], settings: PairSettings, enter: Callable[[str], None]
 ) -> Generator[Rollout, None, tuple[str, dict[str, RolloutResult]]]:
     """Play all arms, each shared part once.
 
@@ -240,23 +267,30 @@ def _play(
     instruction = ""
     while tasks:
         task = tasks.pop(0)
-        name = task.arms[0].name
-        if task.branch is None:
-            rollout = Rollout.start(stage, task.arms)
-            instruction = stage.instruction
-            enter(name)
-        else:
-            enter(name)
-            with stage.clock("prefix_s"):
-                return_to_branch(task.branch, stage, mode)
-            rollout = Rollout.resume(task.branch, stage, task.arms)
-        with stage.clock(f"arm_{name}_s"):
-            while rollout.due() is not None:
-                yield rollout
-        results |= dict.fromkeys((arm.name for arm in rollout.arms), rollout.result())
-        stage.require_untouched()
-        if len(task.arms) > 1 or task.branch is not None:  # also where no event ever fired
-            _check_policy(rollout, stage, mode)
+        arm, branch = task.arms[0], task.branch
+        goes_on = branch is not None and arm.policy is not None
+        policy = settings.policies[arm.policy or ""] if goes_on else stage.policy
+        with played_at(policy, arm.cadence if goes_on else None):
+            acting = stage
+            if branch is None:
+                rollout = Rollout.start(stage, task.arms)
+                instruction = stage.instruction
+                enter(arm.name)
+            else:
+                enter(arm.name)
+                with stage.clock("prefix_s"):
+                    return_to_branch(branch, stage, settings.prefix)
+                if goes_on:
+                    acting = stage.handed_to(policy, begun=branch.step > 0)
+                    branch = branch.handed_to(policy.spec.query_interval)
+                rollout = Rollout.resume(branch, acting, task.arms)
+            with stage.clock(f"arm_{arm.name}_s"):
+                while rollout.due() is not None:
+                    yield rollout
+            results |= dict.fromkeys((arm.name for arm in rollout.arms), rollout.result())
+            acting.require_untouched()
+            if len(task.arms) > 1 or branch is not None:  # also where no event ever fired
+                _check_policy(rollout, acting, settings.prefix)
         tasks = rollout.parted + tasks
     return instruction, {arm.name: results[arm.name] for arm in arms}
 
@@ -265,10 +299,6 @@ def _check_policy(rollout: Rollout, stage: Stage, mode: PrefixMode) -> None:
     """Ask a late query of an arm again: a memory that is not carried may matter only after many queries.
 
     In ``replay`` a policy without ``snapshot`` may remember what it has seen, all of which it is shown.
-
-    Raises:
-        ProtocolError: See :meth:`.consistency.RecordedQuery.ask_again`.
-        AdapterError: Likewise.
     """
     mode = way_back(stage.policy, mode)
     if rollout.recorded is not None and (mode == "fork" or remembers(stage.policy)):

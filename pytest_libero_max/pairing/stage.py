@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import ProbeError, RefusalError
+from pytest_libero_max.errors import AdapterError, ProbeError, RefusalError
 from pytest_libero_max.pairing.changing import begin_world
 from pytest_libero_max.pairing.kept_images import KeptImages
 from pytest_libero_max.pairing.probes.probe import Probes
@@ -55,6 +55,27 @@ class Stage:
     def __post_init__(self) -> None:
         object.__setattr__(self, "films", self.films and isinstance(self.world, OnMujoco))
         object.__setattr__(self, "spec", replace(self.policy.spec))
+
+    def handed_to(self, policy: Policy, begun: bool) -> Stage:
+        """Return the stage on which another policy goes on in the world as it is.
+
+        Args:
+            policy: The policy, to which an episode begins here.
+            begun: True if a query has been made, so that no first one begins it.
+
+        Raises:
+            AdapterError: It wants another control of the robot, or raised.
+        """
+        if policy.spec.control != self.spec.control:
+            raise AdapterError(
+                f"policy {policy.spec.name!r} has control={policy.spec.control!r}, but goes on from "
+                f"{self.spec.name!r} with {self.spec.control!r}. Play arms of one control."
+            )
+        stage = Stage(self.case, self.world, policy, self.clock, self.watch, self.probes, self.films)
+        stage._words_at_reset[:] = self._words_at_reset
+        if begun:
+            stage.begin_policy()
+        return stage
 
     @property
     def entity(self) -> str:
@@ -174,9 +195,6 @@ class Stage:
 
     def show(self, step: int) -> None:
         """Show the world as it is to a policy that is shown every step, where it is not asked.
-
-        Args:
-            step: Policy steps executed before it.
 
         Raises:
             AdapterError: The policy raised.

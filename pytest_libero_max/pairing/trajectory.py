@@ -130,6 +130,8 @@ class Trajectory:
     """The state of each probe, in the order of the probes."""
     latency: Latency = NO_LATENCY
     """Time that a query takes, unless a change says otherwise (:meth:`latency_of`)."""
+    handed_over: tuple[int, int] | None = None
+    """Where another policy goes on: number of its first query, and its Q; None where none does."""
 
     @classmethod
     def begin(
@@ -192,13 +194,19 @@ class Trajectory:
                 return firing.applied.change.takes(self.latency)
         return self.latency
 
+    def interval_of(self, number: int) -> int:
+        """Return Q of a query: of the policy that was asked."""
+        own = self.handed_over is None or number < self.handed_over[0]
+        return self.query_interval if own or self.handed_over is None else self.handed_over[1]
+
     @property
     def queued(self) -> int:
         """Number of actions that will be executed before the next query, held ones included."""
         if not self.queries:
             return 0
         last = len(self.queries) - 1
-        return self.queries[last].step + self.latency_of(last).interval(self.query_interval, last) - self.step
+        interval = self.latency_of(last).interval(self.interval_of(last), last)
+        return self.queries[last].step + interval - self.step
 
     @property
     def pending(self) -> Actions:
@@ -227,7 +235,7 @@ class Trajectory:
         there = chunk.step + delay
         # Actions executed since the observation were in the place of the chunk's first ones; waiting is not.
         dropped = delay - sum(step.held for step in self.executed[chunk.step : there])
-        end = self.query_interval if latency.runner == "sync" else len(chunk.actions)
+        end = self.interval_of(number) if latency.runner == "sync" else len(chunk.actions)
         return chunk.actions[dropped + done - there : end]
 
     @property
@@ -270,6 +278,7 @@ class Trajectory:
             self.firings,
             self.seen,
             self.latency,
+            self.handed_over,
         )
 
     def answered(self, result: QueryResult) -> Trajectory:
@@ -285,6 +294,7 @@ class Trajectory:
             self.firings,
             self.seen,
             self.latency,
+            self.handed_over,
         )
 
     def fired(self, entry: Entry, applied: Applied, digest: bytes) -> Trajectory:

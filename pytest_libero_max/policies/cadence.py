@@ -32,7 +32,7 @@ def at_cadence(spec: PolicySpec, cadence: Cadence) -> PolicySpec:
 
 
 @contextmanager
-def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
+def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[PolicySpec]:
     """Let the policy's spec declare a cadence within the block; afterwards it declares its own again.
 
     A policy that reads ``self.spec.horizon`` follows it, as with ``--libero-max-horizon``.
@@ -41,16 +41,16 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
         policy: A checked policy, between two episodes.
         cadence: The cadence to declare. None, or its own: nothing is done.
 
+    Yields:
+        The spec within the block.
+
     Raises:
         AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
     """
-    if cadence is None:
-        yield
-        return
     own = policy.spec
-    declared = at_cadence(own, cadence)
+    declared = own if cadence is None else at_cadence(own, cadence)
     if declared == own:
-        yield
+        yield own
         return
     try:
         policy.spec = declared
@@ -60,6 +60,6 @@ def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[None]:
             "cadence replaces it. Make `spec` a plain attribute."
         ) from error
     try:
-        yield
+        yield declared
     finally:
         policy.spec = own

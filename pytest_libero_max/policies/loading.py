@@ -19,6 +19,7 @@ from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.references import (
+    POLICIES,
     Reference,
     file_of,
     find_spec,
@@ -97,6 +98,22 @@ def load_policy(
         module = _import(reference, path)
         policy = _construct(_find(module, reference), reference, path)
     return override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
+
+
+def installed_policy(name: str) -> Policy:
+    """Load a policy by the name under which it is installed: programs are data and name no code.
+
+    Raises:
+        AdapterError: None is installed under this name, or it cannot be loaded.
+    """
+    if name not in POLICIES:
+        raise AdapterError.seen(
+            "policy",
+            name,
+            f" of an arm, but no policy of this name is installed. {did_you_mean(name, POLICIES)} A package "
+            "offers one in the entry-point group pytest_libero_max.policies.",
+        )
+    return load_policy(name)
 
 
 def check_reference(text: str, profile: str | None = None, revision: str | None = None) -> None:

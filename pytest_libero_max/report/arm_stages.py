@@ -91,13 +91,10 @@ class FailedArm:
     """A failed arm, and Base where that succeeded."""
 
     record: PairRecord
-    """Its pair."""
     played: ArmRecord
-    """Its record."""
     stages: Mapping[str, Any]
     """The columns about the hand and about other objects."""
     rows: tuple[Row, ...]
-    """All facts of the goal."""
     row: Row
     """The fact that the failure is about."""
     base: ArmRecord | None

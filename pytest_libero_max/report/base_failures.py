@@ -6,10 +6,9 @@ first, and most often that is the adapter.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.schedules import BASE
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
@@ -17,12 +16,6 @@ from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import BaseFailures, Report
 
 TITLE = "What broke in Base"
-
-LOW_BASE = 0.5
-"""Base success below which its failures are shown."""
-
-MOST_CAUSES = 4
-"""Number of causes that terminal and page show."""
 
 _MOST_NAMED = 20
 
@@ -158,32 +151,3 @@ def _most(groups: Sequence[BaseFailures]) -> tuple[Advice | None, int]:
     numbers = [_failed(group for group in groups if group.cause in advice.causes) for advice in ADVICE]
     most = max(numbers)
     return (ADVICE[numbers.index(most)], most) if most else (None, 0)
-
-
-def base_lines(report: Report, films: Mapping[str, str]) -> list[str]:
-    """Return the failures of Base as lines of text, not wrapped; none where they are not to be shown.
-
-    Args:
-        report: The report.
-        films: Path of the film of each pair that has one, by item id.
-    """
-    groups = known_failures(report)
-    if not groups:
-        return []
-    lines = [title_of(report), next_step(report)]
-    for group in groups[:MOST_CAUSES]:
-        item = shown_pair(group, films)
-        first = "" if group.pairs == 1 else "; the first"
-        lines.append(f"{group.pairs} x {group.cause}{first}: {group.sentence}")
-        lines.append(f"B   {printable(item)}{'  filmed' if item in films else ''}")
-    more = _failed(groups[MOST_CAUSES:])
-    return [*lines, f"{more} more of other causes: `causes` of report.json."] if more else lines
-
-
-def shown_pair(group: BaseFailures, films: Iterable[str]) -> str:
-    """Return the pair of a group to name: the first, whose sentence is told.
-
-    Another one with a film is named where the first has none.
-    """
-    films = frozenset(films)
-    return next((item for item in group.item_ids if item in films), group.item_ids[0])

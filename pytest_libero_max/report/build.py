@@ -29,7 +29,6 @@ from pytest_libero_max.report.report_document import (
     Macros,
     MissingAsFailures,
     MissingPair,
-    NoiseFloor,
     PairCounts,
     PlayedSelection,
     PresentShards,
@@ -47,8 +46,8 @@ from pytest_libero_max.report.writers.summary import alarm_texts
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.stopped import Stopped
-from pytest_libero_max.stats.blocks import Outcomes, Result, Substrate
+from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
+from pytest_libero_max.stats.blocks import Outcomes, Result, Split, Substrate
 from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
 from pytest_libero_max.stats.measured import (
@@ -58,7 +57,6 @@ from pytest_libero_max.stats.measured import (
 )
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
 from pytest_libero_max.stats.paired import Pairs, measure
-from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.substrates.registry import scores_of
 
 METHODS: Mapping[str, str | float] = {
@@ -117,6 +115,9 @@ def build_report(
     repaired = {error.item_id for error in errors if error.case_id in played}
     _require_planned(failed, {pair.case_id: pair for pair in planned})
     policy = next(iter(played.values())).policy if played else None
+    with_intervals = not ended_by_rule(stopped, planned, policy, played.keys())
+    if with_intervals and stopped is not None and stopped.rule is not None:
+        stopped = None  # pairs in flight have completed the run
     unsupported = {
         pair.case_id: pair.suite
         for pair in unsupported_pairs(planned, policy)
@@ -139,7 +140,6 @@ def build_report(
         stopped=_stop(stopped, order, (*played.values(), *errors), provenance),
     )
     groups = {name: _group(planned, measured, columns, in_order, name) for name in DIMENSIONS}
-    with_intervals = counts.stopped is None or counts.stopped.rule is None
     report = Report(
         pairs=counts,
         selection=selection,
@@ -149,7 +149,6 @@ def build_report(
         substrate=substrate_of(provenance, planned),
         caveats=caveats_of(map(Played.of, in_order)),
         overall=overall,
-        noise_floor=_noise_floor(played.values()),
         returned=_returned(played.values()),
         clipped_actions=_clipped_actions(played.values()),
         changed_pairs=changed_pairs(played.values()),
@@ -158,8 +157,8 @@ def build_report(
         by=groups,
         category_by_event=_cells(planned, played),
         macro=Macros(category=macro_average([row.outcomes for row in groups["category"].values()])),
-        largest_split=largest_split(_variants(groups["variant"])),
-        extremes=_extremes(groups["category"]),
+        largest_split=split_of(_outcomes(groups["variant"])),
+        extremes=extremes_of(_outcomes(groups["category"])),
         success_curves=success_curves(in_order),
         study=study_of(in_order, tasks, protocol),
         sections=measured_sections(PlayedPairs(in_order, tasks, protocol, with_intervals)),
@@ -195,16 +194,6 @@ def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFai
 def _causes(records: Iterable[PairRecord], arm: str) -> dict[str, int]:
     found = Counter(why.cause for record in records if (why := diagnose(record, arm)) is not None)
     return {cause: found[cause] for cause in CAUSES if found[cause]}
-
-
-def _noise_floor(records: Iterable[PairRecord]) -> NoiseFloor | None:
-    """Frequency with which a second Base of the same case ends otherwise; None where none was played."""
-    repeated = [(record.base_success, record.base_repeat) for record in records if record.base_repeat]
-    if not repeated:
-        return None
-    flips = Ratio(sum(repeat["success"] != base for base, repeat in repeated), len(repeated))
-    identical = Ratio(sum(repeat["identical"] for _, repeat in repeated), len(repeated))
-    return NoiseFloor(flips=rate_of(flips), identical=ratio_of(identical))
 
 
 def _returned(records: Iterable[PairRecord]) -> Returned | None:
@@ -302,12 +291,20 @@ def group_order(dimension: str, name: str) -> tuple[int, str]:
     return (ranked.index(key) if key in ranked else len(ranked)), name
 
 
-def _extremes(categories: Mapping[str, Result]) -> dict[str, Extremes]:
-    """Return by source the categories of lowest Base success and of largest loss, the first among equals."""
+def _outcomes(groups: Mapping[str, Result]) -> dict[str, Outcomes]:
+    return {name: result.outcomes for name, result in groups.items()}
+
+
+def extremes_of(categories: Mapping[str, Outcomes]) -> dict[str, Extremes]:
+    """Return by source the categories of lowest Base success and of largest loss, the first among equals.
+
+    Args:
+        categories: Outcomes by source category.
+    """
     sources: dict[str, dict[str, Outcomes]] = {}
-    for name, result in categories.items():
-        if result.outcomes.total:
-            sources.setdefault(name.partition("-")[0], {})[name] = result.outcomes
+    for name, outcomes in categories.items():
+        if outcomes.total:
+            sources.setdefault(name.partition("-")[0], {})[name] = outcomes
     return {
         source: Extremes(
             lowest_base_success=min(cells, key=lambda name: cells[name].base.value or 0.0),
@@ -317,14 +314,17 @@ def _extremes(categories: Mapping[str, Result]) -> dict[str, Extremes]:
     }
 
 
-def _variants(
-    groups: Mapping[str, Result],
-) -> dict[str, dict[str, Outcomes]]:
+def split_of(variants: Mapping[str, Outcomes]) -> Split | None:
+    """Return the event whose parameter variants differ most in Dynamic success; None where none has two.
+
+    Args:
+        variants: Outcomes by event and variant.
+    """
     events: dict[str, dict[str, Outcomes]] = {}
-    for name, result in groups.items():
+    for name, outcomes in variants.items():
         event, _, variant = name.rpartition("-")
-        events.setdefault(event, {})[variant] = result.outcomes
-    return events
+        events.setdefault(event, {})[variant] = outcomes
+    return largest_split(events)
 
 
 def _selection(provenance: Json) -> PlayedSelection | None:

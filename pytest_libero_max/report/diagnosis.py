@@ -27,7 +27,6 @@ class Diagnosis:
     cause: str
     """A key of :data:`CAUSES`."""
     sentence: str
-    """The cause with its numbers."""
 
 
 def diagnose(record: PairRecord, arm: str) -> Diagnosis | None:

@@ -6,7 +6,27 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pytest_libero_max.report.plots import Drawable
 from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
+
+
+class Code(str):
+    """A name that is shown as it is."""
+
+
+class Strong(str):
+    """A text to be seen first."""
+
+
+class Link(str):
+    """A text that leads to a file beside the document."""
+
+    address: str
+
+    def __new__(cls, text: str, address: str) -> Link:
+        link = super().__new__(cls, text)
+        link.address = address
+        return link
 
 
 @dataclass(frozen=True)
@@ -14,7 +34,6 @@ class Table:
     """One table."""
 
     title: str
-    """Heading."""
     head: Sequence[str | Quantity[Any]]
     """Headings of the columns, or their quantities; the first one is of the names of the rows."""
     rows: Sequence[Sequence[Any]]
@@ -26,6 +45,12 @@ class Table:
     """Dimension of the groups that the rows are of, so that a page leads to their cases; empty for none."""
     narrow: int = 0
     """Number of its columns that a report shows in the terminal; 0 for no table."""
+    key: str = ""
+    """Stem of the files that hold it alone; empty for none."""
+    sortable: bool = False
+    """True if readers of a page may sort its rows."""
+    apart: int = 0
+    """Index of the first row that stands apart from those above; 0 for none."""
 
     def headings(self, short: bool = False) -> list[str]:
         """Return the headings of the columns."""
@@ -62,13 +87,19 @@ class Section:
     """A part of a document."""
 
     title: str = ""
-    """Heading; empty for none."""
     tables: Sequence[Table] = ()
-    """Its tables."""
     texts: Sequence[str] = ()
     """Paragraphs below them."""
     items: Sequence[str] = ()
     """A list below these."""
+    lead: str = ""
+    """Paragraph above its tables; empty for none."""
+    plots: Sequence[Drawable | str] = ()
+    """Plots above its tables, or figures as SVG, on pages; other renderers leave them out."""
+    folded: bool = False
+    """True if a page shows the titles of its tables, which unfold."""
+    key: str = ""
+    """Name by which a page knows it; empty for none."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +107,6 @@ class Document:
     """Everything that a terminal, a Markdown file and a page show."""
 
     title: str
-    """Heading."""
     warnings: Sequence[str] = ()
     """What has to be known before any number."""
     texts: Sequence[str] = ()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Decimal
 from typing import Any, ClassVar, Protocol
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.stats import blocks
-from pytest_libero_max.stats.blocks import McNemar, ProbeMean, Result
+from pytest_libero_max.errors import counted as counted  # the report's modules take all their words from here
+from pytest_libero_max.stats.blocks import McNemar, ProbeMean, Result, TaskInterval
 
 NOT_AVAILABLE = "n/a"
 """Text in place of a number that does not exist."""
@@ -74,6 +75,46 @@ AMOUNT = Scale("a number of at least 0", 0, None, percent=False)
 NUMBER = Scale("a number", None, None, percent=False)
 
 
+@dataclass(frozen=True)
+class Unit:
+    """A unit of numbers."""
+
+    scale: Scale
+    digits: int = 1
+    """Decimals that are printed; of a share those of percent."""
+    signed: bool = False
+    """True for a difference, which has its sign."""
+    text: str = ""
+    """Text behind the number."""
+
+    def number(self, value: float) -> str:
+        """Return a value without the unit."""
+        if self.scale in (SHARE, DIFFERENCE):
+            return tenths(value, self.signed, self.digits)
+        if self.scale is P_VALUE:
+            return p_number(math.log10(max(value, sys.float_info.min)))  # of 0 there is no logarithm
+        return f"{value:{'+' * self.signed}.{self.digits}f}"
+
+    def amount(self, value: float | None) -> str:
+        """Return a value with the unit."""
+        return NOT_AVAILABLE if value is None else f"{self.number(value)}{self.text}"
+
+    def ends(self, value: Ends) -> str:
+        """Return an interval, without the unit."""
+        if value.lower is None or value.upper is None:
+            return NOT_AVAILABLE
+        return f"[{self.number(value.lower)}, {self.number(value.upper)}]"
+
+    def estimate(self, value: Estimate) -> str:
+        """Return a value with the unit, and its interval where it has one."""
+        text = self.amount(value.value)
+        return text if value.value is None or value.lower is None else f"{text} {self.ends(value)}"
+
+
+PERCENT = Unit(SHARE, text="%")
+POINTS = Unit(DIFFERENCE, signed=True, text=" pp")
+
+
 class Format:
     """Format of one kind of quantity.
 
@@ -81,13 +122,15 @@ class Format:
     A number that does not exist is None there.
     """
 
+    _scale: ClassVar[Scale] = COUNT
+
     has_interval: ClassVar[bool] = False
     """True if there are ``lower`` and ``upper`` ends."""
 
     @property
     def scale(self) -> Scale:
         """The values there can be, which gates compare with."""
-        return COUNT
+        return self._scale
 
     def long(self, value: Any) -> str:
         """With counts and interval, for wide tables."""
@@ -107,11 +150,18 @@ class Format:
         return {"": value}
 
 
+def _math(value: float | None, signed: bool) -> str:
+    """Return a share in percent as LaTeX sets it."""
+    return MISSING if value is None else f"${tenths(value, signed)}$" if signed else tenths(value)
+
+
 @dataclass(frozen=True)
 class Text(Format):
     """A text, a whole number, or nothing."""
 
     def long(self, value: object) -> str:
+        if isinstance(value, str):
+            return value
         return MISSING if value is None else str(value)
 
 
@@ -128,10 +178,7 @@ class Rate(_WithInterval):
 
     counted: bool = False
     """Narrow tables print the counts instead of the percentage."""
-
-    @property
-    def scale(self) -> Scale:
-        return SHARE
+    _scale: ClassVar[Scale] = SHARE
 
     def long(self, value: CountedEstimate) -> str:
         return rate_text(value)
@@ -140,28 +187,24 @@ class Rate(_WithInterval):
         return count_text(value) if self.counted else percent(value.value)
 
     def latex(self, value: CountedEstimate) -> str:
-        return MISSING if value.value is None else tenths(value.value)
+        return _math(value.value, signed=False)
 
 
 @dataclass(frozen=True)
 class Change(_WithInterval):
     """A difference of rates with its 95% interval, in percentage points."""
 
-    @property
-    def scale(self) -> Scale:
-        return DIFFERENCE
+    _scale: ClassVar[Scale] = DIFFERENCE
 
     def long(self, value: Estimate) -> str:
         return change_text(value)
 
     def short(self, value: Estimate) -> str:
-        return NOT_AVAILABLE if value.value is None else f"{points(value.value)}{_behind(value, signed=True)}"
+        return change_text(value).replace(POINTS.text, "")
 
     def latex(self, value: Estimate) -> str:
-        if value.value is None:
-            return MISSING
-        change = f"${tenths(value.value, True)}$"
-        return change if value.lower is None else f"{change} {Interval().latex(value)}"
+        change = _math(value.value, signed=True)
+        return change if value.value is None or value.lower is None else f"{change} {Interval().latex(value)}"
 
 
 @dataclass(frozen=True)
@@ -183,25 +226,25 @@ class Interval(Format):
     def latex(self, value: Any) -> str:
         if value is None or value.lower is None or value.upper is None:
             return MISSING
-        return f"[${tenths(value.lower, self.signed)}$, ${tenths(value.upper, self.signed)}$]"
+        return f"[{', '.join(f'${tenths(end, self.signed)}$' for end in (value.lower, value.upper))}]"
 
     def numbers(self, value: Any) -> dict[str, float | None]:
         return {f"_{end}": None if value is None else getattr(value, end) for end in ("lower", "upper")}
 
 
 @dataclass(frozen=True)
-class TaskInterval(Interval):
+class IntervalByTask(Interval):
     """An interval by task; says why there is none."""
 
-    def long(self, value: blocks.TaskInterval) -> str:
+    def long(self, value: TaskInterval) -> str:
         if value.lower is None:
             return f"n/a: {lack_of_tasks(value)}"
-        return f"{interval_text(value, signed=self.signed)}  {value.tasks} tasks"
+        return f"{self.short(value)}  {value.tasks} tasks"
 
-    def short(self, value: blocks.TaskInterval) -> str:
+    def short(self, value: TaskInterval) -> str:
         return interval_text(value, signed=self.signed)
 
-    def numbers(self, value: blocks.TaskInterval) -> dict[str, float | None]:
+    def numbers(self, value: TaskInterval) -> dict[str, float | None]:
         return {"": value.value, **super().numbers(value)}
 
 
@@ -220,9 +263,7 @@ class Share(Format):
         return self.short(value) + ("" if self.signed else f"  {count_text(value)}")
 
     def short(self, value: Any) -> str:
-        return (
-            f"{points(value.value)} pp" if self.signed and value.value is not None else percent(value.value)
-        )
+        return (POINTS if self.signed else PERCENT).amount(value.value)
 
     def latex(self, value: Any) -> str:
         return MISSING if value.value is None else f"${tenths(value.value, self.signed)}$"
@@ -255,9 +296,7 @@ class Tenths(Format):
         return self.missing if value is None else tenths(value, self.signed)
 
     def latex(self, value: float | None) -> str:
-        if value is None:
-            return MISSING
-        return f"${tenths(value, True)}$" if self.signed else tenths(value)
+        return _math(value, self.signed)
 
 
 @dataclass(frozen=True)
@@ -289,9 +328,7 @@ class Number(Format):
 class Mean(Format):
     """A mean over pairs, and the largest value of a pair."""
 
-    @property
-    def scale(self) -> Scale:
-        return NUMBER
+    _scale: ClassVar[Scale] = NUMBER
 
     def long(self, value: ProbeMean | None) -> str:
         if value is None:
@@ -322,9 +359,7 @@ class PairCount(Format):
 class PValue(Format):
     """A p-value; a small one is printed from its logarithm, never as 0."""
 
-    @property
-    def scale(self) -> Scale:
-        return P_VALUE
+    _scale: ClassVar[Scale] = P_VALUE
 
     def long(self, value: McNemar) -> str:
         return NOT_AVAILABLE if value.log10_p_value is None else f"p = {self.short(value)}"
@@ -357,41 +392,19 @@ def latex_escaped(text: str) -> str:
     return "".join(_LATEX.get(letter, letter) for letter in printable(text))
 
 
-def counted(count: int, noun: str, plural: str = "") -> str:
-    """Return a number with its noun, for example ``1 run`` and ``2 runs``.
-
-    Args:
-        count: The number.
-        noun: For one.
-        plural: For other numbers; by default the noun with an s.
-    """
-    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
-
-
 def rate_text(rate: CountedEstimate) -> str:
     """Return a rate with its interval and counts, for example ``75.0% [57.9, 86.7]  24/32``."""
-    if rate.value is None:
-        return f"n/a  {count_text(rate)}"
-    return f"{percent(rate.value)}{_behind(rate)}  {count_text(rate)}"
+    return f"{PERCENT.estimate(rate)}  {count_text(rate)}"
 
 
 def change_text(change: Estimate) -> str:
     """Return a paired change with its interval, for example ``-12.5 pp [-25.0, -3.1]``."""
-    if change.value is None:
-        return "n/a"
-    return f"{points(change.value)} pp{_behind(change, signed=True)}"
-
-
-def _behind(value: Ends, signed: bool = False) -> str:
-    """Return an interval to put behind its estimate; nothing for a run without intervals."""
-    return "" if value.lower is None else f" {interval_text(value, signed)}"
+    return POINTS.estimate(change)
 
 
 def interval_text(value: Ends, signed: bool = False) -> str:
     """Return an interval in percent."""
-    if value.lower is None or value.upper is None:
-        return "n/a"
-    return f"[{tenths(value.lower, signed)}, {tenths(value.upper, signed)}]"
+    return (POINTS if signed else PERCENT).ends(value)
 
 
 def tenths(value: float, signed: bool = False, decimals: int = 1) -> str:
@@ -402,15 +415,15 @@ def tenths(value: float, signed: bool = False, decimals: int = 1) -> str:
 
 def percent(value: float | None) -> str:
     """Return a rate as a percentage with one decimal."""
-    return "n/a" if value is None else f"{tenths(value)}%"
+    return PERCENT.amount(value)
 
 
 def points(value: float | None) -> str:
     """Return a difference of rates in percentage points, with its sign."""
-    return "n/a" if value is None else tenths(value, True)
+    return NOT_AVAILABLE if value is None else tenths(value, True)
 
 
-def lack_of_tasks(value: blocks.TaskInterval) -> str:
+def lack_of_tasks(value: TaskInterval) -> str:
     """Return why an interval by task cannot be decided, for example ``too few tasks (23, of which ...)``."""
     from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 

@@ -14,6 +14,16 @@ _NAMED = re.compile(r"(?P<name>[a-z]\w*)\s*=\s*(?P<value>\S*)")
 _KNOWN = ("allow", "first")
 
 
+def refused(gate: str, rest: str) -> OptionError:
+    """Return the error of a gate that is not in the language, or decides nothing.
+
+    Args:
+        gate: The gate as written.
+        rest: Text behind it.
+    """
+    return OptionError.seen("gate", gate, rest)
+
+
 class RunArguments(NamedTuple):
     """Arguments of a quantity against another run."""
 
@@ -47,7 +57,7 @@ def read_arguments(text: str, gate: str) -> RunArguments:
         elif margin is None and not named:
             margin = part
         else:
-            raise OptionError.seen("gate", gate, f" has the unknown argument {part!r}. {_form()}")
+            raise refused(gate, f" has the unknown argument {part!r}. {_form()}")
     _check(named, gate)
     return RunArguments(run.strip("'\""), margin, tuple(named.get("allow", ())), "first" in named)
 
@@ -55,13 +65,13 @@ def read_arguments(text: str, gate: str) -> RunArguments:
 def _check(named: Mapping[str, list[str]], gate: str) -> None:
     for name in named:
         if name not in _KNOWN:
-            raise OptionError.seen("gate", gate, f" has the unknown argument {name!r}. {_form()}")
+            raise refused(gate, f" has the unknown argument {name!r}. {_form()}")
     if named.get("first", ["pass"]) != ["pass"]:
-        raise OptionError.seen("gate", gate, f" has first={'+'.join(named['first'])}. {_form()}")
+        raise refused(gate, f" has first={'+'.join(named['first'])}. {_form()}")
     try:
         require_names(named.get("allow", ()))
     except OptionError as error:
-        raise OptionError.seen("gate", gate, f": allow={'+'.join(named['allow'])}: {error}") from None
+        raise refused(gate, f": allow={'+'.join(named['allow'])}: {error}") from None
 
 
 def _form() -> str:

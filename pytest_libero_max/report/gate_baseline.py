@@ -11,7 +11,7 @@ from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_reach import require_reachable_vs
 from pytest_libero_max.report.gates import Gate, GateResult
-from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.measurable import lack_of_run
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import REPORT_NAME
 from pytest_libero_max.runs.comparability import (
@@ -96,10 +96,7 @@ def first_result(gate: Gate, stored: StoredRun, report: Report) -> GateResult:
 
     It passes if this run can be the other one next time.
     """
-    counts = report.pairs
-    lack = "; ".join(lacks_of(report.overall))
-    if not counts.complete:
-        lack = f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    lack = lack_of_run(report)
     if not lack:
         try:
             require_reachable_vs(gate, [record.dynamic_success for record in stored.records])

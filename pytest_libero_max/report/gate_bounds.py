@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass
 
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.gate_quantities import GATED
-from pytest_libero_max.report.gates import Gate, Verdict, meets
-from pytest_libero_max.report.measurable import LEAST_FIRED
-from pytest_libero_max.stats.intervals import clopper_pearson
-from pytest_libero_max.stats.measured import number
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+from pytest_libero_max.report.gates import Gate, Verdict, value_in, verdict_in
+from pytest_libero_max.stats import blocks
+from pytest_libero_max.stats.blocks import McNemar, MeanDifference, Outcomes, Rate
+from pytest_libero_max.stats.measured import mcnemar_of, rate_of, ratio_of, table_change_of
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.significance import mcnemar
 
 
 @dataclass(frozen=True)
@@ -51,53 +48,60 @@ class Ending:
         """Pairs that Dynamic completes."""
         return self.base - self.losses + self.gains
 
+    # What follows is a row of a report, as far as these counts tell it: quantities are read from both alike.
 
-_SHARES: Mapping[str, Callable[[Ending], Ratio]] = {
-    "base_sr": lambda end: Ratio(end.base, end.pairs),
-    "dynamic_sr": lambda end: Ratio(end.dynamic, end.pairs),
-    "conditional_regression": lambda end: Ratio(end.losses, end.base),
-    "retained": lambda end: Ratio(end.dynamic, end.base),
-    "trigger_coverage": lambda end: Ratio(end.fired, end.pairs),
-    "response_coverage": lambda end: Ratio(end.answered, end.pairs),
-    "delta": lambda end: Ratio(end.gains - end.losses, end.pairs),
-}
+    @property
+    def outcomes(self) -> Outcomes:
+        """Pairs by outcome."""
+        kept = self.base - self.losses
+        return Outcomes(kept, self.gains, self.losses, self.pairs - self.base - self.gains)
 
-_COUNTS: Mapping[str, Callable[[Ending], int]] = {
-    "preserved_success": lambda end: end.base - end.losses,
-    "gains": lambda end: end.gains,
-    "regressions": lambda end: end.losses,
-    "persistent_failure": lambda end: end.pairs - end.base - end.gains,
-}
+    @property
+    def base_success(self) -> Rate:
+        """Base success rate."""
+        return rate_of(self.outcomes.base)
 
-BOUNDED = (*_SHARES, *_COUNTS, "p_value")
+    @property
+    def dynamic_success(self) -> Rate:
+        """Dynamic success rate."""
+        return rate_of(self.outcomes.dynamic)
+
+    @property
+    def paired_change(self) -> MeanDifference:
+        """Paired change."""
+        return table_change_of(self.outcomes)
+
+    @property
+    def conditional_regression(self) -> Rate:
+        """Share of Base successes lost."""
+        return rate_of(self.outcomes.conditional_regression)
+
+    @property
+    def retained(self) -> blocks.Ratio:
+        """Dynamic successes over Base successes."""
+        return ratio_of(self.outcomes.retained)
+
+    @property
+    def mcnemar(self) -> McNemar:
+        """Test of regressions against gains."""
+        return mcnemar_of(self.outcomes)
+
+    @property
+    def trigger_coverage(self) -> Rate:
+        """Pairs whose event fired."""
+        return rate_of(Ratio(self.fired, self.pairs))
+
+    @property
+    def response_coverage(self) -> Rate:
+        """Pairs with a query after the event."""
+        return rate_of(Ratio(self.answered, self.pairs))
+
+
+BOUNDED = (
+    *("base_sr", "dynamic_sr", "delta", "p_value", "preserved_success", "gains", "regressions"),
+    *("persistent_failure", "conditional_regression", "retained", "trigger_coverage", "response_coverage"),
+)
 """Quantities of gates whose extremes over all endings are known."""
-
-
-def values_at(gate: Gate, ends: Sequence[Ending]) -> list[float | None]:
-    """Return the quantity of a gate, one of :data:`BOUNDED`, as the reports of these endings hold it."""
-    if gate.name in _COUNTS:
-        return [_COUNTS[gate.name](end) for end in ends]
-    if gate.name == "p_value":
-        return [number(mcnemar(end.losses, end.gains).p_value) for end in ends]
-    shares = [_SHARES[gate.name](end) for end in ends]
-    if gate.end is None:
-        return [number(share.value) for share in shares]
-    if gate.name == "delta":
-        counts = [(end.losses, end.gains, end.pairs) for end in ends]
-        some = [*dict.fromkeys(counts)]
-        known = dict(zip(some, paired_differences(some), strict=True))
-        intervals = [known[one] for one in counts]
-    else:
-        intervals = [clopper_pearson(share) for share in shares]
-    return [None if found is None else number(getattr(found, gate.end)) for found in intervals]
-
-
-def verdict_at(gate: Gate, end: Ending, value: float | None) -> Verdict:
-    """Return the verdict on a gate, one of :data:`BOUNDED`, in an ending with this value of its quantity."""
-    too_low = end.base / end.pairs < FLOOR_BASE_RATE or end.fired / end.pairs < LEAST_FIRED
-    if value is None or (GATED[gate.name].of_change and too_low):
-        return "undecidable"
-    return "passed" if meets(gate, value) else "failed"
 
 
 @dataclass(frozen=True)
@@ -115,9 +119,11 @@ class Outlook:
 def outlook(gate: Gate, endings: Iterable[Ending]) -> Outlook:
     """Return the verdict and the values of a gate, one of :data:`BOUNDED`, over endings."""
     ends = [*endings]
-    found = values_at(gate, ends)
-    verdicts = {verdict_at(gate, end, value) for end, value in zip(ends, found, strict=True)}
-    values = [value for value in found if value is not None]
+    if gate.name == "delta" and gate.end is not None:
+        # Computed together, which is much faster; each of them is then known.
+        paired_differences([(end.losses, end.gains, end.pairs) for end in ends])
+    values = [value for end in ends if (value := value_in(gate, end)) is not None]
+    verdicts = {verdict_in(gate, end) for end in ends}
     every = len(values) == len(ends)
     least, most = (min(values), max(values)) if every else (None, None)
     one = len(verdicts) == 1

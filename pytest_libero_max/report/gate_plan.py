@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.report.gate_arguments import refused
 from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, parse_gate
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.gate_power import (
@@ -41,7 +41,6 @@ PLANNED = (
     *_COUNTS,
     "base_sr",
     "dynamic_sr",
-    "trigger_coverage",
 )
 """Quantities of gates that can be planned."""
 
@@ -59,10 +58,8 @@ def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequenc
         OptionError: The gate cannot be planned.
     """
     if gate.name not in PLANNED or gate.operator in ("==", "!="):
-        raise OptionError.seen(
-            "gate",
-            gate.text,
-            f" cannot be planned. What can: limits (>=, >, <=, <) for {', '.join(PLANNED)}.",
+        raise refused(
+            gate.text, f" cannot be planned. What can: limits (>=, >, <=, <) for {', '.join(PLANNED)}."
         )
     if gate.name == EQUIVALENT:
         margin = float(gate.threshold)
@@ -93,9 +90,9 @@ def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequenc
 
 def _chance_by_task(gate: Gate, chances: Chances, planned: Sequence[PlannedPair]) -> float:
     if not planned:
-        raise OptionError.seen("gate", gate.text, " is by task: give --track, whose tasks are known.")
+        raise refused(gate.text, " is by task: give --track, whose tasks are known.")
     if gate.end is None:
-        raise OptionError.seen("gate", gate.text, " has no end. Write delta, or delta.clustered.lower.")
+        raise refused(gate.text, " has no end. Write delta, or delta.clustered.lower.")
     tasks = [pair.task for pair in planned]
     at = ("lower", "upper").index(gate.end)
     return chance_by_task(tasks, chances, lambda *ends: meets(gate, ends[at]))
@@ -127,7 +124,6 @@ class Advice:
     """A gate and the number of pairs from which on it finds a loss."""
 
     gate: Gate
-    """The gate."""
     pairs: int | None
     """The smallest of :data:`SIZES` that suffices; None where none does."""
     without: float

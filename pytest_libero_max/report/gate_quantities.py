@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.measurable import lacks_of, played_text
 from pytest_libero_max.report.measures import Measured, measures_of
 from pytest_libero_max.report.probe_means import probe_key, probe_quantity
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
@@ -63,11 +63,11 @@ def row_quantity(name: str) -> Quantity[Any]:
 
 def section_value(name: str, end: str | None, report: Report) -> tuple[float | None, str]:
     """Return a quantity of a section, or the end of its interval; or None, and the reason it is not known."""
-    counts, place = report.pairs, section_of(name)
+    place = section_of(name)
     assert place is not None
     section, measured = place
-    if not counts.complete:
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
+    if not report.pairs.complete:
+        return None, played_text(report.pairs)
     measure = measures_of(report.sections).get(name)
     if measure is None:
         option = f"--libero-max-probe={measured.probe}" if measured.probe else section.option

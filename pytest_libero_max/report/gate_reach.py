@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted
+from pytest_libero_max.report.gate_arguments import refused
 from pytest_libero_max.report.gate_bounds import BOUNDED
-from pytest_libero_max.report.gate_quantities import COUNTS, GATED, is_of_pairs
-from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, value_in
-from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.gate_quantities import COUNTS, is_of_pairs
+from pytest_libero_max.report.gates import Gate, always_or_never, decided_value, versus_value
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.intervals import CONFIDENCE
+from pytest_libero_max.stats.blocks import SuccessContrast
+from pytest_libero_max.stats.comparison import contrasts
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired import Pairs, measure
-from pytest_libero_max.stats.paired_difference import paired_difference
-from pytest_libero_max.stats.significance import mcnemar
 
 _CURE = "Gate more pairs, a wider limit, or the estimate; libero-max plan gates says what can be met."
 _NARROWER = "It would pass whatever the policy does: give a narrower limit, or gate dynamic_sr."
@@ -50,19 +47,28 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     if gate.name in COUNTS:
         values: list[float] = [0, len(pairs)]
     else:
-        values = [value for outcome in extremes(pairs) if (value := value_of(gate, outcome)) is not None]
+        rows = map(measure, extremes(pairs))
+        values = [value for row in rows if (value := decided_value(gate, row)) is not None]
     exact = gate.name in (*COUNTS, *EXACT)
-    if _none_meets(gate, values) and (exact or gate.operator not in ("==", "!=")):
-        raise OptionError.seen(
-            "gate",
-            gate.text,
-            f" can never hold: no outcome of its {counted(len(pairs), 'pair')} can meet it. {_CURE}",
-        )
-    if exact and _all_meet(gate, values):
-        raise OptionError.seen(
-            "gate",
-            gate.text,
-            f" can never fail: every outcome of its {counted(len(pairs), 'pair')} meets it. {_NARROWER}",
+    _require_open(gate, values, counted(len(pairs), "pair"), exact=exact)
+
+
+def _require_open(gate: Gate, values: Sequence[float], pairs: str, there: str = "", *, exact: bool) -> None:
+    """Refuse a gate that no value from the smallest to the largest meets, or every one.
+
+    Args:
+        gate: The gate.
+        values: Values at the extremes; none meets the gate where there are none.
+        pairs: Number of pairs in words.
+        there: What is known of the other run, a clause.
+        exact: True if no outcome has a value outside these.
+    """
+    always, never = always_or_never(gate, min(values), max(values)) if values else (False, True)
+    if never and (exact or gate.operator not in ("==", "!=")):
+        raise refused(gate.text, f" can never hold: no outcome of its {pairs} can meet it{there}. {_CURE}")
+    if exact and always:
+        raise refused(
+            gate.text, f" can never fail: every outcome of its {pairs} meets it{there}. {_NARROWER}"
         )
 
 
@@ -79,79 +85,27 @@ def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
     cases, succeeded = len(earlier), sum(earlier)
     if not cases:
         return
-    values = [
-        _value_vs(gate, losses, gains, cases) for losses in (0, succeeded) for gains in (0, cases - succeeded)
+    found = [
+        versus_value(gate, _contrast(succeeded, losses, gains, cases))
+        for losses in (0, succeeded)
+        for gains in (0, cases - succeeded)
     ]
-    there = f"of which Dynamic succeeded in {succeeded} of the {cases} there"
-    if _none_meets(gate, values):
-        raise OptionError.seen(
-            "gate",
-            gate.text,
-            f" can never hold: no outcome of its {counted(cases, 'pair')} can meet it, {there}. {_CURE}",
-        )
-    if _all_meet(gate, values):
-        raise OptionError.seen(
-            "gate",
-            gate.text,
-            f" can never fail: every outcome of its {counted(cases, 'pair')} meets it, {there}. {_NARROWER}",
-        )
+    values = [value for value in found if value is not None]
+    there = f", of which Dynamic succeeded in {succeeded} of the {cases} there"
+    _require_open(gate, values, counted(cases, "pair"), there, exact=True)
 
 
-def _none_meets(gate: Gate, values: Sequence[float]) -> bool:
-    """Return True if no value from the smallest to the largest meets the gate; also where there is none."""
-    if not values:
-        return True
-    least, most = min(values), max(values)
-    if gate.operator == "==":
-        return not _within(gate, least, most)
-    if gate.operator == "!=":
-        return least == most and not meets(gate, least)
-    return not (meets(gate, least) or meets(gate, most))
-
-
-def _all_meet(gate: Gate, values: Sequence[float]) -> bool:
-    """Return True if every value from the smallest to the largest meets the gate; False without values."""
-    if not values:
-        return False
-    least, most = min(values), max(values)
-    if gate.operator == "==":
-        return least == most and meets(gate, least)
-    if gate.operator == "!=":
-        return not _within(gate, least, most)
-    return meets(gate, least) and meets(gate, most)
-
-
-def _within(gate: Gate, least: float, most: float) -> bool:
-    return Fraction(repr(least)) <= gate.threshold <= Fraction(repr(most))
-
-
-def _value_vs(gate: Gate, losses: int, gains: int, cases: int) -> float:
-    """Return the quantity of a gate against another run, of which so many cases were lost and gained."""
-    if gate.name == "regressions_vs":
-        return losses
-    if gate.name == "gains_vs":
-        return gains
-    if gate.name == "p_value_vs":
-        return mcnemar(losses, gains).p_value
-    if gate.name != EQUIVALENT and gate.end is None:
-        return (gains - losses) / cases
-    interval = paired_difference(
-        losses, gains, cases, EQUIVALENCE_CONFIDENCE if gate.name == EQUIVALENT else CONFIDENCE
-    )
-    assert interval is not None
-    return (
-        max(-interval.lower, interval.upper) if gate.name == EQUIVALENT else getattr(interval, gate.end or "")
-    )
+def _contrast(earlier: int, losses: int, gains: int, cases: int) -> SuccessContrast:
+    """Return the contrast with another run, of whose successes so many are lost, and of the others gained."""
+    there = np.arange(cases) < earlier
+    here = there.copy()
+    here[:losses] = False
+    here[earlier : earlier + gains] = True
+    return contrasts({"there": there, "here": here})[0]
 
 
 def _label(dimension: str, pair: PlannedPair) -> str:
     return DIMENSIONS[dimension].label(pair)
-
-
-def value_of(gate: Gate, pairs: Pairs) -> float | None:
-    """Return the quantity of a gate in an outcome; None where it has none or is undecidable."""
-    row = measure(pairs)
-    return None if GATED[gate.name].of_change and lacks_of(row) else value_in(gate, row)
 
 
 def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:

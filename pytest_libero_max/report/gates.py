@@ -57,10 +57,10 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import (
@@ -73,7 +73,7 @@ from pytest_libero_max.report.formats import (
     lack_of_tasks,
     tenths,
 )
-from pytest_libero_max.report.gate_arguments import RunArguments, read_arguments
+from pytest_libero_max.report.gate_arguments import RunArguments, read_arguments, refused
 from pytest_libero_max.report.gate_quantities import (
     COUNTS,
     GATED,
@@ -84,11 +84,11 @@ from pytest_libero_max.report.gate_quantities import (
     section_quantities,
     section_value,
 )
-from pytest_libero_max.report.measurable import lacks_of
+from pytest_libero_max.report.measurable import lack_of_run, lacks_of
 from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.blocks import Result, SuccessContrast, SuccessDifference, TaskInterval
+from pytest_libero_max.stats.blocks import SuccessContrast, SuccessDifference, TaskInterval
 
 if TYPE_CHECKING:
     from pytest_libero_max.stats.intervals import Interval
@@ -139,7 +139,6 @@ class Gate:
     """A condition a report has to meet."""
 
     text: str
-    """As written."""
     name: str
     """The quantity, without scope and end."""
     scope: tuple[str, str] | None
@@ -218,8 +217,7 @@ def _comparison(text: str) -> Gate:
     """Read ``QUANTITY OPERATOR NUMBER``."""
     match = _GATE.fullmatch(text)
     if match is None:
-        raise OptionError.seen(
-            "gate",
+        raise refused(
             text,
             f" is not a condition. Write QUANTITY OPERATOR NUMBER, for example "
             f"'dynamic_sr >= 0.6', or '{EQUIVALENT}(RUN, 5%)'; operators: {' '.join(OPERATORS)}.",
@@ -249,7 +247,7 @@ def _equivalence(text: str, arguments: str) -> Gate:
     """Read ``equivalent_vs(RUN, MARGIN)``."""
     run, margin, allow, first = read_arguments(arguments, text)
     if margin is None:
-        raise OptionError.seen("gate", text, f" has no margin. Write '{EQUIVALENT}(RUN, 5%)'.")
+        raise refused(text, f" has no margin. Write '{EQUIVALENT}(RUN, 5%)'.")
     percent = margin.endswith("%")
     return Gate(text, EQUIVALENT, None, None, run, "<", _number(margin, text), percent, allow, first)
 
@@ -257,14 +255,10 @@ def _equivalence(text: str, arguments: str) -> Gate:
 def _number(number: str, text: str) -> Fraction:
     """Return the number of a gate, exactly as written."""
     if not _NUMBER.fullmatch(number):
-        raise OptionError.seen(
-            "gate", text, f" compares with {number!r}, but must compare with a number or a percentage."
-        )
+        raise refused(text, f" compares with {number!r}, but must compare with a number or a percentage.")
     exponent = _EXPONENT.search(number)
     if exponent is not None and len(exponent[1]) > _MOST_EXPONENT_DIGITS:
-        raise OptionError.seen(
-            "gate", text, f" compares with {number!r}, but no quantity is so large or so small."
-        )
+        raise refused(text, f" compares with {number!r}, but no quantity is so large or so small.")
     return Fraction(number.rstrip("%")) / (100 if number.endswith("%") else 1)
 
 
@@ -285,32 +279,44 @@ def scale_of(name: str) -> Scale:
 
 def _require_open(gate: Gate) -> None:
     """Refuse a gate that every value of its quantity meets, or none."""
-    scale, number = scale_of(gate.name), gate.threshold
+    scale = scale_of(gate.name)
     if gate.percent and not scale.percent:
-        raise OptionError.seen(
-            "gate",
+        raise refused(
             gate.text,
             f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number.",
         )
-    most = scale.most
-    least = scale.least
-    below = least is not None and number < least
-    above = most is not None and number > most
-    impossible = below or above or (scale.whole and number.denominator != 1)
-    always, never = {
-        ">=": (least is not None and number <= least, above),
-        ">": (below, most is not None and number >= most),
-        "<=": (most is not None and number >= most, below),
-        "<": (above, least is not None and number <= least),
-        "==": (False, impossible),
-        "!=": (impossible, False),
-    }[gate.operator]
+    always, never = always_or_never(gate, scale.least, scale.most, whole=scale.whole)
     if always or never:
-        raise OptionError.seen(
-            "gate",
+        raise refused(
             gate.text,
             f" can never {'fail' if always else 'hold'}: {gate.name} is {scale.name}. {_share_meant(gate)}",
         )
+
+
+def always_or_never(
+    gate: Gate, least: float | None, most: float | None, *, whole: bool = False
+) -> tuple[bool, bool]:
+    """Return whether every value of a range meets a gate, and whether none does.
+
+    Args:
+        gate: The gate.
+        least: Smallest value; None where there is none, as for ``most``.
+        most: Largest value.
+        whole: True if all values are whole numbers.
+    """
+    number = gate.threshold
+    low, high = (None if end is None else Fraction(repr(end)) for end in (least, most))
+    below, above = low is not None and number < low, high is not None and number > high
+    first, last = low is not None and number <= low, high is not None and number >= high
+    outside = below or above or (whole and number.denominator != 1)
+    return {
+        ">=": (first, above),
+        ">": (below, last),
+        "<=": (last, below),
+        "<": (above, first),
+        "==": (first and last, outside),
+        "!=": (outside, first and last),
+    }[gate.operator]
 
 
 def _share_meant(gate: Gate) -> str:
@@ -386,22 +392,16 @@ def _versus_quantity(
 ) -> tuple[str, str | None, RunArguments]:
     """Read ``NAME(RUN, ...).END``."""
     if name == EQUIVALENT:
-        raise OptionError.seen(
-            "gate", text, f" compares {EQUIVALENT}, which is a condition. Write '{EQUIVALENT}(RUN, 5%)'."
-        )
+        raise refused(text, f" compares {EQUIVALENT}, which is a condition. Write '{EQUIVALENT}(RUN, 5%)'.")
     if name not in VERSUS:
-        raise OptionError.seen(
-            "gate",
-            text,
-            f" has the unknown quantity {name!r}. {did_you_mean(name, [*VERSUS, EQUIVALENT])}",
+        raise refused(
+            text, f" has the unknown quantity {name!r}. {did_you_mean(name, [*VERSUS, EQUIVALENT])}"
         )
     if end is not None and name != "dynamic_sr_vs":
-        raise OptionError.seen("gate", text, f" asks for {end!r} of {name}, which has no interval.")
+        raise refused(text, f" asks for {end!r} of {name}, which has no interval.")
     read = read_arguments(arguments, text)
     if read.margin is not None:
-        raise OptionError.seen(
-            "gate", text, f" has the unknown argument {read.margin!r}. Write '{name}(RUN)', with a folder."
-        )
+        raise refused(text, f" has the unknown argument {read.margin!r}. Write '{name}(RUN)', with a folder.")
     return name, _end(end, text), read
 
 
@@ -410,8 +410,7 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
     scope: tuple[str, str] | None = None
     if parts[0] in DIMENSIONS:
         if len(parts) < 3:
-            raise OptionError.seen(
-                "gate",
+            raise refused(
                 text,
                 f" names a dimension without group and quantity; write for example "
                 f"'{parts[0]}.GROUP.dynamic_sr >= 0.6'.",
@@ -429,17 +428,13 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         names = known if scope else [*known, *DIMENSIONS, *VERSUS, EQUIVALENT]
         begun = any(one.startswith(f"{parts[0]}.") for one in known)
         name = quantity if begun and scope is None else parts[0]
-        raise OptionError.seen(
-            "gate", text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}"
-        )
+        raise refused(text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}")
     quantity_of_row = GATED.get(name)
     has_ends = section_of(name) is not None or (
         quantity_of_row is not None and quantity_of_row.format.has_interval
     )
     if len(ends) > 1 or (ends and not has_ends):
-        raise OptionError.seen(
-            "gate", text, f" asks for {'.'.join(ends)!r} of {name}, which has no such part."
-        )
+        raise refused(text, f" asks for {'.'.join(ends)!r} of {name}, which has no such part.")
     return name, scope, _end(ends[0] if ends else None, text)
 
 
@@ -450,9 +445,7 @@ def _is_known(parts: Sequence[str], known: Sequence[str], scope: tuple[str, str]
 
 def _end(end: str | None, text: str) -> str | None:
     if end not in (None, "lower", "upper"):
-        raise OptionError.seen(
-            "gate", text, f" has the unknown part {end!r}. {did_you_mean(end, ('lower', 'upper'))}"
-        )
+        raise refused(text, f" has the unknown part {end!r}. {did_you_mean(end, ('lower', 'upper'))}")
     return end
 
 
@@ -472,8 +465,7 @@ def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) ->
             dimension, group = gate.scope
             groups = {DIMENSIONS[dimension].label(pair) for pair in every}
             if group not in groups:
-                raise OptionError.seen(
-                    "gate",
+                raise refused(
                     gate.text,
                     f" names the {dimension} {group!r}, which no case is of. {did_you_mean(group, groups)}",
                 )
@@ -483,9 +475,7 @@ def _check_group(scope: tuple[str, str], text: str) -> None:
     """Refuse names that no report can have; other groups depend on the run."""
     known = {"event": tuple(EVENTS), "family": families()}.get(scope[0])
     if known is not None and scope[1] not in known:
-        raise OptionError.seen(
-            "gate", text, f" has the unknown {scope[0]} {scope[1]!r}. {did_you_mean(scope[1], known)}"
-        )
+        raise refused(text, f" has the unknown {scope[0]} {scope[1]!r}. {did_you_mean(scope[1], known)}")
 
 
 def _in_block(gate: Gate, report: Report) -> tuple[float | None, str]:
@@ -519,16 +509,27 @@ def equivalence_interval(contrast: SuccessContrast) -> Interval | None:
     )
 
 
-def value_in(gate: Gate, row: Result) -> float | None:
+def value_in(gate: Gate, row: Any) -> float | None:
     """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured.
 
     Args:
         gate: A gate that names no other run and no count of pairs.
-        row: The result.
+        row: The result, or what has the same fields as far as the quantity reads them.
     """
     column = row_quantity(gate.name)
     value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
     return value
+
+
+def decided_value(gate: Gate, row: Any) -> float | None:
+    """Return :func:`value_in`; None also where the change of these pairs says nothing of the event."""
+    return None if row_quantity(gate.name).of_change and lacks_of(row) else value_in(gate, row)
+
+
+def verdict_in(gate: Gate, row: Any) -> Verdict:
+    """Return the verdict on a gate over a set of pairs all of which are played; see :func:`value_in`."""
+    value = decided_value(gate, row)
+    return "undecidable" if value is None else "passed" if meets(gate, value) else "failed"
 
 
 def _whole_track(report: Report) -> tuple[float | None, str]:
@@ -547,15 +548,17 @@ def _versus(
     contrast = contrasts.get(gate.run or "", f"there is no comparison with {gate.run!r}")
     if isinstance(contrast, str):
         return None, contrast
-    if not report.pairs.complete:
-        counts = report.pairs
-        return None, f"{counts.played} of {counts.planned} planned pairs of the run were played"
-    if lacks := lacks_of(report.overall):
-        return None, "; ".join(lacks)
+    if lack := lack_of_run(report):
+        return None, lack
+    if gate.name == EQUIVALENT:
+        return versus_value(gate, contrast), "there is no common case"
+    return versus_value(gate, contrast), f"no case tells this run and {gate.run!r} apart"
+
+
+def versus_value(gate: Gate, contrast: SuccessContrast) -> float | None:
+    """Return the quantity of a gate against another run; None without a case."""
     if gate.name == EQUIVALENT:
         interval = equivalence_interval(contrast)
-        return (None if interval is None else max(-interval.lower, interval.upper)), "there is no common case"
+        return None if interval is None else max(-interval.lower, interval.upper)
     found = VERSUS[gate.name][0](contrast)
-    if isinstance(found, SuccessDifference):
-        found = {"lower": found.lower, "upper": found.upper}.get(gate.end or "", found.value)
-    return found, f"no case tells this run and {gate.run!r} apart"
+    return getattr(found, gate.end or "value") if isinstance(found, SuccessDifference) else found

@@ -50,7 +50,6 @@ class Happening:
     """An entry of an arm's schedule that happened, and did not only wait."""
 
     firing: FiringRecord
-    """Its record."""
     name: str
     """Name of the event, where it is that of the case; otherwise the change in words."""
     is_event: bool

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pytest_libero_max.report.formats import count_text
+from pytest_libero_max.report.report_document import PairCounts, Report
 from pytest_libero_max.stats.blocks import Result
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 
@@ -32,6 +33,18 @@ def lacks_of(row: Result) -> list[str]:
             "is Base"
         )
     return lacks
+
+
+def lack_of_run(report: Report) -> str:
+    """Return why the change of a run is not decided: it is incomplete, or says nothing; empty where it is."""
+    if not report.pairs.complete:
+        return played_text(report.pairs)
+    return "; ".join(lacks_of(report.overall))
+
+
+def played_text(pairs: PairCounts) -> str:
+    """Return the clause on a run that lacks pairs."""
+    return f"{pairs.played} of {pairs.planned} planned pairs of the run were played"
 
 
 def warning_of(row: Result) -> str | None:

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import math
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.formats import (
     AMOUNT,
     COUNT,
     DIFFERENCE,
-    NOT_AVAILABLE,
     NUMBER,
     P_VALUE,
+    PERCENT,
+    POINTS,
     SHARE,
     Format,
-    Scale,
-    p_number,
-    tenths,
+    Unit,
 )
 from pytest_libero_max.report.quantities import TEXT, Cell
 from pytest_libero_max.stats import ratios
@@ -36,39 +33,18 @@ Rows = dict[str, Measure | Plain]
 """A section: what its rows are called, and their values."""
 
 
-class Unit(NamedTuple):
-    """A unit of measures."""
-
-    scale: Scale
-    """Values that there can be."""
-    digits: int
-    """Decimals that are printed; of a share those of percent."""
-    sign: bool
-    """True for a difference, which has its sign."""
-    text: str
-    """Text behind the number."""
-
-    def number(self, value: float) -> str:
-        """Return a value without the unit."""
-        if self.scale in (SHARE, DIFFERENCE):
-            return tenths(value, self.sign, self.digits)
-        if self.scale is P_VALUE:
-            return p_number(math.log10(max(value, sys.float_info.min)))  # of 0 there is no logarithm
-        return f"{value:+.{self.digits}f}" if self.sign else f"{value:.{self.digits}f}"
-
-
 UNITS: Mapping[str, Unit] = {
-    "share": Unit(SHARE, 1, False, "%"),
-    "change": Unit(DIFFERENCE, 1, True, " pp"),
-    "error": Unit(SHARE, 2, False, " pp"),
-    "variance": Unit(AMOUNT, 4, False, ""),
-    "steps": Unit(AMOUNT, 1, False, " steps"),
-    "more steps": Unit(NUMBER, 1, True, " steps"),
-    "m": Unit(AMOUNT, 2, False, " m"),
-    "m/s^3": Unit(AMOUNT, 1, False, " m/s^3"),
-    "times": Unit(AMOUNT, 2, False, ""),
-    "cases": Unit(COUNT, 0, False, ""),
-    "p": Unit(P_VALUE, 3, False, ""),
+    "share": PERCENT,
+    "change": POINTS,
+    "error": Unit(SHARE, 2, text=" pp"),
+    "variance": Unit(AMOUNT, 4),
+    "steps": Unit(AMOUNT, text=" steps"),
+    "more steps": Unit(NUMBER, signed=True, text=" steps"),
+    "m": Unit(AMOUNT, 2, text=" m"),
+    "m/s^3": Unit(AMOUNT, text=" m/s^3"),
+    "times": Unit(AMOUNT, 2),
+    "cases": Unit(COUNT, 0),
+    "p": Unit(P_VALUE, 3),
 }
 """Units by the name that measures have in the report."""
 
@@ -76,9 +52,9 @@ UNITS: Mapping[str, Unit] = {
 def measure_text(measure: Measure) -> str:
     """Return a measure for people: value, interval, counts; and why a number lacks."""
     unit = UNITS[measure.unit]
-    text = NOT_AVAILABLE if measure.value is None else f"{unit.number(measure.value)}{unit.text}"
+    text = unit.amount(measure.value)
     if measure.lower is not None and measure.upper is not None:
-        text += f" [{unit.number(measure.lower)}, {unit.number(measure.upper)}]"
+        text += f" {unit.ends(measure)}"
     elif measure.lack:
         text += f": {measure.lack}" if measure.value is None else f" [n/a: {measure.lack}]"
     pairs = " pairs" * (unit.scale not in (SHARE, DIFFERENCE))
@@ -103,12 +79,12 @@ class _AsMeasured(Format):
 MEASURE = _AsMeasured()
 
 
-def rows_table(rows: Mapping[str, Measure | Plain], note: str = "") -> Table:
+def rows_table(rows: Mapping[str, Measure | Plain]) -> Table:
     """Return names and values as a table."""
     cells = [
         (name, Cell(value, MEASURE if isinstance(value, Measure) else TEXT)) for name, value in rows.items()
     ]
-    return Table("", ("Name", "Value"), cells, note)
+    return Table("", ("Name", "Value"), cells)
 
 
 def rows_without_intervals(rows: Rows) -> Rows:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from math import fsum
 
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import did_you_mean
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import STAGES
 from pytest_libero_max.report.formats import Mean
+from pytest_libero_max.report.gate_arguments import refused
 from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.stats.blocks import ProbeMean, Result
 from pytest_libero_max.stats.measured import number
@@ -68,7 +69,5 @@ def probe_key(name: str, text: str) -> str | None:
         return None
     known = [one.name for one in PROBES[probe].schema if not one.many and one.type != "str"]
     if column not in known:
-        raise OptionError.seen(
-            "gate", text, f" has the unknown quantity {probe}.{column!r}. {did_you_mean(column, known)}"
-        )
+        raise refused(text, f" has the unknown quantity {probe}.{column!r}. {did_you_mean(column, known)}")
     return f"{probe}.{column}.{arm or 'dynamic'}"

@@ -45,17 +45,13 @@ class Printed:
     lowest_base: Mapping[str, str]
     """By source the category of lowest Base success."""
     largest_loss: Mapping[str, str]
-    """By source the category of largest loss."""
     macro: float
     """Unweighted mean of the paired changes of the 17 source categories."""
     suite: Mapping[str, float]
-    """Paired change by suite."""
     severity: Mapping[str, float]
-    """Paired change by severity."""
     split_event: str
     """Event whose parameter variants differ most in Dynamic success."""
     split: float
-    """That difference."""
     lite: tuple[float, float, float]
     """Base success, Dynamic success and paired change on the authors' Lite."""
 
@@ -65,9 +61,7 @@ class PublishedPolicy:
     """One policy of the LIBERO-MAX paper on the 8,000 pairs of Max."""
 
     key: str
-    """Short name."""
     name: str
-    """As printed."""
     family: str
     """``VLA``, ``WAM`` or ``VLA+WAM``."""
     horizon: int
@@ -88,7 +82,6 @@ class PartialPolicy:
     """The policy of the paper that has no checkpoint for LIBERO-10, and is in none of its rankings."""
 
     name: str
-    """As printed."""
     horizon: int
     query_interval: int
     by_suite: Mapping[str, tuple[int, float | None, float | None, float | None]]

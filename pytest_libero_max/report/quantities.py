@@ -14,12 +14,12 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 from pytest_libero_max.report.formats import (
     Change,
     Format,
+    IntervalByTask,
     Number,
     PairCount,
     PValue,
     Rate,
     Share,
-    TaskInterval,
     Text,
 )
 from pytest_libero_max.stats.blocks import Result
@@ -35,7 +35,6 @@ class Cell(NamedTuple):
     value: Any
     """The number, or a block with its counts and interval."""
     format: Format
-    """Format of it."""
 
 
 TableKind = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
@@ -145,12 +144,12 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     ),
     Quantity(
         "paired_change_by_task", "Paired change, interval by task", lambda row: row.paired_change.by_task,
-        TaskInterval(), "95% by task", line=Line("Paired change by task"), gate="delta.clustered",
+        IntervalByTask(), "95% by task", line=Line("Paired change by task"), gate="delta.clustered",
         of_change=True,
     ),
     *(
         Quantity(
-            f"{key}_by_task", f"{title}, interval by task", value, TaskInterval(signed=False),
+            f"{key}_by_task", f"{title}, interval by task", value, IntervalByTask(signed=False),
             line=Line("Rates by task", mark, True, optional=True), gate=f"{gate}.clustered",
             of_change=of_change,
         )

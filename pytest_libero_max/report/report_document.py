@@ -202,15 +202,6 @@ class Caveat(Block, frozen=True, kw_only=True):
     """The note, as a sentence."""
 
 
-class NoiseFloor(Block, frozen=True, kw_only=True):
-    """Base played twice on some cases."""
-
-    flips: Rate
-    """Second Base rollouts that ended otherwise than the first."""
-    identical: Ratio
-    """Second Base rollouts that were the same bit for bit."""
-
-
 class Returned(Block, frozen=True, kw_only=True):
     """Numbers of actions that servers returned to a query, before they were cut to H."""
 
@@ -328,9 +319,6 @@ class Report(Block, frozen=True, kw_only=True):
     server was interrupted."""
     overall: Result
     """The result over all played pairs."""
-    noise_floor: NoiseFloor | None
-    """Base played twice on some cases: how often the second ended otherwise, and how often it was the same
-    bit for bit."""
     returned: Returned | None = None
     """Numbers of actions that the policy's servers returned; None where no record says."""
     clipped_actions: ClippedActions | None

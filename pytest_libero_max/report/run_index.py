@@ -32,15 +32,12 @@ class PlayedAgain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A check of a published run in which pairs were played again and all ended alike."""
 
     pairs: int
-    """Number of pairs."""
     seed: str
     """By which they were drawn."""
     date: str
     """Day of the check, UTC."""
     package: str
-    """Version of this package that played them."""
     mujoco: str
-    """Version of MuJoCo."""
     actions: bool = False
     """True if the recorded actions were executed, and no policy asked."""
 
@@ -50,7 +47,6 @@ class IndexedRun:
     """A published run that agrees with itself."""
 
     folder: Path
-    """Its folder."""
     report: Report
     """Computed from its pairs."""
     digest: str

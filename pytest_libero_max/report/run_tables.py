@@ -65,7 +65,7 @@ def _rows(report: Report, quantities: Sequence[Quantity[Any]]) -> Iterator[Seque
 def latex_text(report: Report) -> str:
     """Return a ``tabular`` of the events in percent and percentage points, the whole run as its last row."""
     rows = [*report.by["event"].items(), ("All pairs", report.overall)]
-    table = table_of("", DIMENSIONS["event"].title, quantities_in("narrow"), rows)
+    table = table_of("", DIMENSIONS["event"].title, quantities_in("narrow"), rows, apart=len(rows) - 1)
     comments = [title_text(report), "Percent; changes in percentage points with their 95% interval."]
     comments += [report.substrate.note] if report.substrate.note else []
-    return table_latex(table, comments, len(rows) - 1, short=True)
+    return table_latex(table, comments, short=True)

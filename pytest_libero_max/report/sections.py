@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Mapping
 from math import isfinite
+from typing import TypeVar
 
 import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import OptionError, ReportError, did_you_mean
-from pytest_libero_max.registry import Registry, class_in
+from pytest_libero_max.registry import Registry, references
 from pytest_libero_max.report import probe_means
 from pytest_libero_max.report.document import Section, Table
 from pytest_libero_max.report.measures import UNITS, Rows, measures_of, rows_table
@@ -17,6 +19,8 @@ from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
 from pytest_libero_max.stats.blocks import Measure
+
+T = TypeVar("T")
 
 
 def _accept(name: str, kind: object) -> ReportSection:
@@ -34,15 +38,10 @@ def _accept(name: str, kind: object) -> ReportSection:
     return section
 
 
-def _timing() -> ReportSection:
-    kind: type[ReportSection] = class_in("pytest_libero_max.report.timing", ReportSection)
-    return kind()
-
-
 SECTIONS: Registry[ReportSection] = Registry(
     "report section",
     "pytest_libero_max.sections",
-    lambda: {"timing": _timing},
+    references("pytest_libero_max.report", lambda: {"timing": "timing:Timing"}),
     _accept,
     OptionError,
     attribute="name",
@@ -50,30 +49,44 @@ SECTIONS: Registry[ReportSection] = Registry(
 """The sections of every report by name: this package's, then those that installed packages add."""
 
 
-def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
-    """Return what ``report.sections`` stores, of every section that has something to say of these pairs.
+def _of_each(ask: Callable[[ReportSection], Mapping[str, T]]) -> dict[str, T]:
+    """Return what the sections answer, by title.
 
     Raises:
-        ReportError: A section of another package fails.
+        ReportError: A section fails, or two have one title.
     """
-    tables: dict[str, Rows] = {}
+    answers: dict[str, T] = {}
     for name, section in SECTIONS.items():
         try:
-            tables |= section.tables(played)
+            answer = ask(section)
         except Exception as error:  # somebody else's code may raise anything
             raise ReportError(
                 f"The report section {name!r} failed ({type(error).__name__}: {error}). Repair the package "
                 "that adds it or uninstall it, and compute the report again."
             ) from error
-    return tables
+        if both := answers.keys() & answer.keys():
+            raise ReportError(
+                f"The report section {name!r} has the title {min(both)!r}, which another one has. Rename it, "
+                "or uninstall one of the packages."
+            )
+        answers |= answer
+    return answers
+
+
+def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
+    """Return what ``report.sections`` stores, of every section that has something to say of these pairs.
+
+    Raises:
+        ReportError: A section fails, or two have one title.
+    """
+    return _of_each(lambda section: section.tables(played))
 
 
 def shown_sections(report: Report) -> list[Section]:
     """Return the sections of a report as they are shown, and the columns of probes over all pairs."""
-    own = {title: part for section in SECTIONS.values() for title, part in section.shown(report).items()}
-    notes = {title: note for section in SECTIONS.values() for title, note in section.notes.items()}
+    own, notes = _of_each(lambda section: section.shown(report)), _of_each(lambda section: section.notes)
     sections = [
-        own.get(title) or Section(title, [rows_table(rows, notes.get(title, ""))])
+        own.get(title) or Section(title, [rows_table(rows)], lead=notes.get(title, ""))
         for title, rows in report.sections.items()
     ]
     columns = [(one.title, one.cell(report.overall)) for one in probe_quantities([report.overall])]
@@ -95,7 +108,8 @@ def main_measures(report: Report) -> list[tuple[str, Measure]]:
 
 def section_warnings(report: Report) -> list[str]:
     """Return what sections say has to be known before any number."""
-    return [text for section in SECTIONS.values() for text in section.warnings(report)]
+    warnings = _of_each(lambda section: {section.name: section.warnings(report)})
+    return [text for texts in warnings.values() for text in texts]
 
 
 def with_sections(report: Report, amended: Json) -> Report:

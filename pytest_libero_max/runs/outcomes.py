@@ -19,7 +19,7 @@ from pytest_libero_max.runs.agreement import Agreement, SamePlay
 from pytest_libero_max.runs.comparability import Side
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun, decode_line, pairs_file, read_pairs
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.worlds.rendering.context import renderers
@@ -100,8 +100,8 @@ class RunOutcomes:
 
     @property
     def stopped_by_rule(self) -> bool:
-        """True if a rule stopped the run, see :attr:`.Stopped.by_rule`."""
-        return self.stopped is not None and self.stopped.by_rule
+        """True if a rule kept the run from its planned number of pairs, see :func:`.ended_by_rule`."""
+        return ended_by_rule(self.stopped, self.run.planned, self.policy, {*self.case_ids})
 
     @property
     def side(self) -> Side:
@@ -122,19 +122,27 @@ def _scene_of(fingerprints: Mapping[str, str]) -> str:
     return " ".join(fingerprints.get(name, "") for name in (SCENE, START)).strip()
 
 
-def columns_of(records: Sequence[PairRecord], tasks: Sequence[str]) -> Pairs:
+def columns_of(
+    records: Sequence[PairRecord], tasks: Sequence[str], base: str = BASE, dynamic: str = DYNAMIC
+) -> Pairs:
     """Return the columns of the statistics, one row a record.
 
     Args:
         records: Measured pairs.
         tasks: The task of each, see :class:`~pytest_libero_max.runs.plan.PlannedPair`.
+        base: Name of the arm in which nothing happens.
+        dynamic: Name of the arm in which the event does.
+
+    Raises:
+        ReportError: A record lacks one of the arms.
     """
+    arms = [record.arm(dynamic) for record in records]
     return Pairs.of(
-        base=[record.base_success for record in records],
-        dynamic=[record.dynamic_success for record in records],
-        triggered=[record.triggered for record in records],
-        responded=[record.responded for record in records],
-        stale=[-1 if record.stale_actions is None else record.stale_actions for record in records],
+        base=[record.arm(base).success for record in records],
+        dynamic=[arm.success for arm in arms],
+        triggered=[bool(arm.firings) for arm in arms],
+        responded=[arm.response_step is not None for arm in arms],
+        stale=[-1 if arm.stale_actions is None else arm.stale_actions for arm in arms],
         source=[record.source for record in records],
         task=tasks,
     )
@@ -199,9 +207,6 @@ def read_outcomes(path: Path) -> RunOutcomes:
     Where every line says what a comparison expects of it, nothing else of the lines is read. Everything else
     (an older version, damage, pairs of another run) is left to :func:`.store.read_pairs`, which checks all of
     a line and names what is wrong.
-
-    Raises:
-        ReportError: See :func:`.store.read_pairs`.
     """
     pairs_path = pairs_file(path)
     if pairs_path.name == PAIRS_NAME:

@@ -10,10 +10,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.programs import program_of_run
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.machine import WEIGHTS
 from pytest_libero_max.runs.fresh_place import fresh_place
 from pytest_libero_max.runs.replay_command import OUTPUT, Places, replay_command
@@ -106,12 +106,15 @@ def _again(run: StoredRun, record: PairRecord, places: Places, folder: Path | No
 
 
 def _command(run: StoredRun, places: Places, working: Path) -> list[str]:
-    """Return the command that plays a pair of the run, with the program of its header in a file."""
-    program = program_of_run(run.run.provenance["protocol"])
-    if program is not None:
-        file = working.with_name("program.json")
-        file.write_text(json.dumps(program.to_dict()), encoding="utf-8")
-        places = replace(places, program=str(file))
+    """Return the command that plays a pair of the run, with program and study of its header in files."""
+    protocol = run.run.provenance["protocol"]
+    program, study = program_of_run(protocol), (protocol.get("study") or {}).get("document")
+    for name, document in (("program", program and program.to_dict()), ("study", study)):
+        if document is not None:
+            file = working.with_name(f"{name}.json")
+            file.write_text(json.dumps(document), encoding="utf-8")
+            named: dict[str, Any] = {name: str(file)}
+            places = replace(places, **named)
     command = replay_command(run, places)[:-1]
     command.remove(f"--libero-max-output={OUTPUT}")
     return command
@@ -153,21 +156,15 @@ def _difference(name: str, record: PairRecord, again: PairRecord) -> str:
 def verification_lines(
     found: Mapping[str, str], seconds: float, how: str = FRESH
 ) -> tuple[list[str], list[str]]:
-    """Return lines of the summary, and problems of the run.
-
-    Args:
-        found: Result of :func:`verified`.
-        seconds: Time that it took.
-        how: The way in which they were played.
-    """
+    """Return lines of the summary, and problems of the run."""
     other = {item: text for item, text in found.items() if text}
-    alike = f"{len(found) - len(other)} of {len(found)} pairs"
+    alike = f"{len(found) - len(other)} of {counted(len(found), 'pair')}"
     lines = [f"Played again: {alike} end alike {how}, with proofs ({seconds:.0f} s)."]
     if not other:
         return lines, []
     problem = (
-        f"NOT REPEATED: {len(other)} of {len(found)} pairs came out otherwise {how}, so that results depend "
-        "on what was played before, or cannot be repeated here: "
+        f"NOT REPEATED: {len(other)} of {counted(len(found), 'pair')} came out otherwise {how}, so that "
+        "results depend on what was played before, or cannot be repeated here: "
     )
     problem += ", ".join(f"{item} ({text})" for item, text in other.items())
     if how == FRESH:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from importlib.metadata import entry_points
 from typing import Annotated, ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import Document, Positive, Text, convert, rule, shown, to_builtins
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, counted, did_you_mean
 from pytest_libero_max.registry import modules_in
-from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.plan import PlannedPair, Run, unsupported_pairs
 
 RULES = "pytest_libero_max.report.stopping_rules"
 """Package whose modules are the stopping rules; their names are needed where no report is computed."""
@@ -36,11 +37,6 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
     """Number of pairs, the first ones in the order of play, on which the rule decided. Pairs that were played
     ahead of it or were in flight are stored as well. None without a rule."""
 
-    @property
-    def by_rule(self) -> bool:
-        """True if a rule stopped the run: no interval for a number of pairs that is fixed before is of it."""
-        return self.rule is not None
-
     def require_of(self, run: Run) -> None:
         """Check that a run may have been stopped like this.
 
@@ -50,13 +46,13 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
             ReportError: It has another number of pairs, or there is no such rule.
         """
         if self.of != len(run.planned):
-            raise ReportError(f"of={self.of}, but the run has {len(run.planned)} planned pairs.")
+            raise ReportError(f"of={self.of}, but the run has {counted(len(run.planned), 'planned pair')}.")
         if (self.rule is None) != (self.at is None):
             raise ReportError(
                 f"rule={shown(self.rule)} and at={self.at} of a stop, but it has both or neither."
             )
         if self.at is not None and self.at > self.of:
-            raise ReportError(f"at={self.at} of a stop, but of={self.of} pairs.")
+            raise ReportError(f"at={self.at} of a stop, but of={counted(self.of, 'pair')}.")
         if self.rule is None or self.rule == run.provenance.get("stopping_rule"):
             return
         known = [*modules_in(RULES), *(point.name for point in entry_points(group=RULES_GROUP))]
@@ -85,3 +81,24 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
             ReportError: A field is missing or unknown, or holds what it cannot.
         """
         return convert(values, cls)
+
+
+def ended_by_rule(
+    stopped: Stopped | None, planned: Iterable[PlannedPair], policy: Json | None, measured: Collection[str]
+) -> bool:
+    """Return True if a rule kept a run from its planned number of pairs, so that it has no usual interval.
+
+    Pairs in flight may complete a run that its rule has stopped. That run is of the number of pairs that was
+    fixed before, as one without a rule, and keeps its intervals.
+
+    Args:
+        stopped: Stop of the run; None where it was not stopped.
+        planned: Planned pairs.
+        policy: The policy's spec as played, which says what suites it supports.
+        measured: Case ids of the measured pairs.
+    """
+    if stopped is None or stopped.rule is None:
+        return False
+    pairs = [*planned]
+    unsupported = {pair.case_id for pair in unsupported_pairs(pairs, policy)}
+    return any(pair.case_id not in measured and pair.case_id not in unsupported for pair in pairs)

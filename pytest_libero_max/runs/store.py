@@ -37,7 +37,7 @@ from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
 from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 
 PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
@@ -71,8 +71,9 @@ class StoredRun:
 
     @property
     def stopped_by_rule(self) -> bool:
-        """True if a rule stopped the run, see :attr:`.Stopped.by_rule`."""
-        return self.stopped is not None and self.stopped.by_rule
+        """True if a rule kept the run from its planned number of pairs, see :func:`.ended_by_rule`."""
+        policy = self.records[0].policy if self.records else None
+        return ended_by_rule(self.stopped, self.run.planned, policy, self.measured)
 
     @property
     def measured(self) -> frozenset[str]:

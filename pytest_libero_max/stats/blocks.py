@@ -9,7 +9,7 @@ from typing import Annotated
 
 from msgspec import Meta, Struct, field, structs
 
-from pytest_libero_max.stats import ratios
+from pytest_libero_max.stats import intervals, ratios
 
 _LARGEST = 2**63 - 1  # as in benchmark/structs.py, which statistics do not import
 
@@ -76,6 +76,13 @@ class IntervalByTask(Block, frozen=True, kw_only=True):
     """Lower end; None where too few tasks changed to decide."""
     upper: WideDifference | None
     """Upper end; None where too few tasks changed to decide."""
+
+    @property
+    def interval(self) -> intervals.Interval | None:
+        """Both ends; None where it cannot be decided."""
+        if self.lower is None or self.upper is None:
+            return None
+        return intervals.Interval(self.lower, self.upper)
 
 
 class TaskInterval(IntervalByTask, frozen=True, kw_only=True):

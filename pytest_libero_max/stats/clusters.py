@@ -9,8 +9,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
+from pytest_libero_max.stats.blocks import IntervalByTask
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
+from pytest_libero_max.stats.measured import ends, number
 
 REPLICATES = 10_000
 
@@ -149,30 +151,17 @@ def resampled_means(
     return means, cluster_count
 
 
-@dataclass(frozen=True)
-class TaskInterval:
-    """An interval for statements about other tasks of the same kind."""
-
-    tasks: int
-    effective: float
-    """Effective number of tasks, (sum of n)^2 / (sum of n^2): less where tasks have unequal numbers of
-    pairs."""
-    changed: int
-    """Number of tasks in which something differs: a pair changed; for a rate, the smaller of the tasks with a
-    success and those with a failure."""
-    interval: Interval | None
-    """None where it cannot be decided, with fewer than :data:`LEAST_TASKS` effective tasks or fewer than
-    :data:`LEAST_CHANGED_TASKS` in which something differs."""
-
-
 def task_interval(
     values: ArrayLike,
     tasks: ArrayLike,
     independent: Interval | None,
     of: ArrayLike | None = None,
     bounds: tuple[float, float] = (-1.0, 1.0),
-) -> TaskInterval:
+) -> IntervalByTask:
     """Return the interval of a mean, or of a share, that takes the pairs of a task as one draw.
+
+    It has no ends with fewer than :data:`LEAST_TASKS` effective tasks, or fewer than
+    :data:`LEAST_CHANGED_TASKS` in which something differs.
 
     A bootstrap-t interval over resampled tasks: each resample is measured in its own standard error, that of
     a ratio by linearisation, and the quantiles of these are applied to the estimate. Reference: Davison and
@@ -193,16 +182,19 @@ def task_interval(
     changed = int((np.bincount(codes, weights=numbers[kept] != 0, minlength=count) > 0).sum())
     if bounds[0] == 0:
         changed = min(changed, int((sums < sizes).sum()))
-    if independent is None or effective < LEAST_TASKS or changed < LEAST_CHANGED_TASKS:
-        return TaskInterval(count, effective, changed, None)
-    lower, upper = _studentized(sums, sizes)
-    return TaskInterval(
-        count,
-        effective,
-        changed,
-        Interval(
+    interval = None
+    if independent is not None and effective >= LEAST_TASKS and changed >= LEAST_CHANGED_TASKS:
+        lower, upper = _studentized(sums, sizes)
+        interval = Interval(
             max(bounds[0], min(lower, independent.lower)), min(bounds[1], max(upper, independent.upper))
-        ),
+        )
+    lower_end, upper_end = ends(interval)
+    return IntervalByTask(
+        tasks=count,
+        effective_tasks=number(effective) or 0.0,
+        changed_tasks=changed,
+        lower=lower_end,
+        upper=upper_end,
     )
 
 
@@ -237,7 +229,9 @@ def _codes(labels: ArrayLike, n: int, name: str) -> tuple[NDArray[np.int64], int
     """Labels as numbers in the labels' own order, so that the order of cases does not matter."""
     array = np.asarray(labels)
     if array.shape != (n,):
-        raise ReportError(f"{name} have shape {array.shape} for {n} values; give one label a case.")
+        raise ReportError(
+            f"{name} have shape {array.shape} for {counted(n, 'value')}; give one label a case."
+        )
     distinct, codes = np.unique(array, return_inverse=True)
     return codes.astype(np.int64), len(distinct)
 

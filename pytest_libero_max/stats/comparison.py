@@ -23,7 +23,7 @@ from pytest_libero_max.stats.blocks import (
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import task_interval
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, mean_change
-from pytest_libero_max.stats.measured import ends, interval_by_task, interval_of, number
+from pytest_libero_max.stats.measured import ends, interval_of, number
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.significance import holm, log_fair_coins, mcnemar
@@ -67,13 +67,12 @@ def contrasts(
     if len(set(lengths.values())) > 1:
         raise ReportError(f"Outcomes have the lengths {lengths}, but contrasts need common cases.")
     chosen = list(combinations(columns, 2)) if pairs is None else list(pairs)
-    tests = [
-        mcnemar(_only(columns[first], columns[second]), _only(columns[second], columns[first]))
+    cases = next(iter(lengths.values()), 0)
+    counts = [
+        (_only(columns[first], columns[second]), _only(columns[second], columns[first]), cases)
         for first, second in chosen
     ]
-    adjusted = holm([test.log10_p for test in tests])
-    cases = next(iter(lengths.values()), 0)
-    counts = [(test.losses, test.gains, cases) for test in tests]
+    tests = [mcnemar(losses, gains) for losses, gains, _ in counts]
     intervals = paired_differences(counts)
     together = intervals if len(tests) < 2 else paired_differences(counts, _family_confidence(len(tests)))
     return tuple(
@@ -81,17 +80,17 @@ def contrasts(
             first=first,
             second=second,
             cases=cases,
-            first_only=test.losses,
-            second_only=test.gains,
+            first_only=losses,
+            second_only=gains,
             difference=_success_difference(
                 columns[second].astype(np.int64) - columns[first], interval, simultaneous, strata, tasks
             ),
-            p_value=number(test.p_value),
-            log10_p_value=number(test.log10_p),
+            p_value=number(10**test),
+            log10_p_value=number(test),
             log10_p_value_holm=number(corrected),
         )
-        for (first, second), test, interval, simultaneous, corrected in zip(
-            chosen, tests, intervals, together, adjusted, strict=True
+        for (first, second), (losses, gains, _), test, interval, simultaneous, corrected in zip(
+            chosen, counts, tests, intervals, together, holm(tests), strict=True
         )
     )
 
@@ -120,7 +119,7 @@ def _by_task(
     """Return the interval that takes the cases of a task as one draw; None without tasks."""
     if tasks is None:
         return None
-    return interval_by_task(task_interval(change, tasks, interval, bounds=(-most, most)))
+    return task_interval(change, tasks, interval, bounds=(-most, most))
 
 
 def group_contrasts(
@@ -142,7 +141,7 @@ def group_contrasts(
         for mask in groups.values()
         for first, second in names
     ]
-    tests = [mcnemar(losses, gains).log10_p if cases else None for losses, gains, cases in counts]
+    tests = [mcnemar(losses, gains) if cases else None for losses, gains, cases in counts]
     intervals = paired_differences(counts, _family_confidence(len(counts)))
     differences = [(gains - losses) / cases if cases else None for losses, gains, cases in counts]
     return _by_group(groups, names, differences, intervals, tests)

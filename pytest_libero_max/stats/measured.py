@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from msgspec import structs
 
 from pytest_libero_max.stats import blocks
-from pytest_libero_max.stats.blocks import Block, Bootstrap, IntervalByTask, MeanDifference, Outcomes, Rate
-from pytest_libero_max.stats.clusters import ClusterInterval, TaskInterval
+from pytest_libero_max.stats.blocks import Block, Bootstrap, McNemar, MeanDifference, Outcomes, Rate
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
+from pytest_libero_max.stats.significance import mcnemar
 
 B = TypeVar("B", bound=Block)
+
+
+class _Ends(Protocol):
+    @property
+    def lower(self) -> float: ...
+
+    @property
+    def upper(self) -> float: ...
 
 
 _OF_INTERVALS = ("lower", "upper", "p_value", "log10_p_value", "log10_p_value_holm")
@@ -67,27 +75,27 @@ def table_change_of(table: Outcomes, *, with_interval: bool = True) -> MeanDiffe
     return mean_difference_of(table.change, exact if with_interval else None)
 
 
-def ends(interval: Interval | MeanChange | ClusterInterval | None) -> tuple[float | None, float | None]:
+def mcnemar_of(table: Outcomes) -> McNemar:
+    """Return the test of regressions against gains; without a p-value where there is no pair."""
+    losses, gains = table.regression, table.change_associated_success
+    log10_p = mcnemar(losses, gains) if table.total else None
+    return McNemar(
+        regressions=losses,
+        gains=gains,
+        p_value=None if log10_p is None else number(10**log10_p),
+        log10_p_value=number(log10_p),
+    )
+
+
+def ends(interval: _Ends | None) -> tuple[float | None, float | None]:
     """Return both ends of an interval; None where there is none."""
     return (None, None) if interval is None else (number(interval.lower), number(interval.upper))
 
 
-def interval_of(interval: Interval | MeanChange | ClusterInterval | None) -> blocks.Interval:
+def interval_of(interval: _Ends | None) -> blocks.Interval:
     """Return an interval; None at both ends where there is none."""
     lower, upper = ends(interval)
     return blocks.Interval(lower=lower, upper=upper)
-
-
-def interval_by_task(interval: TaskInterval) -> IntervalByTask:
-    """Return an interval for statements about other tasks."""
-    lower, upper = ends(interval.interval)
-    return IntervalByTask(
-        tasks=interval.tasks,
-        effective_tasks=number(interval.effective) or 0.0,
-        changed_tasks=interval.changed,
-        lower=lower,
-        upper=upper,
-    )
 
 
 def bootstrap_of(change: MeanChange | None) -> Bootstrap:

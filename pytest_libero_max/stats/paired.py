@@ -14,7 +14,6 @@ from pytest_libero_max.stats.blocks import (
     Bootstraps,
     Change,
     GivenResponse,
-    McNemar,
     Outcomes,
     RatesByTask,
     Result,
@@ -25,7 +24,7 @@ from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
 from pytest_libero_max.stats.measured import (
     bootstrap_of,
-    interval_by_task,
+    mcnemar_of,
     mean_difference_of,
     number,
     rate_of,
@@ -34,7 +33,6 @@ from pytest_libero_max.stats.measured import (
 from pytest_libero_max.stats.outcome_table import BoolArray, at_floor, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.significance import mcnemar
 
 _SHARE = (0.0, 1.0)
 
@@ -138,7 +136,6 @@ def measure_groups(groups: Sequence[Pairs], planned: Sequence[int] | None = None
 def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None, planned: int) -> Result:
     triggered = Ratio(int(pairs.triggered.sum()), len(pairs))
     responded = Ratio(int(pairs.responded.sum()), len(pairs))
-    test = mcnemar(outcomes.regression, outcomes.change_associated_success)
     given = tabulate(pairs.base[pairs.responded], pairs.dynamic[pairs.responded])
     return Result(
         planned=planned,
@@ -156,12 +153,7 @@ def _result(pairs: Pairs, outcomes: Outcomes, change: Interval | None, planned: 
         outcomes=outcomes,
         conditional_regression=rate_of(outcomes.conditional_regression),
         retained=ratio_of(outcomes.retained),
-        mcnemar=McNemar(
-            regressions=test.losses,
-            gains=test.gains,
-            p_value=number(test.p_value if outcomes.total else None),
-            log10_p_value=number(test.log10_p if outcomes.total else None),
-        ),
+        mcnemar=mcnemar_of(outcomes),
         trigger_coverage=rate_of(triggered),
         response_coverage=rate_of(responded),
         stale_actions=expose(pairs.stale[pairs.responded], unanswered=triggered.count - responded.count),
@@ -181,9 +173,7 @@ def _change(pairs: Pairs, outcomes: Outcomes, interval: Interval | None) -> Chan
     change = mean_difference_of(outcomes.change, interval)
     return Change(
         **asdict(change),
-        by_task=TaskInterval(
-            **asdict(interval_by_task(task_interval(differences, pairs.task, interval))), value=change.value
-        ),
+        by_task=TaskInterval(**asdict(task_interval(differences, pairs.task, interval)), value=change.value),
         bootstrap=Bootstraps(
             **asdict(bootstrap_of(mean_change(differences))),
             by_source=bootstrap_of(mean_change(differences, pairs.source)),
@@ -193,4 +183,4 @@ def _change(pairs: Pairs, outcomes: Outcomes, interval: Interval | None) -> Chan
 
 def _rate_by_task(pairs: Pairs, hits: BoolArray, rate: Ratio, of: BoolArray | None = None) -> TaskInterval:
     interval = task_interval(hits, pairs.task, clopper_pearson(rate), of=of, bounds=_SHARE)
-    return TaskInterval(**asdict(interval_by_task(interval)), value=number(rate.value))
+    return TaskInterval(**asdict(interval), value=number(rate.value))

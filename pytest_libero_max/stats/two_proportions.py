@@ -98,7 +98,7 @@ def pairs_to_show(losses: int, gains: int, pairs: int, alpha: float = ALPHA) -> 
     high, low = max(losses, gains) / pairs, min(losses, gains) / pairs
 
     def shown(n: int) -> bool:
-        return 10 ** mcnemar(math.floor(high * n + 1e-9), math.ceil(low * n - 1e-9)).log10_p < alpha
+        return 10 ** mcnemar(math.floor(high * n + 1e-9), math.ceil(low * n - 1e-9)) < alpha
 
     return fewest(shown)
 

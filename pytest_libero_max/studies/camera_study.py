@@ -6,76 +6,40 @@ the change happens at the case's trigger, after the executed prefix of Base.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ProtocolError
-from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Entry, change_of, trigger_of
-from pytest_libero_max.events.triggers import AtStart, Proximity, distance_m, trigger_from_dict
-from pytest_libero_max.studies.event_timing import RESET
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.events.triggers import Proximity, distance_m, trigger_from_dict
 from pytest_libero_max.studies.study import Study
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.record import ArmRecord
     from pytest_libero_max.pairing.rollout import RolloutResult
     from pytest_libero_max.pairing.runner import Pair
-    from pytest_libero_max.policies.contract import PolicySpec
 
-STRENGTHS = (0.25, 0.5, 1.0)
-"""Strengths of the strength study. The last is the event itself."""
-
-_CAMERA = "camera:"
+RESET = "reset"
 
 
-def at_strength(arm: str, strength: float) -> str:
-    """Name of an arm at a strength: ``reset`` and ``dynamic`` at 1, at less ``reset_25``, ``dynamic_50``."""
-    return arm if strength == 1.0 else f"{arm}_{100 * strength:.0f}"
+class CameraStudy(Study):
+    """Base, Reset and Mid-task, at one strength or several (``reset_25``, ``dynamic_25``: a quarter)."""
 
-
-class CameraTiming(Study):
-    """Base, Reset and Mid-task."""
-
-    name = "camera-timing"
-    title = "Camera timing"
-    track = "camera"
-    about = "changes a camera"
-    strengths: ClassVar[tuple[float, ...]] = (1.0,)
-
-    def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
-        """Reset at every strength of the study, and Mid-task at those below 1, which is Dynamic."""
-        arms = []
-        for share in self.strengths:
-            change = change_of(case, share * strength)
-            arms.append(Arm(at_strength(RESET, share), (Entry(AtStart(), change),)))
-            if share != 1.0:
-                arms.append(Arm(at_strength(DYNAMIC, share), (Entry(trigger_of(case), change),)))
-        return tuple(arms)
-
-    def objection(self, case: Case) -> str | None:
-        factors = change_of(case).factors
-        only_cameras = bool(factors) and all(factor.startswith(_CAMERA) for factor in factors)
-        return None if only_cameras else "change something else"
+    @property
+    def strengths(self) -> dict[float, tuple[str, str]]:
+        """Names of the arms of Reset and of Mid-task by strength, in the order of the program."""
+        return {
+            arm["schedule"][0].get("strength", 1.0): (arm["name"], DYNAMIC + arm["name"].removeprefix(RESET))
+            for arm in self.spelled
+            if arm["name"].startswith(RESET)
+        }
 
     def check(self, pair: Pair) -> None:
         """Check the logged triggers against the trajectories, and the cameras of the arms with each other."""
         for name in pair.record.arms:
             if name.startswith(DYNAMIC):
                 _require_crossing(pair, name)
-        for share in self.strengths:
-            _require_same_camera(
-                pair.record.item_id,
-                pair.record.arms[at_strength(RESET, share)],
-                pair.record.arms[at_strength(DYNAMIC, share)],
-            )
-
-
-class CameraStrength(CameraTiming):
-    """Reset and Mid-task at a quarter, at half and at the whole of the change, with one Base."""
-
-    name = "camera-strength"
-    title = "Camera strength"
-    scales = True
-    strengths = STRENGTHS
+        for arms in self.strengths.values():
+            _require_same_camera(pair.record.item_id, *(pair.record.arms[name] for name in arms))
 
 
 def first_crossing(rollout: RolloutResult, within_m: float) -> int | None:
@@ -109,9 +73,10 @@ def _require_same_camera(item_id: str, reset: ArmRecord, middle: ArmRecord) -> N
     """Check that the camera is bit for bit the same after both changes, where both happened."""
     if not reset.firings or not middle.firings:
         return
-    one, other = (arm.firings[0].evidence["after"] for arm in (reset, middle))
-    if one != other:
+    at_start, in_the_middle = (arm.firings[0].evidence["after"] for arm in (reset, middle))
+    if at_start != in_the_middle:
         raise ProtocolError(
-            f"{item_id}: the camera is {one} after the change at the start, but {other} after the change in "
-            "the middle. A policy or the scene moved it in between, so the arms cannot be compared."
+            f"{item_id}: the camera is {at_start} after the change at the start, but {in_the_middle} after "
+            "the change in the middle. A policy or the scene moved it in between, so the arms cannot be "
+            "compared."
         )

@@ -28,9 +28,9 @@ def require_playable(cases: Iterable[Case], strength: float, study: Study | None
         except ChangeError:
             arms_of(case)  # raises where it is the change itself that is malformed
             whole[case.event.name] += 1
-        objection = None
-        if study is not None:
-            objection = study.objection(case) if case.program is None else "are of cases with a program"
+        if study is None:
+            continue
+        objection = study.objection(case) if case.program is None else "they have programs of their own."
         if objection is not None:
             objections.setdefault(objection, Counter())[case.event.name] += 1
     if whole:
@@ -41,9 +41,8 @@ def require_playable(cases: Iterable[Case], strength: float, study: Study | None
     for objection, events in objections.items():
         assert study is not None
         raise OptionError(
-            f"--libero-max-study={study.name} is for cases whose event {study.about}, but these "
-            f"{objection}: {_listed(events)}. Play the track {study.track}, or leave them out with "
-            f"-m {_without(events)!r}."
+            f"The study {study.name} does not fit cases of {_listed(events)}: {objection} Play the track "
+            f"{study.track}, or leave them out with -m {_without(events)!r}."
         )
 
 

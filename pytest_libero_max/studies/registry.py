@@ -1,65 +1,126 @@
-"""The studies by name, and from the header of a run."""
+"""The studies by name, from a file, and from the header of a run."""
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import re
+from collections.abc import Callable
 from functools import partial
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, Literal
 
-from pytest_libero_max.errors import OptionError, ReportError
+from msgspec import Struct
+
+from pytest_libero_max.benchmark.programs import BASE, DYNAMIC, parse_program, read_document
+from pytest_libero_max.benchmark.structs import Object, Text, checked
+from pytest_libero_max.errors import ManifestError, OptionError, ReportError
 from pytest_libero_max.registry import Registry
+from pytest_libero_max.studies.camera_study import CameraStudy
+from pytest_libero_max.studies.study import Study
+from pytest_libero_max.studies.sweeps import CadenceSweep, LatencySweep, Sweep
 
-if TYPE_CHECKING:
-    from pytest_libero_max.studies.study import Study
+FOLDER = Path(__file__).parent
+"""Folder of the studies of this package that are data, a file each."""
 
-_OWN = MappingProxyType(
-    {
-        "camera-timing": "camera_study:CameraTiming",
-        "camera-strength": "camera_study:CameraStrength",
-        "event-timing": "event_timing:EventTiming",
-        "cadence": "cadence_sweep:CadenceSweep",
-        "latency": "latency_sweep:LatencySweep",
-    }
-)
+FILES = (".json", ".toml")
+"""Ends of the names of files that hold a study."""
 
 _NAME = re.compile(r"[a-z][a-z0-9-]*")
 
 
-def _load(name: str) -> type[Study]:
-    module, _, found = _OWN[name].partition(":")
-    return _accept(name, getattr(importlib.import_module(f"pytest_libero_max.studies.{module}"), found))
+class _Document(Struct, frozen=True):
+    """What a study is beside its program."""
+
+    name: Text
+    title: Text
+    arms: tuple[Object, ...]
+    track: Text = "smoke"
+    section: Literal["arms", "camera"] = "arms"
 
 
-def _accept(name: str, found: object) -> type[Study]:
-    """Return the study that was registered under a name.
+def spelled_study(document: Any) -> Study:
+    """Return the study that a document spells: the keys of a program, ``title``, ``track`` and ``section``.
+
+    Raises:
+        ManifestError: It breaks the format.
+    """
+    head: _Document = checked(document, _Document, "study", ManifestError)
+    for arm in head.arms:
+        if arm.get("name") in (BASE, DYNAMIC):
+            raise ManifestError(
+                f"study.arms spells {arm['name']!r}, but a study plays its arms beside Base and Dynamic of "
+                "the case. Leave it out, or lay the arms over the cases with --libero-max-program."
+            )
+    study = CameraStudy() if head.section == "camera" else Study()
+    study.name, study.title, study.track = head.name.replace("_", "-"), head.title, head.track
+    spelled = {key: value for key, value in document.items() if key not in ("title", "track", "section")}
+    study.program, study.document = parse_program(spelled, "study"), document
+    return study
+
+
+def find_study(text: str, folder: Path = Path()) -> Study:
+    """Return the study that a user names, with its settings behind a colon, or one from a file.
+
+    Args:
+        text: The name, or the path of a JSON or TOML file.
+        folder: Folder that a path begins in.
+
+    Raises:
+        OptionError: There is no such study or file, or what it says breaks a rule.
+    """
+    if text.endswith(FILES):
+        path = folder / Path(text).expanduser()
+        study = read_document(path, "study", spelled_study)
+        study.source = str(path)
+        return study
+    name, _, settings = text.partition(":")
+    return STUDIES[name](settings or None)
+
+
+def _from_file(name: str, settings: str | None) -> Study:
+    """Return a study of this package that is data."""
+    if settings is not None:
+        raise OptionError.seen("settings", settings, f", but the study {name} has none.")
+    study = read_document(FOLDER / f"{name}.json", "study", spelled_study)
+    study.document = None  # its name says it
+    return study
+
+
+def _own() -> dict[str, Callable[[], Callable[[str | None], Study]]]:
+    files = (path.stem for path in sorted(FOLDER.glob("*.json")))
+    sweeps: tuple[type[Sweep], ...] = (CadenceSweep, LatencySweep)
+    return {name: partial(partial, _from_file, name) for name in files} | {
+        kind.name: partial(_class, kind) for kind in sweeps
+    }
+
+
+def _class(kind: type[Sweep]) -> type[Sweep]:
+    return kind
+
+
+def _accept(name: str, kind: object) -> Callable[[str | None], Study]:
+    """Return what makes a study with settings, of the class that was registered under a name.
 
     Raises:
         ValueError: It is none, or one of its attributes breaks a rule.
     """
-    from pytest_libero_max.studies.study import Study
-
-    if not (isinstance(found, type) and issubclass(found, Study)) or inspect.isabstract(found):
-        raise ValueError(f"{found!r} is not a subclass of pytest_libero_max.Study with arms()")
+    if isinstance(kind, partial) and kind.func is _from_file:
+        return kind
+    if not (isinstance(kind, type) and issubclass(kind, Study)):
+        raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.Study")
     if not _NAME.fullmatch(name):
         raise ValueError(f"name={name!r}, but must be a word of lower-case letters, digits and hyphens")
-    for attribute in ("title", "track"):
-        if not isinstance(getattr(found, attribute, None), str):
-            raise ValueError(f"{found.__name__} lacks {attribute}")
-    return found
+    for attribute in ("name", "title", "track"):
+        if not isinstance(getattr(kind, attribute, None), str):
+            raise ValueError(f"{kind.__name__} lacks {attribute}")
+    if kind.name != name:
+        raise ValueError(f"name={kind.name!r}, but it is registered as {name!r}; both must be the same")
+    return kind.of
 
 
-STUDIES: Registry[type[Study]] = Registry(
-    "study",
-    "pytest_libero_max.studies",
-    lambda: {name: partial(_load, name) for name in _OWN},
-    _accept,
-    OptionError,
-    attribute="name",
+STUDIES: Registry[Callable[[str | None], Study]] = Registry(
+    "study", "pytest_libero_max.studies", _own, _accept, OptionError
 )
-"""Every study by its name: this package's, then those that installed packages add."""
+"""What makes each study from its settings: this package's, then those that installed packages add."""
 
 
 def study_from_dict(values: Any) -> Study:
@@ -69,10 +130,11 @@ def study_from_dict(values: Any) -> Study:
         ReportError: It has another form, or is of a study that this version does not know.
     """
     try:
-        study = STUDIES[values["name"]].of(values.get("settings"))
+        spelled = values.get("document")
+        study = STUDIES[values["name"]](values.get("settings")) if spelled is None else spelled_study(spelled)
         if study.to_dict() != values:
             raise ValueError("it has other fields")
-    except (AttributeError, KeyError, TypeError, ValueError, OptionError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, ManifestError, OptionError) as error:
         raise ReportError.seen(
             "study",
             values,

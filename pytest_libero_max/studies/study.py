@@ -1,39 +1,44 @@
-"""The contract of a study: arms beside those of the pair, its cases, and conditions on each."""
+"""A study: a program that is played beside Base and Dynamic, with a title and a part of the report."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, Self
+from dataclasses import replace
+from typing import TYPE_CHECKING, Self
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.events.schedules import Arm
+from pytest_libero_max.events.schedules import Arm, Cadence, arms_of
+from pytest_libero_max.policies.cadence import at_cadence
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.runner import Pair
     from pytest_libero_max.policies.contract import PolicySpec
 
 
-class Study(ABC):
+class Study:
     """A fixed set of arms over a set of cases.
 
     Every case of a study is played in Base and Dynamic as in any run, and in the arms of the study; all of
-    them are one test item and one record.
+    them are one test item and one record. A subclass has a ``program``, or says its arms in :meth:`arms`
+    where they follow from more than data.
     """
 
-    name: ClassVar[str]
-    title: ClassVar[str]
+    name: str
+    title: str
     """Heading of its part of the report."""
-    track: ClassVar[str]
+    track: str
     """The track that is played unless another one is asked for."""
-    about: ClassVar[str] = "is of any kind"
-    """Effect of the event of its cases, in words that follow "whose event"."""
-    scales: ClassVar[bool] = False
-    """True if the study itself sets strengths, so that a run cannot set one as well."""
-    has_section: ClassVar[bool] = False
-    """True if a report section compares its arms, so that nothing else of the report does."""
-    example: ClassVar[str] = ""
+    program: Program | None = None
+    """Its arms beside Base and Dynamic."""
+    has_section: bool = False
+    """True if a section of the report compares its arms by other rules than by event."""
+    document: Json | None = None
+    """What spells it, where its name does not say it."""
+    source: str | None = None
+    """Path of the file that it was read from."""
+    example: str = ""
     """Settings, as they are given behind its name: ``--libero-max-study=NAME:SETTINGS``."""
 
     @classmethod
@@ -47,9 +52,8 @@ class Study(ABC):
             raise OptionError.seen("settings", settings, f", but the study {cls.name} has none.")
         return cls()
 
-    @abstractmethod
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
-        """Return the arms beside Base and Dynamic.
+        """Return the arms beside Base and Dynamic; not those at the policy's own cadence, which are these.
 
         Args:
             case: The case.
@@ -59,19 +63,38 @@ class Study(ABC):
         Raises:
             ChangeError: The event's change cannot be scaled.
         """
+        _, _, *arms = arms_of(replace(case, program=self.program), strength=strength)
+        return tuple(
+            arm
+            for arm in arms
+            if arm.policy is not None or arm.cadence is None or at_cadence(spec, arm.cadence) != spec
+        )
+
+    @property
+    def scales(self) -> bool:
+        """True if the study itself sets strengths, so that a run cannot set one as well."""
+        return any("strength" in entry for arm in self.spelled for entry in arm.get("schedule", ()))
+
+    @property
+    def spelled(self) -> tuple[Json, ...]:
+        """Its arms as data; none where they follow from more."""
+        return () if self.program is None else self.program.arms
 
     def objection(self, case: Case) -> str | None:
-        """Return why a case cannot be part of the study, as words after "these events"; None if it can."""
-        return None
+        """Return why a case cannot be part of the study; None if it can."""
+        return None if self.program is None or case.fits(self.program) else self.program.because
 
-    def check_policy(self, spec: PolicySpec) -> None:  # noqa: B027  # most studies take every policy
+    def check_policy(self, spec: PolicySpec) -> None:
         """Check that the policy can be played in the study's arms, before the first of them.
 
         Raises:
-            AdapterError: It cannot.
+            AdapterError: The Q of an arm is larger than the policy's own H.
         """
+        for arm in self.spelled:
+            if "cadence" in arm and "policy" not in arm:
+                at_cadence(spec, Cadence(**arm["cadence"]))
 
-    def check(self, pair: Pair) -> None:  # noqa: B027  # most studies have nothing of their own to check
+    def check(self, pair: Pair) -> None:
         """Check the conditions of the study on a case whose arms have been played.
 
         Raises:
@@ -80,4 +103,4 @@ class Study(ABC):
 
     def to_dict(self) -> Json:
         """Return the study as the header of a run holds it."""
-        return {"name": self.name}
+        return {"name": self.name} | ({} if self.document is None else {"document": self.document})

@@ -15,7 +15,7 @@ from pytest_libero_max.cli import main, view
 from pytest_libero_max.cli.report import rewrite
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.films.recorded import chosen, open_recorded
-from pytest_libero_max.report.writers import broken
+from pytest_libero_max.report import broken
 from pytest_libero_max.runs.media import FILM_SELECTIONS, films_in, is_selected, show_command
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.contract import SubstrateOptions

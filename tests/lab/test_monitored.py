@@ -13,9 +13,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.films.recorded import open_recorded
 from pytest_libero_max.lab.monitored import scored
-from pytest_libero_max.lab.probes.action_spread import ActionSpread
-from pytest_libero_max.lab.probes.chunk_change import ChunkChange
-from pytest_libero_max.lab.probes.image_change import ImageChange
+from pytest_libero_max.lab.probes.monitors import ActionSpread, ChunkChange, ImageChange
 from pytest_libero_max.pairing.probes.monitor import Monitor
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.policies.contract import Query

@@ -10,12 +10,12 @@ from msgspec import structs
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report import base_failures
-from pytest_libero_max.report.base_failures import ADVICE, base_lines, next_step
+from pytest_libero_max.report.base_failures import ADVICE, next_step
+from pytest_libero_max.report.broken import broken_line, broken_lines, parts_of
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.cause_rules import RULES
-from pytest_libero_max.report.page.broken_cards import broken_sections
+from pytest_libero_max.report.page.broken_cards import broken_cards
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import PROVENANCE, plan, record_of
 from tests.report.test_diagnosis_rules import stages
@@ -74,15 +74,15 @@ def test_nothing_is_said_where_base_solves_half_or_no_record_knows() -> None:
     assert not _report(4, reach_m=0.01).base_failures
     old = build_report([record_of(PAIRS[0], base=False, dynamic=False)], [], PAIRS[:1], PROVENANCE)
     assert old.base_failures
-    assert base_lines(old, {}) == []
+    assert parts_of(old) == []
 
 
 def test_markdown_and_page_show_it_as_well() -> None:
     report = _report(0, reach_m=0.01)
     assert f"## {base_failures.title_of(report)}" in markdown(report, {})
-    first = broken_sections(report, {report.base_failures[0].item_ids[0]: ["films/x.webp"]}, {})[0]
-    assert first.title == base_failures.title_of(report)
-    assert first.note == next_step(report)
+    first = broken_cards(report, {report.base_failures[0].item_ids[0]: ["films/x.webp"]}, {})[0]
+    assert first.part.title == base_failures.title_of(report)
+    assert first.part.note == next_step(report)
     assert first.cards[0].film == "films/x.webp"
 
 

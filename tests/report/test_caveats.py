@@ -116,7 +116,7 @@ def test_every_form_of_the_report_says_so() -> None:
     ]
     report = build_report(records, [], pairs, PROVENANCE)
     assert [caveat["name"] for caveat in plain(report)["caveats"]] == ["contaminated_prompt"]
-    assert "- 1 of 2 pairs: The prompt names the variation" in markdown(report)
+    assert "\n\n1 of 2 pairs: The prompt names the variation" in markdown(report)
     assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
     many = replace(

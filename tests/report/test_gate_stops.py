@@ -18,11 +18,9 @@ from pytest_libero_max.report.gate_bounds import (
     Ending,
     all_endings,
     outlook,
-    values_at,
-    verdict_at,
 )
 from pytest_libero_max.report.gate_results import decide_on
-from pytest_libero_max.report.gates import Gate, evaluate_gate, parse_gate, parse_gates
+from pytest_libero_max.report.gates import Gate, evaluate_gate, parse_gate, parse_gates, value_in, verdict_in
 from pytest_libero_max.report.quantities import QUANTITIES
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, Declared, parse_rule
@@ -90,11 +88,10 @@ def test_an_ending_has_the_verdicts_of_its_report(seed: int) -> None:
     records = [played(pair, kind) for pair, kind in zip(planned, kinds, strict=True)]
     report = build_report(records, [], planned, PROVENANCE)
     for gate in parse_gates(GATES):
-        (value,) = values_at(gate, [ending_of(kinds)])
         expected = evaluate_gate(gate, report)
-        assert verdict_at(gate, ending_of(kinds), value) == expected.verdict, gate.text
+        assert verdict_in(gate, ending_of(kinds)) == expected.verdict, gate.text
         if expected.value is not None:
-            assert value == expected.value
+            assert value_in(gate, ending_of(kinds)) == expected.value
 
 
 def test_every_bounded_quantity_is_tried() -> None:
@@ -111,9 +108,7 @@ def test_one_verdict_at_the_extremes_is_that_of_every_ending(text: str) -> None:
     for left, _ in product((1, 2, 3), range(12)):
         seen = ending_of(rng.choices(KINDS[: rng.choice((1, 4, 8, len(KINDS)))], k=8 - left))
         ends = [seen + ending_of(more) for more in combinations_with_replacement(KINDS, left)]
-        verdicts = {
-            verdict_at(gate, end, value) for end, value in zip(ends, values_at(gate, ends), strict=True)
-        }
+        verdicts = {verdict_in(gate, end) for end in ends}
         outlined = outlook(gate, all_endings(seen, 8))
         if outlined.verdict is not None:
             assert verdicts == {outlined.verdict}

@@ -18,11 +18,11 @@ from pytest_libero_max.report.gate_reach import (
     extremes,
     require_reachable,
     require_reachable_vs,
-    value_of,
 )
 from pytest_libero_max.report.gates import (
     OPERATORS,
     Gate,
+    decided_value,
     evaluate_gate,
     parse_gate,
     parse_gates,
@@ -30,7 +30,7 @@ from pytest_libero_max.report.gates import (
 )
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.blocks import Interval, SuccessContrast, SuccessDifference
-from pytest_libero_max.stats.paired import Pairs
+from pytest_libero_max.stats.paired import Pairs, measure
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, selected
 
 PAIRS = plan()
@@ -504,7 +504,9 @@ def test_no_outcome_lies_beyond_the_extreme_ones(name: str, end: str | None) -> 
     random = np.random.default_rng(7)
     for pairs in (1, 3, 8, 32):
         planned = plan()[:pairs]
-        found = [value for one in extremes(planned) if (value := value_of(gate, one)) is not None]
+        found = [
+            value for one in extremes(planned) if (value := decided_value(gate, measure(one))) is not None
+        ]
         for _ in range(12):
             often = random.random(4) ** random.choice([0.2, 1, 3])
             base, triggered, answered, completes = (often > random.random((4, pairs)).T).T
@@ -517,5 +519,5 @@ def test_no_outcome_lies_beyond_the_extreme_ones(name: str, end: str | None) -> 
                 source=[pair.source for pair in planned],
                 task=[pair.task for pair in planned],
             )
-            value = value_of(gate, outcome)
+            value = decided_value(gate, measure(outcome))
             assert value is None or min(found) - 1e-12 <= value <= max(found) + 1e-12

@@ -18,12 +18,10 @@ from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
-from pytest_libero_max.report.comparison.compare_files import comparison_markdown
-from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
 from pytest_libero_max.report.run_tables import latex_text
-from pytest_libero_max.report.writers.figures import FIGURES
 from pytest_libero_max.report.writers.markdown import markdown
-from pytest_libero_max.report.writers.report_files import run_page
+from pytest_libero_max.report.writers.report_files import all_figures, run_page
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import PairStore, StoredRun
@@ -120,8 +118,8 @@ def test_markdown_holds_no_markup_of_names(text: str) -> None:
 
 
 def test_figures_and_latex_show_names_as_text() -> None:
-    for draw in FIGURES.values():
-        ElementTree.fromstring(draw(REPORT))
+    for svg in all_figures(REPORT).values():
+        ElementTree.fromstring(svg)
     table = latex_text(REPORT)
     assert r"\input" not in table
     assert [line for line in table.splitlines() if not line.isprintable()] == []

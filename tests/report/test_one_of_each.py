@@ -10,8 +10,7 @@ import pytest
 
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
-from pytest_libero_max.report.comparison.compare_files import comparison_markdown
-from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
 from pytest_libero_max.report.comparison.comparison_sections import comparison_lines, short_lines
 from pytest_libero_max.report.comparison.trend import trend_html
 from pytest_libero_max.report.page.index_page import index_html

@@ -11,7 +11,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
-from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.comparison.compare_files import comparison_html
 from pytest_libero_max.report.comparison.comparison_sections import comparison_lines
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates

@@ -4,10 +4,17 @@ import pytest
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.sections import with_sections
-from tests.report.made_up import PROVENANCE, plain, plan
+from pytest_libero_max.report.measures import Rows
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import SECTIONS, with_sections
+from pytest_libero_max.report.timing import TITLE, Timing
+from pytest_libero_max.report.writers.markdown import markdown
+from tests.report.made_up import PROVENANCE, plain, plan, records_of
 
-REPORT = build_report([], [], plan(), PROVENANCE)
+PAIRS = plan()
+REPORT = build_report([], [], PAIRS, PROVENANCE)
 
 
 def test_sections_are_added() -> None:
@@ -37,3 +44,35 @@ def test_nothing_else_may_change(change: dict[str, object], message: str) -> Non
 def test_nothing_may_be_taken_out() -> None:
     with pytest.raises(ReportError, match="changed base_failures, by, category_by_event, causes, caveats"):
         with_sections(REPORT, {"sections": {}})
+
+
+class Adding(ReportSection):
+    """A section of another package."""
+
+    name = "adding"
+    title = "Mine"
+
+    def tables(self, played: PlayedPairs) -> dict[str, Rows]:
+        return {self.title.capitalize(): {"pairs": len(played.records) // len(played.tasks)}}
+
+
+def _report_with(monkeypatch: pytest.MonkeyPatch, section: ReportSection) -> Report:
+    monkeypatch.setattr(SECTIONS, "_known", lambda: {"timing": Timing, "adding": lambda: section})
+    monkeypatch.setattr(SECTIONS, "_loaded", {})
+    return build_report(records_of(PAIRS), [], PAIRS, PROVENANCE)
+
+
+def test_a_section_is_shown_by_every_writer(monkeypatch: pytest.MonkeyPatch) -> None:
+    report = _report_with(monkeypatch, Adding())
+    assert report.sections["Mine"] == {"pairs": 1}
+    assert "## Mine\n\n| Name | Value |\n| --- | --- |\n| pairs | 1 |" in markdown(report)
+    assert "<h2>Mine</h2>" in html(report, [], [])
+
+
+def test_a_section_that_fails_or_takes_the_title_of_another_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    broken, taking = Adding(), Adding()
+    monkeypatch.setattr(broken, "title", None)
+    taking.title = TITLE
+    for section, words in ((broken, "'adding' failed .AttributeError"), (taking, "which another one has")):
+        with pytest.raises(ReportError, match=words):
+            _report_with(monkeypatch, section)

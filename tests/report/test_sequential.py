@@ -129,7 +129,7 @@ def test_the_simulated_rules_are_those_of_runs() -> None:
                 "below": sequence.least > -30,
                 "above": sequence.most < -5,
                 "change": log_evidence_of_change(losses, gains) >= -math.log(LEVEL),
-                "fixed": mcnemar(losses, gains).p_value <= LEVEL,
+                "fixed": 10 ** mcnemar(losses, gains) <= LEVEL,
             }
             stops = {name: min(stops[name], place if met else math.inf) for name, met in now.items()}
         simulated = (

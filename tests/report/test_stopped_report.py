@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.studies.study_tables import study_csv
@@ -82,3 +83,19 @@ def test_a_rule_that_does_not_look_at_outcomes_makes_no_bias(rule: str, bias: st
     report = build_report(run.records, (), run.run.planned, run.run.provenance, run.stopped)
     assert report.pairs.stopped is not None
     assert report.pairs.stopped.bias == bias
+
+
+def test_a_run_that_its_rule_stopped_at_its_last_pair_keeps_its_intervals_everywhere() -> None:
+    whole = read_pairs(REPORTS / "smoke/stale_expert")
+    planned = len(whole.run.planned)
+    stop = Stopped("it is a regression", planned, "first_regression", planned - 1)
+    completed = StoredRun(whole.run, whole.records, (), torn=False, stopped=stop)
+    report = build_report(completed.records, (), completed.run.planned, completed.run.provenance, stop)
+    assert report == build_report(whole.records, (), whole.run.planned, whole.run.provenance)
+    for run in (completed, stopped_run("smoke/stale_expert")):
+        pairs = build_report(run.records, (), run.run.planned, run.run.provenance, run.stopped).pairs
+        compared = compare_runs({"one": run, "two": whole}, restrict=True)
+        assert run.stopped_by_rule == (pairs.stopped is not None)
+        assert (compared.runs[0].paired_change.lower is None) == run.stopped_by_rule
+        assert (compared.contrasts[0].p_value is None) == run.stopped_by_rule
+        assert bool(compared.runs[0].warnings) == run.stopped_by_rule

@@ -13,9 +13,9 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import rows_without_intervals
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.render.drawing import survival_curves
 from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.timing import NOTE, TITLE, Timing, success_curves
-from pytest_libero_max.report.writers.figures import survival_curves
 from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, texts_of
 
@@ -133,9 +133,10 @@ def _quiet() -> dict[str, Any]:
 def test_it_is_in_report_and_page(ends: tuple[int | None, int | None]) -> None:
     records = [took(number, *ends) for number in range(4)]
     report = build_report(records, [], PAIRS[:8], PROVENANCE)
-    assert f"## {TITLE}\n\n| Name | Value |\n" in markdown(report)
-    assert NOTE in markdown(report)
-    assert f"<h2>{TITLE}</h2><figure>{survival_curves(report)}" in html(report, [], [])
+    assert f"## {TITLE}\n\n{NOTE}\n" in markdown(report)
+    page = html(report, [], [])
+    assert f"<h2>{TITLE}</h2><p>{NOTE}</p>" in page
+    assert f"<figure>{survival_curves(report.success_curves)}" in page
     assert report.success_curves is not None
     left = [0 if end else 4 for end in ends]
     assert [report.success_curves.base[-1], report.success_curves.dynamic[-1]] == left

@@ -5,7 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.clusters import TaskInterval, cluster_bootstrap, task_interval
+from pytest_libero_max.stats.blocks import IntervalByTask
+from pytest_libero_max.stats.clusters import cluster_bootstrap, task_interval
 from pytest_libero_max.stats.intervals import clopper_pearson, mean_change
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
@@ -97,21 +98,25 @@ def test_the_interval_covers_the_mean_of_clustered_cases() -> None:
     assert 0.9 <= np.mean(hits) <= 0.985
 
 
-def _task_interval(differences: NDArray[np.int64], tasks: NDArray[np.int64]) -> TaskInterval:
+def _task_interval(differences: NDArray[np.int64], tasks: NDArray[np.int64]) -> IntervalByTask:
     losses, gains = int((differences < 0).sum()), int((differences > 0).sum())
     independent = paired_difference(losses, gains, len(differences))
     return task_interval(differences, tasks, independent)
 
 
+def _undecided(changed: int) -> IntervalByTask:
+    return IntervalByTask(tasks=40, effective_tasks=40.0, changed_tasks=changed, lower=None, upper=None)
+
+
 def test_few_tasks_or_few_changed_ones_cannot_be_decided() -> None:
     tasks = np.repeat(np.arange(40), 5)
     alike = np.zeros(200, dtype=int)
-    assert _task_interval(alike, tasks) == TaskInterval(40, 40.0, 0, None)
+    assert _task_interval(alike, tasks) == _undecided(0)
     rare = np.where(tasks < 14, -1, 0)
-    assert _task_interval(rare, tasks) == TaskInterval(40, 40.0, 14, None)
+    assert _task_interval(rare, tasks) == _undecided(14)
     few = np.repeat([-1, 0], 100)
     found = _task_interval(few, np.arange(200) % 29)
-    assert (found.tasks, found.changed, found.interval) == (29, 29, None)
+    assert (found.tasks, found.changed_tasks, found.interval) == (29, 29, None)
     assert _task_interval(few, np.arange(200) % 40).interval is not None
 
 
@@ -119,7 +124,7 @@ def test_tasks_of_unequal_size_count_for_less() -> None:
     sizes = np.concatenate([np.full(5, 100), np.full(35, 4)])
     tasks = np.repeat(np.arange(40), sizes)
     found = _task_interval(np.where(np.arange(len(tasks)) % 2, -1, 0), tasks)
-    assert found.effective == pytest.approx(sizes.sum() ** 2 / (sizes**2).sum())
+    assert found.effective_tasks == pytest.approx(sizes.sum() ** 2 / (sizes**2).sum())
     assert found.interval is None
 
 
@@ -139,7 +144,7 @@ def test_rates_and_shares_are_taken_by_task_as_well() -> None:
     assert found.interval is not None
     assert found.interval.lower < lost.sum() / base.sum() < found.interval.upper
     everywhere = task_interval(np.ones(800, dtype=bool), tasks, alone, bounds=share)
-    assert (everywhere.changed, everywhere.interval) == (0, None)
+    assert (everywhere.changed_tasks, everywhere.interval) == (0, None)
 
 
 def test_an_interval_by_task_is_never_narrower_than_the_one_of_independent_pairs() -> None:

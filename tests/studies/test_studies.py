@@ -18,11 +18,10 @@ from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.studies.study_results import executed
-from pytest_libero_max.studies.cadence_sweep import CadenceSweep
-from pytest_libero_max.studies.camera_study import CameraStrength, CameraTiming, first_crossing
-from pytest_libero_max.studies.event_timing import EventTiming
+from pytest_libero_max.studies.camera_study import first_crossing
 from pytest_libero_max.studies.playable import require_playable
-from pytest_libero_max.studies.registry import STUDIES, study_from_dict
+from pytest_libero_max.studies.registry import STUDIES, find_study, study_from_dict
+from pytest_libero_max.studies.sweeps import CadenceSweep
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
 from tests.pairing.actors import BUDGET, CHANGES, Approaching, make_case
@@ -77,7 +76,7 @@ def test_reset_has_the_change_before_the_first_query_and_leaves_the_pair_as_it_i
 ) -> None:
     case, policy = make_case(event, distance_m=0.25), Approaching(wait=2)
     plain = measure_pair(case, world, policy).record
-    arms = (*arms_of(case), *EventTiming().arms(case, policy.spec))
+    arms = (*arms_of(case), *find_study("event-timing").arms(case, policy.spec))
     studied = measure_pair(case, world, policy, arms=arms).record
     assert {name: studied.arms[name].proof for name in plain.arms} == {
         name: arm.proof for name, arm in plain.arms.items()
@@ -131,7 +130,7 @@ def test_reset_and_mid_task_end_with_the_same_camera_and_share_everything_with_t
 ) -> None:
     case = make_case(distance_m=0.25)
     plain = measure_pair(case, world, policy, how).record
-    study = CameraStrength()
+    study = find_study("camera-strength")
     pair = measure_pair(case, world, policy, how, arms=(*arms_of(case), *study.arms(case, policy.spec)))
     study.check(pair)
     arms = pair.record.arms
@@ -148,7 +147,7 @@ def test_reset_and_mid_task_end_with_the_same_camera_and_share_everything_with_t
 
 
 def test_the_model_holds_the_same_camera_at_the_end_of_both(world: TinyWorld) -> None:
-    case, study = make_case(distance_m=0.25), CameraTiming()
+    case, study = make_case(distance_m=0.25), find_study("camera-timing")
     (reset,) = study.arms(case, Approaching().spec)
     ends = []
     for arm in (reset, arms_of(case)[1]):
@@ -161,7 +160,7 @@ def test_the_model_holds_the_same_camera_at_the_end_of_both(world: TinyWorld) ->
 
 
 def test_a_study_finds_a_wrong_log_and_a_camera_that_somebody_moved(world: TinyWorld) -> None:
-    case, study, policy = make_case(distance_m=0.25), CameraTiming(), Approaching(wait=2)
+    case, study, policy = make_case(distance_m=0.25), find_study("camera-timing"), Approaching(wait=2)
     pair = measure_pair(case, world, policy, arms=all_arms(study, policy))
     study.check(pair)
     arms = dict(pair.record.arms)
@@ -176,9 +175,9 @@ def test_a_study_finds_a_wrong_log_and_a_camera_that_somebody_moved(world: TinyW
 
 
 def test_a_camera_study_refuses_other_events() -> None:
-    study = CameraTiming()
+    study = find_study("camera-timing")
     assert study.objection(make_case()) is None
-    with pytest.raises(OptionError, match=r"these change something else: target_relocation \(1 case\)"):
+    with pytest.raises(OptionError, match=r"target_relocation \(1 case\): the event"):
         require_playable([make_case(), make_case("target_relocation")], 1.0, study)
 
 
@@ -194,7 +193,7 @@ def test_what_shared_arms_save_is_counted(world: TinyWorld) -> None:
     counting = Counting()
     try:
         pair = measure_pair(
-            make_case(distance_m=0.25), counting, policy, arms=all_arms(CameraStrength(), policy)
+            make_case(distance_m=0.25), counting, policy, arms=all_arms(find_study("camera-strength"), policy)
         )
     finally:
         counting.close()
@@ -251,7 +250,7 @@ def test_a_spec_that_cannot_be_assigned_is_named(world: TinyWorld) -> None:
 def test_a_q_above_h_is_refused_before_anything_is_played() -> None:
     with pytest.raises(AdapterError, match=r"query_interval=8 > horizon=4 \(its own\)"):
         CadenceSweep.of("2,8").check_policy(Approaching(horizon=4).spec)
-    with pytest.raises(OptionError, match="Q=8 > H=4"):
+    with pytest.raises(OptionError, match="query_interval=8 and horizon=4"):
         CadenceSweep.of("4/8")
 
 
@@ -272,15 +271,17 @@ def test_settings_of_another_form_are_refused(text: str) -> None:
     )
 )
 def test_settings_are_read_as_they_are_written(cadences: list[Cadence]) -> None:
-    study = CadenceSweep(cadences)
-    assert CadenceSweep.of(study.to_dict()["settings"]).settings == tuple(cadences)
+    texts = [("" if one.horizon is None else f"{one.horizon}/") + str(one.query_interval) for one in cadences]
+    study = CadenceSweep(*texts)
+    assert [Cadence(**arm["cadence"]) for arm in study.spelled] == [one for one in cadences for _ in range(2)]
     assert study_from_dict(study.to_dict()).to_dict() == study.to_dict()
 
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
-    study = STUDIES[name].of({"cadence": "2", "latency": "2,2sync"}.get(name))
-    assert type(study_from_dict(study.to_dict())) is STUDIES[name]
+    study = STUDIES[name]({"cadence": "2", "latency": "2,2sync"}.get(name))
+    read = study_from_dict(study.to_dict())
+    assert (type(read), read.to_dict(), read.spelled) == (type(study), study.to_dict(), study.spelled)
     damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": "x"}]
     for damaged in damage:
         with pytest.raises(ReportError, match="is none that this version knows"):
@@ -289,6 +290,6 @@ def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
 
 def test_settings_belong_to_one_study() -> None:
     with pytest.raises(OptionError, match="needs its settings"):
-        STUDIES["cadence"].of(None)
+        STUDIES["cadence"](None)
     with pytest.raises(OptionError, match="the study camera-timing has none"):
-        STUDIES["camera-timing"].of("2")
+        STUDIES["camera-timing"]("2")

@@ -19,7 +19,7 @@ def add_command(commands: Commands) -> None:
         type=Path,
         nargs="+",
         metavar="FOLDER",
-        help="The output folders of runs with --libero-max-restore=native, always and gated, in any order",
+        help="The output folders of runs without a wrapper, and with --libero-max-wrap=restore:MODE",
     )
     switch(recovery, "--restrict", "Compare on common cases where the runs have different ones")
     option(recovery, "--json FILE", "Also write the numbers here", type=Path)
@@ -27,12 +27,12 @@ def add_command(commands: Commands) -> None:
 
 
 def _recovery(options: argparse.Namespace) -> None:
-    from pytest_libero_max.lab.recovery.recovery import recovery_of
-    from pytest_libero_max.lab.recovery.recovery_sections import document_of
+    from pytest_libero_max.lab.recovery import compare_recovery, document_of
     from pytest_libero_max.report.render.terminal import document_lines
     from pytest_libero_max.report.writers.report_files import report_json, write_text
+    from pytest_libero_max.runs.store import read_pairs
 
-    recovery = recovery_of(options.folders, options.restrict)
+    recovery = compare_recovery([read_pairs(folder) for folder in options.folders], options.restrict)
     if options.json:
         write_text(options.json, report_json(recovery))
     say(document_lines(document_of(recovery)))

@@ -77,9 +77,7 @@ class AuditOfInputs(ReportSection):
         )
         arms = {name: _ends(name, played.records) for name in _arms(played.records)}
         tests = [
-            mcnemar(ends.count((True, False)), ends.count((False, True))).log10_p
-            if played.with_intervals
-            else None
+            mcnemar(ends.count((True, False)), ends.count((False, True))) if played.with_intervals else None
             for ends in arms.values()
         ]
         for (name, ends), log10_p in zip(arms.items(), holm(tests), strict=True):

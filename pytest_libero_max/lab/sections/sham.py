@@ -1,10 +1,11 @@
-"""The sham event: losses by the policy's own chance besides the losses by the event."""
+"""Chance: the sham event besides the event, and Base played twice."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import percent
@@ -25,6 +26,10 @@ NOTE = (
     "Where their interval holds 0, the flips are not shown to be more than this policy's own chance makes."
 )
 
+NOISE_TITLE = "Noise floor: Base played twice"
+_NOISE = Measured("noise_floor.flips", "A second Base ends otherwise", "share", line=NOISE_TITLE)
+_ALIKE = Measured("noise_floor.identical", "A second Base is the same bit for bit", "share")
+
 _IDENTICAL = Measured("sham.identical", "The same as Base bit for bit", "share")
 _LOST = Measured("sham.lost", "Base successes lost by the sham event", "share", line="Lost to other seeds")
 _GAINED = Measured("sham.gained", "Base failures gained by the sham event", "share")
@@ -43,8 +48,33 @@ _FLOOR = Measured("sham.floor", "... by chance", "share", line="... by chance")
 _BEYOND = Measured("sham.flips.beyond", "... beyond chance", "change", line="... beyond chance")
 
 
+class NoiseFloor(ReportSection):
+    """Pairs that played Base twice (``--libero-max-noise-floor``)."""
+
+    name = "noise-floor"
+    quantities = (_NOISE, _ALIKE)
+    option = "--libero-max-noise=floor:PAIRS"
+
+    def tables(self, played: PlayedPairs) -> dict[str, Rows]:
+        """Return how often the second Base ends otherwise."""
+        repeated = [(it.base_success, it.base_repeat) for it in played.records if it.base_repeat]
+        if not repeated:
+            return {}
+        flips = _NOISE.share(repeat["success"] != base for base, repeat in repeated)
+        alike = _ALIKE.share((repeat["identical"] for _, repeat in repeated), with_interval=False)
+        return {NOISE_TITLE: flips | alike}
+
+    def warnings(self, report: Report) -> list[str]:
+        """Return a note where fewer pairs were played twice than asked for."""
+        noise = measures_of(report.sections).get(_NOISE.key)
+        asked, pairs = report.provenance["protocol"].get("noise_floor") or 0, noise.of if noise else 0
+        if (pairs or 0) >= asked:
+            return []
+        return [f"The noise floor was asked for on {asked} pairs, and measured on {pairs}."]
+
+
 class Sham(ReportSection):
-    """Pairs that played the sham event (``--libero-max-sham``)."""
+    """Pairs that played the sham event (``noise=sham:SHARE``)."""
 
     name = "sham"
     quantities = (
@@ -59,7 +89,7 @@ class Sham(ReportSection):
         _FLOOR,
         _BEYOND,
     )
-    option = "--libero-max-sham=SHARE"
+    option = "--libero-max-noise=sham:SHARE"
     notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
@@ -79,7 +109,8 @@ class Sham(ReportSection):
         rows |= _LOST.ratio(rate_of(by_sham.conditional_regression)) | _GAINED.ratio(rate_of(gained))
         rows |= _EVENT_LOST.ratio(rate_of(by_event.conditional_regression))
         rows |= _LESS_SHAM.change(sham, dynamic)
-        return {TITLE: rows | chance_rows([record for record in records if SHAM_DYNAMIC in record.arms])}
+        rows |= chance_rows([record for record in records if SHAM_DYNAMIC in record.arms])
+        return {TITLE: rows}
 
     def warnings(self, report: Report) -> list[str]:
         """Return notes on a policy that draws noise of its own, and on its floor; else on what was asked."""
@@ -94,9 +125,9 @@ class Sham(ReportSection):
         flips, beyond = measures.get(_FLIPS.key), measures.get(_BEYOND.key)
         size = (
             "No pair of this run was played twice, so the size of this chance is not known: "
-            "--libero-max-sham=1."
+            "--libero-max-noise=sham:1."
             if flips is None
-            else f"{measures[_IDENTICAL.key].of} of {report.pairs.played} pairs measure it."
+            else f"{measures[_IDENTICAL.key].of} of {counted(report.pairs.played, 'pair')} measured it."
         )
         warnings.append(
             "NOT REPEATABLE: this policy draws noise that no seed of ours sets, so that a pair may end "
@@ -138,7 +169,7 @@ def _floor_texts(flips: Measure, floor: float, beyond: Measure) -> Iterator[str]
     if not (flips.count or floor) or beyond.lower is None or beyond.lower > 0.0:
         return
     observed = (
-        f"of {flips.of} pairs that were played twice, Base and Dynamic end differently in "
+        f"of {counted(flips.of or 0, 'pair')} that were played twice, Base and Dynamic end differently in "
         f"{percent(flips.value)}, and two plays of the same arm in {percent(floor)}."
     )
     reading = "read the paired change with its interval, and no single pair."

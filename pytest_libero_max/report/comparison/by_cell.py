@@ -54,9 +54,7 @@ class Row:
     """Success in one arm."""
 
     old: Ratio
-    """Successes on the old cases."""
     new: Ratio
-    """Successes on the new cases."""
     difference: StratifiedDifference
     """Old less new, within cells."""
     adjusted_log10_p: float | None = None

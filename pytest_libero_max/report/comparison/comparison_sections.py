@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace as replaced
 from pathlib import PurePath
 from textwrap import wrap
@@ -17,13 +17,13 @@ from pytest_libero_max.report.comparison.comparison_document import (
     ApartRun,
     ComparedRun,
     Comparison,
-    EventContrasts,
+    OverRuns,
     RunDifference,
 )
 from pytest_libero_max.report.comparison.run_notes import caveat_names, caveats_by_run, warnings_by_run
 from pytest_libero_max.report.document import Document, Section, Table, table_of
 from pytest_libero_max.report.formats import Interval, LogP, Number, Tenths, counted
-from pytest_libero_max.report.quantities import TEXT, Cell, Quantity, quantities_in, quantity
+from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.render.terminal import WIDTH, section_lines, sections_lines
 from pytest_libero_max.report.writers.summary import substrate_lines
 from pytest_libero_max.runs.comparability import policies_text
@@ -32,7 +32,6 @@ from pytest_libero_max.stats import intervals
 from pytest_libero_max.stats.blocks import (
     ChangeContrast,
     GroupContrast,
-    GroupDifference,
     Result,
     SuccessContrast,
 )
@@ -54,8 +53,6 @@ _STATEMENTS = ("generalisation", "interval", "policies", "behaviour")
 _LISTED = 20
 _LISTED_AT_THE_END = 5
 _LEVEL = 0.05
-
-_SIMULTANEOUS = "Simultaneous 95%"
 
 _APART = (
     "Listed apart: policies that do not support all suites of the others. Their rows are over the cases that "
@@ -255,23 +252,42 @@ def _contrast_tables(comparison: Comparison) -> Iterator[Table]:
     yield from _profiles(comparison)
 
 
-def contrast_table(quantity: str, contrasts: Sequence[AnyContrast], note: str = "") -> Table:
+_DIFFERENCE: tuple[Quantity[AnyContrast], ...] = (
+    Quantity("difference", "Difference, pp", lambda row: row.difference.value, Tenths()),
+    Quantity("simultaneous", "Simultaneous 95%", lambda row: row.difference.simultaneous, Interval()),
+)
+_HOLM: Quantity[AnyContrast] = Quantity("holm_p", "Holm p", lambda row: row.log10_p_value_holm, LogP())
+_BY_TASK: Quantity[SuccessContrast | ChangeContrast] = Quantity(
+    "by_task", "95% by task", lambda row: row.difference.by_task, Interval()
+)
+_OVER_RUNS: tuple[Quantity[OverRuns], ...] = (
+    Quantity("median", "Median, pp", lambda row: row.median, Tenths()),
+    Quantity("quartiles", "Quartiles", lambda row: _ends(row.lower_quartile, row.upper_quartile), Interval()),
+    Quantity("range", "Range", lambda row: _ends(row.lowest, row.highest), Interval()),
+)
+_LOWEST: tuple[Quantity[ComparedRun], ...] = (
+    Quantity("lowest", "Value, pp", lambda run: run.lowest_event.value, Tenths()),
+    Quantity("by_chance", "By chance, pp", lambda run: run.lowest_event.by_chance, Tenths()),
+    Quantity("lowest_event", "Event", lambda run: run.lowest_event.event or "none stands out", TEXT),
+)
+
+
+def _ends(lower: float, upper: float) -> intervals.Interval:
+    return intervals.Interval(lower, upper)
+
+
+def contrast_table(
+    quantity: str, contrasts: Sequence[SuccessContrast | ChangeContrast], note: str = ""
+) -> Table:
     """Return the contrasts of every two runs in one quantity."""
-    interval = _SIMULTANEOUS if len(contrasts) > 1 else "95%"
-    head = ("Second against first", "Difference, pp", interval, "95% by task", "Holm p", "Verdict")
-    rows = [
-        (f"{row.second} against {row.first}", *_contrast_cells(row), _verdict(row, len(contrasts)))
-        for row in contrasts
-    ]
-    return Table(f"{quantity}, contrasts", head, rows, note)
-
-
-def _contrast_cells(contrast: AnyContrast) -> tuple[Cell, ...]:
-    difference = contrast.difference
-    cells = [Cell(difference.value, Tenths()), Cell(difference.simultaneous, Interval())]
-    if not isinstance(difference, GroupDifference):
-        cells.append(Cell(difference.by_task, Interval()))
-    return (*cells, Cell(contrast.log10_p_value_holm, LogP()))
+    family = len(contrasts)
+    verdict: Quantity[Any] = Quantity("verdict", "Verdict", lambda row: _verdict(row, family), TEXT)
+    difference, simultaneous = _DIFFERENCE
+    if family == 1:
+        simultaneous = replaced(simultaneous, title="95%")
+    columns = (difference, simultaneous, _BY_TASK, _HOLM, verdict)
+    rows = [(f"{row.second} against {row.first}", row) for row in contrasts]
+    return table_of(f"{quantity}, contrasts", "Second against first", columns, rows, note=note)
 
 
 def _verdict(contrast: AnyContrast, family: int) -> str:
@@ -282,26 +298,23 @@ def _verdict(contrast: AnyContrast, family: int) -> str:
     differing = None
     if isinstance(contrast, SuccessContrast):
         differing = contrast.first_only + contrast.second_only
-    return word_for(
-        log10_p, intervals.Interval(interval.lower, interval.upper), differing, comparisons=family
-    )
+    return word_for(log10_p, _ends(interval.lower, interval.upper), differing, comparisons=family)
 
 
 def _by_event(comparison: Comparison) -> Iterator[Table]:
     """Yield the contrasts by event: each for two runs, those with a small p counted for more."""
-    quantities: tuple[tuple[str, Callable[[EventContrasts], list[GroupContrast]]], ...] = (
-        ("Dynamic success", lambda contrasts: contrasts.dynamic_success),
-        ("Paired change", lambda contrasts: contrasts.paired_change),
-    )
     note = "Holm's correction and the simultaneous intervals are over all events and pairs of runs."
-    for title, part in quantities:
-        by_event = {event: part(contrasts) for event, contrasts in comparison.by_event.items()}
-        head: tuple[str, ...] = ("Event", f"Contrasts with Holm p < {_LEVEL:g}")
-        rows: list[tuple[Any, ...]] = [(event, _small(contrasts)) for event, contrasts in by_event.items()]
+    for title, field in (("Dynamic success", "dynamic_success"), ("Paired change", "paired_change")):
+        rows: Sequence[tuple[str, list[GroupContrast]]] = [
+            (event, getattr(contrasts, field)) for event, contrasts in comparison.by_event.items()
+        ]
+        more = {"note": note, "dimension": "event"}
         if len(comparison.runs) == 2:
-            head = ("Event", "Difference, pp", _SIMULTANEOUS, "Holm p")
-            rows = [(event, *_contrast_cells(contrast)) for event, (contrast,) in by_event.items()]
-        yield Table(f"{title} by event, contrasts", head, rows, note, "event")
+            single = [(event, contrast) for event, (contrast,) in rows]
+            yield table_of(f"{title} by event, contrasts", "Event", (*_DIFFERENCE, _HOLM), single, **more)
+        else:
+            small: Quantity[Any] = Quantity("small", f"Contrasts with Holm p < {_LEVEL:g}", _small, TEXT)
+            yield table_of(f"{title} by event, contrasts", "Event", (small,), rows, **more)
 
 
 def _small(contrasts: Iterable[GroupContrast]) -> str:
@@ -312,27 +325,9 @@ def _small(contrasts: Iterable[GroupContrast]) -> str:
 def _profiles(comparison: Comparison) -> Iterator[Table]:
     """Yield the paired changes by event over several runs, and the lowest one of each run."""
     if len(comparison.runs) > 2:
-        over_runs = [
-            (
-                event,
-                Cell(row.median, Tenths()),
-                Cell(intervals.Interval(row.lower_quartile, row.upper_quartile), Interval()),
-                Cell(intervals.Interval(row.lowest, row.highest), Interval()),
-            )
-            for event, row in comparison.events.items()
-        ]
-        head = ("Event", "Median, pp", "Quartiles", "Range")
-        yield Table("Paired change by event over the runs", head, over_runs, dimension="event")
+        title = "Paired change by event over the runs"
+        yield table_of(title, "Event", _OVER_RUNS, comparison.events.items(), dimension="event")
     if len(comparison.by_event) > 1:
-        rows = [
-            (
-                run.name,
-                Cell(run.lowest_event.value, Tenths()),
-                Cell(run.lowest_event.by_chance, Tenths()),
-                run.lowest_event.event or "none stands out",
-            )
-            for run in comparison.runs
-        ]
         profiles = comparison.event_profiles
         note = "Agreement of the event profiles: n/a, no two runs have profiles that vary."
         if profiles.mean_spearman is not None:
@@ -340,8 +335,8 @@ def _profiles(comparison: Comparison) -> Iterator[Table]:
                 f"Agreement of the event profiles (Spearman): mean {profiles.mean_spearman:.2f}, from "
                 f"{profiles.lowest:.2f} to {profiles.highest:.2f} over the pairs of runs."
             )
-        title = "Lowest paired change of an event"
-        yield Table(title, ("Run", "Value, pp", "By chance, pp", "Event"), rows, note)
+        rows = [(run.name, run) for run in comparison.runs]
+        yield table_of("Lowest paired change of an event", "Run", _LOWEST, rows, note=note)
 
 
 def _flips(comparison: Comparison, changed: int) -> Section:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePath
 
@@ -12,20 +12,14 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import substrate_of
 from pytest_libero_max.report.comparison.apart import apart_run
 from pytest_libero_max.report.comparison.compare import compare_runs, compared_and_apart, lined_up
-from pytest_libero_max.report.comparison.compare_figures import CAPTIONS, drawn
+from pytest_libero_max.report.comparison.compare_files import COMPARISON_CAPTIONS, comparison_figures
 from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_plots import PAPER_PLOTS
 from pytest_libero_max.report.comparison.comparison_sections import difference_warnings, left_out_text
-from pytest_libero_max.report.comparison.paper_figures import PAPER_FIGURES
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
-from pytest_libero_max.report.comparison.paper_tables import (
-    PaperTable,
-    paper_csv,
-    paper_latex,
-    paper_markdown,
-    paper_tables,
-    partial_tables,
-)
+from pytest_libero_max.report.comparison.paper_tables import paper_tables, partial_tables
 from pytest_libero_max.report.comparison.run_notes import notes_of
+from pytest_libero_max.report.document import Document, Section
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.published import (
     NOTE,
@@ -33,8 +27,10 @@ from pytest_libero_max.report.published import (
     published_partial,
     published_policies,
 )
-from pytest_libero_max.report.render.markdown import markdown_text
-from pytest_libero_max.report.statements import LIMITS_TITLE, STATEMENTS
+from pytest_libero_max.report.render.drawing import drawn
+from pytest_libero_max.report.render.markdown import document_markdown
+from pytest_libero_max.report.render.tables import table_files
+from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.report.writers.report_files import make_folder, write_drawings, write_text
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.stats.paired import measure_groups
@@ -68,28 +64,29 @@ def write_tables(
     rows: list[PolicyRow] = []
     figures: dict[str, str] = {}
     notes = [NOTE] if published else []
-    captions = {stem: caption for stem, (_, caption) in PAPER_FIGURES.items()}
+    captions = {stem: caption for stem, (_, caption) in PAPER_PLOTS.items()}
     title = "Published results"
     if compared:
-        own, comparison, said = _own(compared, restrict)
+        own, comparison, own_notes = _own(compared, restrict)
         rows += own
-        notes += said
+        notes += own_notes
         title = f"Tables over {counted(own[0].outcomes.total, 'case')} of {_case_set(compared)}"
         if comparison is not None:
-            figures |= drawn(comparison)
-            captions |= CAPTIONS
+            figures |= comparison_figures(comparison)
+            captions |= COMPARISON_CAPTIONS
     if published:
         rows += [published_row(policy) for policy in published_policies()]
-    figures |= {stem: svg for stem, (draw, _) in PAPER_FIGURES.items() if (svg := draw(rows)) is not None}
-    tables = [
-        *paper_tables(rows),
-        *partial_tables(
-            [apart_run(name, run) for name, run in apart.items()], published_partial() if published else None
-        ),
-    ]
-    files = {MARKDOWN_NAME: _markdown(title, notes, tables, {stem: captions[stem] for stem in figures})}
-    for table in tables:
-        files |= {f"{table.stem}.csv": paper_csv(table), f"{table.stem}.tex": paper_latex(table, notes)}
+    figures |= {stem: drawn(plot) for stem, (of, _) in PAPER_PLOTS.items() if (plot := of(rows)) is not None}
+    partial = [apart_run(name, run) for name, run in apart.items()]
+    tables = [*paper_tables(rows), *partial_tables(partial, published_partial() if published else None)]
+    document = Document(
+        title,
+        texts=notes,
+        sections=[Section(tables=[table]) for table in tables],
+        statements=[*STATEMENTS.values()],
+    )
+    files = {MARKDOWN_NAME: document_markdown(document, {stem: captions[stem] for stem in figures})}
+    files |= table_files(document)
     make_folder(folder)
     for name, content in files.items():
         write_text(folder / name, content)
@@ -159,13 +156,3 @@ def _require_published_cases(runs: Mapping[str, RunOutcomes]) -> None:
                 f"Published results cannot be in one table with {name}: {lack}. Leave --published out, or "
                 "give it without a run."
             )
-
-
-def _markdown(
-    title: str, notes: Sequence[str], tables: Sequence[PaperTable], captions: Mapping[str, str]
-) -> str:
-    parts = [f"# {markdown_text(title)}", *map(markdown_text, notes)]
-    parts += [paper_markdown(table) for table in tables]
-    parts += ["## Figures", *(f"![{caption}]({stem}.svg)\n\n{caption}" for stem, caption in captions.items())]
-    parts += [f"## {LIMITS_TITLE}", "\n".join(f"- {text}" for text in STATEMENTS.values())]
-    return "\n\n".join(parts) + "\n"

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.report.build import group_order
+from pytest_libero_max.report.build import extremes_of, group_order, split_of
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.published import PublishedPolicy
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.blocks import Outcomes
-from pytest_libero_max.stats.breakdown import largest_split, macro_average
+from pytest_libero_max.stats.breakdown import macro_average
 from pytest_libero_max.stats.outcome_table import tabulate
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.stats.ratios import Ratio
@@ -24,7 +24,6 @@ class Rates:
     """Success of a group of pairs; None for what is not known."""
 
     pairs: int | None
-    """Number of pairs."""
     base: float | None
     """Base success rate, 0 to 1."""
     dynamic: float | None
@@ -38,9 +37,11 @@ class Rates:
         return cls(outcomes.total, outcomes.base.value, outcomes.dynamic.value, outcomes.change.value)
 
     @classmethod
-    def printed(cls, base: float | None, dynamic: float | None, change: float | None) -> Rates:
+    def printed(
+        cls, pairs: int | None, base: float | None, dynamic: float | None, change: float | None
+    ) -> Rates:
         """Return rates from percent and percentage points as printed."""
-        return cls(None, *(None if value is None else value / 100 for value in (base, dynamic, change)))
+        return cls(pairs, *(None if value is None else value / 100 for value in (base, dynamic, change)))
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,6 @@ class PolicyRow:
     """One policy in the tables."""
 
     name: str
-    """Name of the policy."""
     published: bool
     """True for results of the paper."""
     horizon: int | None
@@ -56,7 +56,6 @@ class PolicyRow:
     query_interval: int | None
     """Q, the execution horizon."""
     outcomes: Outcomes
-    """Pairs by outcome."""
     by: Mapping[str, Mapping[str, Rates]]
     """Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group."""
     macro: float | None
@@ -99,15 +98,7 @@ def row_of(
         counted[dimension] = {
             group: tabulate(pairs.base[labels == group], pairs.dynamic[labels == group]) for group in groups
         }
-    categories = {
-        source: {name: cell for name, cell in counted["category"].items() if name.startswith(f"{source}-")}
-        for source in counted["source"]
-    }
-    variants: dict[str, dict[str, Outcomes]] = {}
-    for variant, cell in counted["variant"].items():
-        event, _, number = variant.rpartition("-")
-        variants.setdefault(event, {})[number] = cell
-    split = largest_split(variants)
+    extremes, split = extremes_of(counted["category"]), split_of(counted["variant"])
     in_lite = np.asarray([pair.case_id in lite for pair in planned])
     return PolicyRow(
         name=name,
@@ -120,14 +111,8 @@ def row_of(
             for dimension, groups in counted.items()
         },
         macro=macro_average([*counted["category"].values()]).paired_change,
-        lowest_base={
-            source: min(cells, key=lambda name: cells[name].base.value or 0.0)
-            for source, cells in categories.items()
-        },
-        largest_loss={
-            source: min(cells, key=lambda name: cells[name].change.value or 0.0)
-            for source, cells in categories.items()
-        },
+        lowest_base={source: found.lowest_base_success for source, found in extremes.items()},
+        largest_loss={source: found.largest_loss for source, found in extremes.items()},
         split=None if split is None else (split.event, split.difference or 0.0),
         lite=Rates.of(tabulate(pairs.base[in_lite], pairs.dynamic[in_lite])) if lite else None,
         trigger=Ratio(int(pairs.triggered.sum()), len(pairs)),
@@ -140,7 +125,7 @@ def published_row(policy: PublishedPolicy) -> PolicyRow:
     printed, per_event = policy.printed, policy.outcomes.total // len(policy.net_change)
 
     def changes(by_group: Mapping[str, float]) -> dict[str, Rates]:
-        return {group: Rates.printed(None, None, change) for group, change in by_group.items()}
+        return {group: Rates.printed(None, None, None, change) for group, change in by_group.items()}
 
     return PolicyRow(
         name=policy.name,
@@ -156,7 +141,7 @@ def published_row(policy: PublishedPolicy) -> PolicyRow:
                 for event, net in policy.net_change.items()
             },
             "family": changes(printed.family),
-            "source": {source: Rates.printed(*values) for source, values in printed.source.items()},
+            "source": {source: Rates.printed(None, *values) for source, values in printed.source.items()},
             "suite": changes(printed.suite),
             "severity": changes(printed.severity),
         },
@@ -164,5 +149,5 @@ def published_row(policy: PublishedPolicy) -> PolicyRow:
         lowest_base=printed.lowest_base,
         largest_loss=printed.largest_loss,
         split=(printed.split_event, printed.split / 100),
-        lite=Rates.printed(*printed.lite),
+        lite=Rates.printed(None, *printed.lite),
     )

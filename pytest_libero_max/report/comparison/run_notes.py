@@ -23,7 +23,7 @@ def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
         result: Its result over the cases that are compared.
     """
     warnings = [warning_of(result)]
-    if run.stopped is not None and run.stopped.by_rule:
+    if run.stopped is not None and run.stopped_by_rule:
         warnings.append(
             f"{run.stopped.text}. It has no 95% intervals and no p-values here: those hold for a number of "
             "pairs that is fixed before."

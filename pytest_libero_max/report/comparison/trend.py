@@ -8,13 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_document import ComparedRun, Comparison
 from pytest_libero_max.report.comparison.comparison_sections import RUNS, document_of
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.document import Document, Section, Table
-from pytest_libero_max.report.formats import change_text, counted, interval_text, points
-from pytest_libero_max.report.page.charts import direction, over_runs
+from pytest_libero_max.report.formats import change_text, counted, interval_text, percent, points
 from pytest_libero_max.report.page.page_frame import document_page
+from pytest_libero_max.report.plots import Plot, change_row, direction, rates_row
 from pytest_libero_max.report.quantities import Quantity, quantity
 from pytest_libero_max.runs.store import read_pairs
 
@@ -41,7 +41,7 @@ def trend_of(comparison: Comparison, causes: Causes) -> Document:
         causes: See :data:`Causes`.
     """
     common = counted(comparison.pairs.common, "common case")
-    names = [f"{number} {run.name}" for number, run in enumerate(comparison.runs, 1)]
+    names = [*_numbered(comparison)]
     all_causes = [cause for cause, _ in _ordered(sum(causes, Counter()))]
     lost = [(name, *(own[cause] for cause in all_causes)) for name, own in zip(names, causes, strict=True)]
     head = ("Run", *(cause.replace("_", " ") for cause in all_causes))
@@ -85,17 +85,42 @@ def _ordered(causes: Counter[str]) -> list[tuple[str, int]]:
     return sorted(causes.items(), key=lambda item: (-item[1], item[0]))
 
 
+def success_by_run(comparison: Comparison) -> Plot:
+    """Return success in Base and Dynamic by run."""
+    rows = [
+        rates_row(name, "", run.base_success.value, run.dynamic_success.value, _rates(run))
+        for name, run in _numbered(comparison).items()
+    ]
+    title = f"Success on {counted(comparison.pairs.common, 'common case')}"
+    return Plot(title, ("Run", "Base to Dynamic"), rows, signed=False)
+
+
+def change_by_run(comparison: Comparison) -> Plot:
+    """Return the paired change by run, with its interval."""
+    rows = [
+        change_row(name, "", run.paired_change, change_text(run.paired_change))
+        for name, run in _numbered(comparison).items()
+    ]
+    return Plot("Paired change by run", ("Run", "pp [95%]"), rows)
+
+
+def _rates(run: ComparedRun) -> str:
+    return f"{percent(run.base_success.value)} to {percent(run.dynamic_success.value)}"
+
+
+def _numbered(comparison: Comparison) -> dict[str, ComparedRun]:
+    return {f"{number} {run.name}": run for number, run in enumerate(comparison.runs, 1)}
+
+
 def trend_html(comparison: Comparison, causes: Causes) -> str:
     """Render runs as a page: paired change and success over the runs, and the causes of what each lost."""
-    runs = comparison.runs
-    first, last = runs[0].paired_change, runs[-1].paired_change
+    first, last = comparison.runs[0], comparison.runs[-1]
+    change = last.paired_change
+    shown = (last.name, f"{points(change.value)} pp", interval_text(change, signed=True), direction(change))
     return document_page(
         "trend.html",
         trend_of(comparison, causes),
-        last=(runs[-1].name, f"{points(last.value)} pp", interval_text(last, signed=True), direction(last)),
-        first=(runs[0].name, change_text(first)),
-        change=over_runs({"": [run.paired_change for run in runs]}, signed=True),
-        success=over_runs(
-            {"arm0": [run.base_success for run in runs], "arm1": [run.dynamic_success for run in runs]}
-        ),
+        last=shown,
+        first=(first.name, change_text(first.paired_change)),
+        plots=[change_by_run(comparison), success_by_run(comparison)],
     )

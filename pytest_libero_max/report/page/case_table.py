@@ -13,9 +13,9 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
-from pytest_libero_max.report.page.charts import OUTCOME_TITLES
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
 from pytest_libero_max.report.page.timeline import timeline_of
+from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import PICTURES_NAME, TRACES_NAME, caption_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import film_text, replay_command, replay_text

@@ -12,8 +12,8 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
 from pytest_libero_max.report.page.case_table import again, label_column, label_columns
-from pytest_libero_max.report.page.charts import OUTCOME_TITLES
 from pytest_libero_max.report.page.timeline import timeline_of
+from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.store import pairs_file, read_pairs
 from pytest_libero_max.worlds.contract import CONTROL_HZ

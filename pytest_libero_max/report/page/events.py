@@ -25,9 +25,7 @@ class ShownEvent(NamedTuple):
     """A variant of an event as a page shows it."""
 
     name: str
-    """Event and variant."""
     title: str
-    """Heading."""
     view: str
     """View of the table of cases that has its cases alone."""
     picture: str

@@ -3,39 +3,36 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from urllib.parse import quote
 
-from pytest_libero_max.report.formats import counted
-from pytest_libero_max.report.page.page_frame import page
-from pytest_libero_max.report.quantities import quantities_in, quantity
+from pytest_libero_max.report.document import Document, Link, Section, Table
+from pytest_libero_max.report.formats import Format, counted
+from pytest_libero_max.report.page.page_frame import document_page
+from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
-from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
 from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
 
-_SHOWN = (*quantities_in("runs"), quantity("trigger_coverage"))
-
-HEAD = (
-    "Policy", *(one.title for one in _SHOWN),
-    "Notes", "Played with", "Fingerprint of the installation", "Digest of the pairs", "Verified",
-)  # fmt: skip
+_NUMBERS = (*quantities_in("runs"), quantity("trigger_coverage"))
 
 
-class IndexCell(NamedTuple):
-    """A cell of the table."""
+class _Digest(Format):
+    """The beginning of a digest; the whole of it is what a column is sorted by."""
 
-    text: str
-    """What it says."""
-    order: float | str
-    """By which its column is sorted."""
-    link: str = ""
-    """Address that it leads to; empty for none."""
-    kind: str = ""
-    """Class of its text; empty for none."""
+    def long(self, value: str) -> str:
+        return value[:DIGITS]
+
+
+_WORDS: tuple[Quantity[IndexedRun], ...] = (
+    Quantity("notes", "Notes", lambda run: _notes(run.report), TEXT),
+    Quantity("versions", "Played with", lambda run: run.versions, TEXT),
+    Quantity("fingerprint", "Fingerprint of the installation", lambda run: _fingerprint(run.report), TEXT),
+    Quantity("digest", "Digest of the pairs", lambda run: run.digest, _Digest()),
+    Quantity("verified", "Verified", lambda run: _verified(run), TEXT),
+)
 
 
 def index_html(index: RunIndex, beside: Path) -> str:
@@ -45,40 +42,37 @@ def index_html(index: RunIndex, beside: Path) -> str:
         index: The runs.
         beside: Folder of the page, from which its links lead to the runs.
     """
+    scripts = ("sorting.js",) if index.groups else ()
+    return document_page("document.html", index_document(index, beside), scripts=scripts)
+
+
+def index_document(index: RunIndex, beside: Path) -> Document:
+    """Return published runs as a document; see :func:`index_html`."""
     runs = [run for group in index.groups.values() for run in group]
     statements = {
         text: None for run in runs for text in (run.report.substrate.note, *run.report.statements.values())
     }
     verified = sum(run.again is not None for run in runs)
-    return page(
-        "index.html",
+    head: list[str | Quantity[Any]] = ["Policy", *_NUMBERS, *_WORDS]
+    return Document(
         counted(len(runs), "published run"),
-        None,
-        scripts=("sorting.js",) if runs else (),
-        verified=f"{verified} of {len(runs)} verified: those who keep this page played pairs drawn at random "
-        "again, and they ended alike. The numbers of every run here were computed again from its pairs.",
-        head=HEAD,
-        groups=[(title, [_row(run, beside) for run in group]) for title, group in index.groups.items()],
-        refused=[(_way(folder, beside), reason) for folder, reason in index.refused],
-        limits_title=LIMITS_TITLE,
+        [f"Refused: {_way(folder, beside)}. {reason}" for folder, reason in index.refused],
+        [
+            f"{verified} of {len(runs)} verified: those who keep this page played pairs drawn at random "
+            "again, and they ended alike. The numbers of every run here were computed again from its pairs."
+        ],
+        [
+            Section(tables=[Table(title, head, [_row(run, beside) for run in group], sortable=True)])
+            for title, group in index.groups.items()
+        ],
         statements=[text for text in statements if text],
     )
 
 
-def _row(run: IndexedRun, beside: Path) -> Sequence[Any]:
-    result, report = run.report.overall, run.report
-    taken = str(report.provenance.get("fingerprint") or "")
-    return [
-        IndexCell(
-            policy_title(report), policy_title(report), quote(f"{_way(run.folder, beside)}/{MARKDOWN_NAME}")
-        ),
-        *(IndexCell(one.long(result), _number(one.format.numbers(one.value(result))[""])) for one in _SHOWN),
-        IndexCell(_notes(report), len(report.warnings)),
-        IndexCell(run.versions, run.versions),
-        IndexCell(taken or "not taken", taken),
-        IndexCell(run.digest[:DIGITS], run.digest),
-        _verified(run),
-    ]
+def _row(run: IndexedRun, beside: Path) -> list[Any]:
+    address = quote(f"{_way(run.folder, beside)}/{MARKDOWN_NAME}")
+    numbers = [one.cell(run.report.overall) for one in _NUMBERS]
+    return [Link(policy_title(run.report), address), *numbers, *(one.cell(run) for one in _WORDS)]
 
 
 def _notes(report: Report) -> str:
@@ -88,22 +82,21 @@ def _notes(report: Report) -> str:
     return " ".join([*report.warnings, *stopped, *([f"Notes on pairs: {caveats}."] if caveats else [])])
 
 
-def _verified(run: IndexedRun) -> IndexCell:
+def _fingerprint(report: Report) -> str:
+    return str(report.provenance.get("fingerprint") or "not taken")
+
+
+def _verified(run: IndexedRun) -> str:
     cases = "numbers and cases" if run.cases_checked else "numbers (cases of no frozen track)"
     again = run.again
     if again is None:
-        return IndexCell(f"{cases}; no pair played again", 0)
+        return f"{cases}; no pair played again"
     how = " from recorded actions" if again.actions else ""
-    words = (
-        f"{cases}; {again.pairs} {'pair' if again.pairs == 1 else 'pairs'} played again alike{how} on "
+    return (
+        f"\N{CHECK MARK} {cases}; {counted(again.pairs, 'pair')} played again alike{how} on "
         f"{again.date} with MuJoCo {again.mujoco}, drawn by {again.seed!r}"
     )
-    return IndexCell(words, again.pairs, kind="holds")
 
 
 def _way(folder: Path, beside: Path) -> str:
     return Path(os.path.relpath(folder, beside)).as_posix()
-
-
-def _number(value: float | None) -> float | str:
-    return "" if value is None else value

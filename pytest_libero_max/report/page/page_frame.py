@@ -6,7 +6,7 @@ import base64
 import gzip
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
@@ -17,8 +17,9 @@ from markupsafe import Markup
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
-from pytest_libero_max.report.document import Document, Table
+from pytest_libero_max.report.document import Document, Link, Table
 from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
+from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
@@ -27,34 +28,43 @@ DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
 
 
-class Viewed(NamedTuple):
-    """A name that leads to a view of the table of cases."""
+class PageCell(NamedTuple):
+    """A cell of a table as templates print it."""
 
     text: str
-    """The name."""
-    view: str
-    """Text behind ``#cases?`` in the address of the view; empty where the name leads nowhere."""
+    order: float | str
+    """By which its column is sorted."""
+    view: str = ""
+    """View of the table of cases that it leads to; empty for none."""
+    address: str = ""
+    """File that it leads to; empty for none."""
 
 
 class PageTable(NamedTuple):
     """A table as templates print it."""
 
     title: str
-    """Heading; empty for none."""
     head: Sequence[str]
-    """Headings of the columns."""
-    rows: Sequence[Sequence[Viewed | str]]
-    """Cells as text; the first one may lead to the cases of the row."""
+    rows: Sequence[Sequence[PageCell]]
     note: str
-    """Text below; empty for none."""
+    kinds: str
+    """Classes of it."""
 
 
 def page_table(table: Table) -> PageTable:
     """Return a table whose rows lead to their cases, where they are of the groups of a dimension."""
-    rows: list[list[Viewed | str]] = [[*row] for row in table.texts()]
+    rows = [[_page_cell(cell) for cell in row] for row in table.cells()]
     if table.dimension:
-        rows = [[Viewed(str(name), _view(table.dimension, str(name))), *cells] for name, *cells in rows]
-    return PageTable(table.title, table.headings(), rows, table.note)
+        rows = [[name._replace(view=_view(table.dimension, name.text)), *cells] for name, *cells in rows]
+    words = all(isinstance(cell.value, str) for row in table.cells() for cell in row[1:])
+    kinds = ["rows", *(["words"] * (words or table.sortable)), *(["sorted"] * table.sortable)]
+    return PageTable(table.title, table.headings(), rows, table.note, " ".join(kinds))
+
+
+def _page_cell(cell: Cell) -> PageCell:
+    text, number = cell.format.long(cell.value), cell.format.numbers(cell.value).get("")
+    address = cell.value.address if isinstance(cell.value, Link) else ""
+    return PageCell(text, "" if number is None else number, address=address)
 
 
 def _view(dimension: str, name: str) -> str:
@@ -68,14 +78,32 @@ def _view(dimension: str, name: str) -> str:
     return urlencode({dimension: name})
 
 
-def document_page(template: str, document: Document, cases: Json | None = None, **values: Any) -> str:
-    """Render a document with a template that extends ``document.html``; see :func:`page`."""
+def document_page(
+    template: str,
+    document: Document,
+    cases: Json | None = None,
+    own_way: Collection[str] = (),
+    **values: Any,
+) -> str:
+    """Render a document with a template that extends ``document.html``; see :func:`page`.
+
+    Args:
+        template: The template.
+        document: The document.
+        cases: Data of the table of cases.
+        own_way: Keys of the sections that the template shows in its own way.
+        values: Values that the template asks for.
+    """
     return page(
         template,
         document.title,
         cases,
         document=document,
-        sections=[(section, [*map(page_table, section.tables)]) for section in document.sections],
+        sections=[
+            (section, [*map(page_table, section.tables)])
+            for section in document.sections
+            if section.key not in own_way
+        ],
         caveats_title=CAVEATS_TITLE,
         limits_title=LIMITS_TITLE,
         **values,

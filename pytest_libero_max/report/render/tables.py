@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
-from pytest_libero_max.report.document import Table
+from pytest_libero_max.report.document import Document, Table
 from pytest_libero_max.report.formats import latex_escaped
 from pytest_libero_max.stats.measured import number
 
@@ -42,13 +42,12 @@ def _plain(value: Any) -> Any:
     return "" if value is None else value
 
 
-def table_latex(table: Table, comments: Sequence[str], ruled: int = 0, *, short: bool = False) -> str:
+def table_latex(table: Table, comments: Sequence[str], *, short: bool = False) -> str:
     r"""Return a table as a LaTeX ``tabular`` without title and note; ends with a newline.
 
     Args:
         table: The table.
         comments: Lines above it.
-        ruled: Index of the row that has a line above it; 0 for none.
         short: True for the headings of narrow tables.
     """
     cells = table.cells()
@@ -64,6 +63,18 @@ def table_latex(table: Table, comments: Sequence[str], ruled: int = 0, *, short:
         r"\hline",
     ]
     for index, row in enumerate(cells):
-        lines += [r"\hline"] if index == ruled > 0 else []
+        lines += [r"\hline"] if index == table.apart > 0 else []
         lines.append(rf"{' & '.join(cell.format.latex(cell.value) for cell in row)} \\")
     return "\n".join([*lines, r"\hline", r"\end{tabular}"]) + "\n"
+
+
+def table_files(document: Document) -> dict[str, str]:
+    """Return the tables of a document with a key, each as CSV and as LaTeX, by the name of their file."""
+    files = {}
+    for section in document.sections:
+        for table in section.tables:
+            if table.key:
+                comments = [table.title, *document.texts, *([table.note] if table.note else [])]
+                files[f"{table.key}.csv"] = table_csv(table)
+                files[f"{table.key}.tex"] = table_latex(table, comments)
+    return files

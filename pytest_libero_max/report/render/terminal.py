@@ -35,7 +35,7 @@ def table_lines(table: Table, *, short: bool = True, numbers: bool = True) -> li
 
 def section_lines(section: Section, *, short: bool = True) -> list[str]:
     """Return a section: its title, its tables, each with title and note, and its words."""
-    lines = [] if not section.title else [section.title]
+    lines = [*([section.title] if section.title else []), *wrap(section.lead, WIDTH)]
     for number, table in enumerate(section.tables):
         lines += [""] * bool(number) + [table.title] * bool(table.title)
         lines += [*table_lines(table, short=short), *wrap(table.note, WIDTH)]

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
-from pytest_libero_max.report.palette import ARMS, BOX, GAIN, INK, LOSS, MUTED, NEUTRAL
+from pytest_libero_max.report.formats import Estimate, percent
+from pytest_libero_max.report.palette import ARMS, BOX, MUTED
+from pytest_libero_max.report.render.drawing import drawn
+from pytest_libero_max.report.run_plots import camera_contrasts
 from pytest_libero_max.report.studies.study_document import (
     Camera,
     Setting,
     Study,
 )
-from pytest_libero_max.report.writers.svg import circle, document, labelled_lines, line, rectangle, text
+from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text
 
-_ROW, _LABEL, _PLOT, _TOP = 26, 220, 420, 34
 _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
 
 
@@ -39,44 +40,12 @@ def study_figures(study: Study | None) -> dict[str, str]:
     """
     if study is None or study.cases == 0:
         return {}
-    for name, sweep in (("cadence", study.cadence), ("latency", study.latency)):
-        if sweep is not None:
-            return {name: sweep_plot(study.title, sweep.settings)}
-    if study.camera is None:
-        return {}
-    figures = {"study-contrasts": contrast_plot(study.title, study.camera)}
-    if len(study.camera.approach) > 1:
-        figures["study-strength"] = strength_plot(study.title, study.camera)
+    figures = {study.name: sweep_plot(study.title, study.settings)} if study.settings else {}
+    if study.camera is not None:
+        figures["study-contrasts"] = drawn(camera_contrasts(study.title, study.camera))
+        if len(study.camera.approach) > 1:
+            figures["study-strength"] = strength_plot(study.title, study.camera)
     return figures
-
-
-def contrast_plot(title: str, study: Camera) -> str:
-    """Every contrast with its interval and its gains and losses, one row each."""
-    labels, rows = study.conditions, study.contrasts
-    head = _LABEL + _PLOT + 16
-    bottom = _TOP + _ROW * len(rows)
-    shapes = labelled_lines(
-        [(_signed(tick / 100), f"{tick:+d}") for tick in range(-100, 101, 50)], _TOP, bottom
-    )
-    shapes.append(line(_signed(0.0), _TOP, _signed(0.0), bottom, INK))
-    for index, row in enumerate(rows):
-        y = _TOP + _ROW * (index + 0.5)
-        color = LOSS if (row.value or 0) < 0 else GAIN if row.value else NEUTRAL
-        name = f"{labels[row.first]} - {labels[row.second]}"
-        shapes += [
-            text(_LABEL - 10, y + 4, name, "end"),
-            line(_signed(row.lower), y, _signed(row.upper), y, color, 2.5),
-            circle(_signed(row.value), y, 5, color),
-            text(head, y + 4, f"{points(row.value)} {interval_text(row, signed=True)}", color=MUTED),
-            text(head + 190, y + 4, str(row.gains), "end", color=GAIN),
-            text(head + 240, y + 4, str(row.losses), "end", color=LOSS),
-        ]
-    shapes += [
-        text(head + 190, _TOP - 10, "gain", "end", 11, MUTED),
-        text(head + 240, _TOP - 10, "loss", "end", 11, MUTED),
-    ]
-    title = f"{title}: paired contrasts in percentage points, with gains and losses"
-    return document(_LABEL + _PLOT + 270, bottom + 12, title, shapes)
 
 
 def strength_plot(title: str, study: Camera) -> str:
@@ -179,7 +148,3 @@ def _across(place: float) -> float:
 
 def _up(rate: float | None) -> float:
     return _ABOVE + _HEIGHT * (1 - (rate or 0.0))
-
-
-def _signed(value: float | None) -> float:
-    return _LABEL + _PLOT * ((value or 0.0) + 1) / 2

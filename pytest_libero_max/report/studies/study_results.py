@@ -1,4 +1,4 @@
-"""The part of a report that is about a study: computed from the records, like everything else."""
+"""The part of a report that is about a study or a program: computed from the records, like the rest."""
 
 from __future__ import annotations
 
@@ -6,23 +6,18 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.studies.study_cadence import cadence_results, latency_results
 from pytest_libero_max.report.studies.study_camera import camera_results
-from pytest_libero_max.report.studies.study_document import (
-    ArmContrast,
-    Executed,
-    Study,
-)
+from pytest_libero_max.report.studies.study_document import ArmContrast, Executed, Study
+from pytest_libero_max.report.studies.study_settings import best_settings, measured_settings, settings_of
 from pytest_libero_max.stats.blocks import Rate
 from pytest_libero_max.stats.measured import ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.studies.cadence_sweep import CadenceSweep
-from pytest_libero_max.studies.camera_study import CameraTiming
-from pytest_libero_max.studies.latency_sweep import LatencySweep
+from pytest_libero_max.studies.camera_study import CameraStudy
 from pytest_libero_max.studies.registry import study_from_dict
 
 _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
@@ -30,7 +25,7 @@ _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
 
 
 def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json) -> Study | None:
-    """Return the results of a study; None where the run was of none.
+    """Return the results of a study, or of the further arms of programs; None where there are none.
 
     Args:
         records: Measured cases, in the order of the report.
@@ -40,51 +35,44 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
     Raises:
         ReportError: A record lacks an arm of the study, or the study is not known.
     """
-    if protocol.get("study") is None:
-        return _further_arms(records)
-    study = study_from_dict(protocol["study"])
-    camera = camera_results(study, records, tasks) if isinstance(study, CameraTiming) else None
-    cadence = cadence_results(study, records) if isinstance(study, CadenceSweep) else None
-    latency = latency_results(study, records) if isinstance(study, LatencySweep) else None
-    known = any(part is not None for part in (camera, cadence, latency))
-    arms: dict[str, Any] = {"arms": success_by_arm(records)} if study.has_section else {}
-    if not (known or study.has_section):
-        arms = _arms(records)
-    return Study(
-        name=study.name,
-        title=study.title,
-        cases=len(records),
-        **arms,
-        camera=camera,
-        cadence=cadence,
-        latency=latency,
-        executed=executed(records),
-    )
-
-
-def _further_arms(records: Sequence[PairRecord]) -> Study | None:
-    """Success by arm in a run without a study; None where no program gives a case further arms."""
-    if not any(record.arms.keys() - _USUAL for record in records):
+    study = None if protocol.get("study") is None else study_from_dict(protocol["study"])
+    program = program_of_run(protocol) if study is None else study.program
+    if study is None and not any(record.arms.keys() - _USUAL for record in records):
         return None
+    head: dict[str, Any] = {
+        "name": "arms" if study is None else study.name,
+        "title": "arms of programs" if study is None else study.title,
+        "about": "" if program is None else program.about,
+        "cases": len(records),
+        "executed": executed(records),
+    }
+    if isinstance(study, CameraStudy):
+        return Study(**head, camera=camera_results(study.strengths, records, tasks))
+    if study is not None and study.has_section:
+        return Study(**head, arms=success_by_arm(records))
+    settings = settings_of(() if program is None else program.arms, records) if records else []
+    paired = {name for setting in settings for name in (setting.base, setting.dynamic)}
+    further = {name for record in records for name in record.arms} - _USUAL - paired
     return Study(
-        name="arms",
-        title="arms of programs",
-        cases=len(records),
-        **_arms(records),
-        executed=executed(records),
+        **head,
+        settings=measured_settings(settings, records, tasks),
+        best=best_settings(settings, records) if settings else {},
+        **(_arms(records, further) if further or not settings else {}),
     )
 
 
-def _arms(records: Sequence[PairRecord]) -> dict[str, Any]:
-    """Return what is reported of arms without a part of the report of their own."""
+def _arms(records: Sequence[PairRecord], further: set[str]) -> dict[str, Any]:
+    """Return success by arm and event, and contrasts of the arms that are no setting's."""
     events = sorted({record.event for record in records}, key=[*EVENTS].index)
     by_event = {event: [record for record in records if record.event == event] for event in events}
-    arms = success_by_arm(records)
-    others = [name for name in arms if name not in _USUAL]
-    pairs = [pair for name in others for pair in ((name, BASE), (DYNAMIC, name))]
+    arms = {name: rate for name, rate in success_by_arm(records).items() if name in _USUAL | further}
+    pairs = [pair for name in arms if name in further for pair in ((name, BASE), (DYNAMIC, name))]
     return {
         "arms": arms,
-        "by_event": {event: success_by_arm(some) for event, some in by_event.items()},
+        "by_event": {
+            event: {name: rate for name, rate in success_by_arm(some).items() if name in arms}
+            for event, some in by_event.items()
+        },
         "contrasts": [
             _contrast(first, second, event, some)
             for first, second in pairs
@@ -120,8 +108,7 @@ def success_by_arm(records: Sequence[PairRecord]) -> dict[str, Rate]:
     rates: dict[str, Rate] = {}
     for name in names:
         ends = [record.arms[name].success for record in records if name in record.arms]
-        ratio = Ratio(sum(ends), len(ends))
-        rates[name] = rate_of(ratio)
+        rates[name] = rate_of(Ratio(sum(ends), len(ends)))
     return rates
 
 

@@ -4,47 +4,30 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 import msgspec
 
-from pytest_libero_max.report.document import Table
+from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import (
     NOT_AVAILABLE,
     Change,
     Counts,
     Format,
-    Interval,
     Percent,
     Rate,
     counted,
-    interval_text,
     percent,
 )
-from pytest_libero_max.report.quantities import Cell
+from pytest_libero_max.report.quantities import Cell, Quantity
 from pytest_libero_max.report.render.terminal import aligned
-from pytest_libero_max.report.studies.study_document import (
-    Approach,
-    Cadence,
-    CadenceSetting,
-    Camera,
-    Executed,
-    Latencies,
-    Setting,
-    Study,
-)
-from pytest_libero_max.stats.blocks import Bootstrap, StaleActions
-from pytest_libero_max.stats.condition_blocks import (
-    BestSetting,
-    ConditionContrast,
-    GroupInterval,
-    SettingDifference,
-)
-
-_LISTED = 16
-"""Number of joint outcomes that are printed; ``report.json`` has all."""
+from pytest_libero_max.report.studies.study_camera import camera_tables
+from pytest_libero_max.report.studies.study_document import Executed, Setting, Study
+from pytest_libero_max.stats.blocks import StaleActions
+from pytest_libero_max.stats.condition_blocks import BestSetting, SettingDifference
 
 _ENOUGH = 30
 """With fewer cases, a percentile interval is too narrow."""
@@ -58,15 +41,11 @@ def study_tables(study: Study) -> list[Table]:
     """
     if study.cases == 0:
         return []
-    if study.camera is not None:
-        return _camera(study.camera)
-    if study.latency is not None:
-        return [_latency(study.latency)]
-    if study.cadence is not None:
-        return _cadence(study.cadence)
-    if study.by_event is not None:
-        return [*_arms(study)]
-    return [_success_by_arm(study)]
+    tables = [] if study.camera is None else camera_tables(study.camera)
+    if study.settings:
+        tables.append(_settings(study.settings))
+        tables += [_best(part, study.best[f"{part.lower()}_success"]) for part in ("Base", "Dynamic")]
+    return [*tables, *_arms(study)]
 
 
 def study_notes(study: Study) -> list[str]:
@@ -78,7 +57,7 @@ def study_notes(study: Study) -> list[str]:
     if study.camera is not None:
         as_pairs = "with a Base for every other arm, as in runs of their own"
         ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
-    notes = [
+    notes = [study.about] * bool(study.about) + [
         f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. What arms share was executed once: "
         f"{done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
@@ -93,11 +72,9 @@ def study_notes(study: Study) -> list[str]:
                 f"With fewer than {_ENOUGH} cases the intervals that resample cases are too narrow. Read the "
                 "exact ones."
             )
-    elif study.cadence is not None and len({setting.horizon for setting in study.cadence.settings}) > 1:
+    if len({setting.horizon for setting in study.settings}) > 1:
         notes.append("H differs between the settings, so differences between them are not those of Q alone.")
-    if study.cadence is not None and any(
-        (setting.returned or setting.horizon) > setting.horizon for setting in study.cadence.settings
-    ):
+    if any(setting.returned > setting.horizon for setting in study.settings):
         notes.append(
             "A cut chunk is the beginning of a longer one: a policy with that H of its own may answer "
             "otherwise."
@@ -113,13 +90,10 @@ def _way(done: Executed, steps: int, queries: int, words: str) -> str:
 
 def study_lines(study: Study) -> list[str]:
     """Return the study for the terminal: title, short tables and notes on the whole."""
-    from textwrap import wrap
-
     lines = ["", f"Study: {study.title}"]
     for table in study_tables(study):
         if table.narrow:
-            narrow = [row[: table.narrow] for row in (table.headings(), *table.texts())]
-            lines += ["", *aligned(narrow)]
+            lines += ["", *aligned([row[: table.narrow] for row in (table.headings(), *table.texts())])]
     for note in study_notes(study):
         lines += ["", *wrap(note, 100)]
     return lines
@@ -148,227 +122,45 @@ def _leaves(place: str, value: Any) -> list[tuple[str, Any]]:
 
 
 def _arms(study: Study) -> Iterator[Table]:
-    """Yield the tables of arms: success, and the contrasts of all cases and of each event."""
-    arms, by_event = study.arms or {}, study.by_event or {}
-    yield _success_by_arm(study)
+    """Yield success of arms, and where they are compared by event, the contrasts of all cases and of each."""
+    if study.arms is None:
+        return
+    yield Table(
+        "Success by arm",
+        ("Arm", "Success"),
+        [(name, Cell(rate, Rate())) for name, rate in study.arms.items()],
+        "Each arm over the cases that were played in it. All other numbers are of base and dynamic.",
+        narrow=2,
+    )
+    if study.by_event is None:
+        return
     yield Table(
         "Success by arm and event",
-        ("Event", *arms),
+        ("Event", *study.arms),
         [
-            (event, *(Cell(rates[arm], Counts()) if arm in rates else "" for arm in arms))
-            for event, rates in by_event.items()
+            (event, *(Cell(rates[arm], Counts()) if arm in rates else "" for arm in study.arms))
+            for event, rates in study.by_event.items()
         ],
-        narrow=1 + len(arms),
+        narrow=1 + len(study.arms),
     )
     contrasts = study.contrasts or []
     names = list(dict.fromkeys(f"{row.first} - {row.second}" for row in contrasts))
-    changes = [
-        (
-            event or "all",
-            *(Cell(row, Change()) if row.cases else "" for row in contrasts if row.event == event),
-        )
-        for event in dict.fromkeys(row.event for row in contrasts)
-    ]
     yield Table(
         "Contrasts of arms",
         ("Event", *names),
-        changes,
+        [
+            (
+                event or "all",
+                *(Cell(row, Change()) if row.cases else "" for row in contrasts if row.event == event),
+            )
+            for event in dict.fromkeys(row.event for row in contrasts)
+        ],
         "Over the cases that were played in both. Exact 95% intervals, each for itself.",
         narrow=1 + len(names),
     )
 
 
-def _success_by_arm(study: Study) -> Table:
-    rows = [(name, Cell(rate, Rate())) for name, rate in (study.arms or {}).items()]
-    note = "Each arm over the cases that were played in it. All other numbers are of base and dynamic."
-    return Table("Success by arm", ("Arm", "Success"), rows, note, narrow=2)
-
-
-# Camera timing and strength.
-
-_BOOTSTRAP = "Paper's bootstrap"
-"""Heading of the paper's interval, which has no width where all cases of each source are alike."""
-
-
-@dataclass(frozen=True)
-class _Bootstrap(Interval):
-    """The paper's interval, which has no width where all cases of each source are alike."""
-
-    def long(self, value: Bootstrap) -> str:
-        return "n/a: all alike" if value.degenerate else interval_text(value, self.signed)
-
-
-@dataclass(frozen=True)
-class _Groups(Interval):
-    """An interval over groups of cases."""
-
-    def long(self, value: GroupInterval) -> str:
-        if value.lower is None:
-            return f"too few ({value.groups}, changed {value.changed})"
-        return f"{interval_text(value, self.signed)}  {value.groups} groups"
-
-
-def _camera(study: Camera) -> list[Table]:
-    labels = study.conditions
-    sources = sorted(next(iter(study.rates.values())).by_source)
-    rates = [
-        (
-            labels[arm],
-            Cell(rate, Rate()),
-            *(Cell(rate.by_source[source], Rate()) for source in sources),
-            Cell(rate.bootstrap, _Bootstrap(signed=False)),
-        )
-        for arm, rate in study.rates.items()
-    ]
-    return [
-        Table(
-            "Success",
-            ("Condition", "All", *sources, _BOOTSTRAP),
-            rates,
-            "Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution, with the "
-            "composition of the sources kept: for comparison with it, and far too narrow for rare outcomes.",
-            narrow=2,
-        ),
-        _joint(study),
-        *_contrasts(study, sources),
-        _approach(study),
-    ]
-
-
-def _joint(study: Camera) -> Table:
-    rows = [(*(int(row.success[arm]) for arm in study.conditions), row.cases) for row in study.outcomes]
-    left = len(rows) - _LISTED
-    return Table(
-        "Outcomes together",
-        (*study.conditions.values(), "Cases"),
-        rows[:_LISTED],
-        "1 for a success." + (f" {left} rarer combinations are in report.json." if left > 0 else ""),
-    )
-
-
-def _contrasts(study: Camera, sources: Sequence[str]) -> list[Table]:
-    labels = study.conditions
-    rows = [
-        (
-            f"{labels[row.first]} - {labels[row.second]}",
-            row.gains,
-            row.losses,
-            Cell(row, Change()),
-            Cell(row.bootstrap, _Bootstrap()),
-        )
-        for row in study.contrasts
-    ]
-    tables = [
-        Table(
-            "Paired contrasts",
-            ("Contrast", "Gain", "Loss", "Difference", _BOOTSTRAP),
-            rows,
-            "Gain: only the first condition succeeds; loss: only the second. The interval of the difference "
-            "is exact; the paper's resamples cases within each source, and is too narrow where few differ. "
-            "All are pointwise: no number of contrasts is corrected for. Reset and Mid-task differ in more "
-            "than the moment: in how long the new view is seen, in the states visited and in the steps left.",
-            narrow=5,
-        )
-    ]
-    named = [(f"{labels[row.first]} - {labels[row.second]}", row) for row in study.contrasts]
-    if study.gap_contrasts:
-        gaps = [(_gap_label(row), row) for row in study.gap_contrasts]
-        named += gaps
-        tables.append(
-            Table(
-                "Mid-task less Reset, between strengths",
-                ("Contrast", "Difference", _BOOTSTRAP),
-                [(label, Cell(row, Change()), Cell(row.bootstrap, _Bootstrap())) for label, row in gaps],
-            )
-        )
-    tables.append(
-        Table(
-            "Contrasts by source, and over groups of cases",
-            ("Contrast", *sources, "Reference tasks", "Tasks of each source", "Configurations"),
-            [
-                (
-                    label,
-                    *(Cell(row.by_source[source], Change()) for source in sources),
-                    *(Cell(group, _Groups()) for group in row.by_groups.values()),
-                )
-                for label, row in named
-            ],
-            "By source, the same interval as over all cases. Reference tasks are resampled jointly across "
-            "the sources, whose shares stay fixed; tasks of each source, and configurations (task and "
-            "initial state), within each source. The case-weighted estimate stays the same.",
-        )
-    )
-    return tables
-
-
-def _gap_label(row: ConditionContrast) -> str:
-    return f"(Mid-task - Reset) at {_percent(row.first)} - at {_percent(row.second)}"
-
-
-def _percent(strength: str) -> str:
-    return f"{float(strength):.0%}"
-
-
-def _approach(study: Camera) -> Table:
-    strengths = study.approach
-    named = tuple(f"at {_percent(strength)}" for strength in strengths) if len(strengths) > 1 else ("Number",)
-    rows = [(label, *(count(strengths[strength]) for strength in strengths)) for label, count in _APPROACH]
-    return Table("Approach", ("Cases", *named), rows)
-
-
-_APPROACH: tuple[tuple[str, Callable[[Approach], int]], ...] = (
-    ("Event fired in Mid-task", lambda row: row.triggered),
-    ("... and a query followed it", lambda row: row.query_after_the_event),
-    (
-        "Reset fails, the hand never came within the trigger's distance",
-        lambda row: row.reset.failed_never_entered,
-    ),
-    ("Reset fails after it came within the distance", lambda row: row.reset.failed_entered),
-    (
-        "Reset succeeds without coming within the distance",
-        lambda row: row.reset.succeeded_never_entered,
-    ),
-    ("Reset succeeds after it came within the distance", lambda row: row.reset.succeeded_entered),
-    (
-        "Base and Mid-task succeed, Reset fails",
-        lambda row: row.base_and_middle_succeed_reset_fails.cases,
-    ),
-    (
-        "... of these: Reset never came within the distance",
-        lambda row: row.base_and_middle_succeed_reset_fails.reset_never_entered,
-    ),
-    (
-        "Base and Reset succeed, Mid-task fails",
-        lambda row: row.base_and_reset_succeed_middle_fails.cases,
-    ),
-    (
-        "... of these: a query followed the event",
-        lambda row: row.base_and_reset_succeed_middle_fails.with_a_query_after_the_event,
-    ),
-    (
-        "... of these: and no stale action was executed",
-        lambda row: row.base_and_reset_succeed_middle_fails.without_stale_actions,
-    ),
-)
-
-
-# Query cadence and latency.
-
-
-def setting_text(setting: CadenceSetting) -> str:
-    """Return H and Q of a setting, ``H=30 (cut to 2) Q=2`` where the policy returned 30 actions."""
-    label, whole = setting.label, setting.returned or setting.horizon
-    if whole > setting.horizon:
-        label = f"H={whole} (cut to {setting.horizon}) Q={setting.query_interval}"
-    return label + (" (own)" if setting.own else "")
-
-
-def _rates_of(setting: Setting) -> tuple[Cell, ...]:
-    return (
-        Cell(setting.base_success, Rate()),
-        Cell(setting.dynamic_success, Rate()),
-        Cell(setting.paired_change, Change()),
-    )
+# Settings: cadence, latency and policy.
 
 
 @dataclass(frozen=True)
@@ -382,60 +174,44 @@ class _Stale(Format):
         return {"_median": value.median, "_mean": value.mean}
 
 
-def _cadence(study: Cadence) -> list[Table]:
-    rows = [
-        (
-            setting_text(setting),
-            *_rates_of(setting),
-            Cell(setting.conditional_regression.value, Percent()),
-            Cell(setting.response_coverage, Counts()),
-            Cell(setting.stale_actions, _Stale()),
-        )
-        for setting in study.settings
-    ]
-    head = ("Setting", "Base", "Dynamic", "Change", "Lost", "Query after", "Stale")
-    return [
-        Table(
-            "Settings",
-            head,
-            rows,
-            "Every setting has an executed prefix of its own. Stale: median and mean of the actions executed "
-            "between the event and the next query, which is a delay of feedback and no measure of safety. A "
-            "smaller change alone is no better result: read it with Dynamic success.",
-            narrow=4,
-        ),
-        *(
-            _best(what, study.best[key])
-            for what, key in (("Base", "base_success"), ("Dynamic", "dynamic_success"))
-        ),
-    ]
+_SETTING: tuple[Quantity[Setting], ...] = (
+    Quantity("base_success", "Base", lambda row: row.base_success, Rate()),
+    Quantity("dynamic_success", "Dynamic", lambda row: row.dynamic_success, Rate()),
+    Quantity("paired_change", "Change", lambda row: row.paired_change, Change()),
+    Quantity("base_cost", "Base: less own", lambda row: row.base_cost, Change()),
+    Quantity("dynamic_cost", "Dynamic: less own", lambda row: row.dynamic_cost, Change()),
+    Quantity("lost", "Lost", lambda row: row.conditional_regression.value, Percent()),
+    Quantity("response_coverage", "Query after", lambda row: row.response_coverage, Counts()),
+    Quantity("stale", "Stale", lambda row: row.stale_actions, _Stale()),
+    Quantity("held", "Waiting", lambda row: row.held, Percent()),
+)
+"""The columns of the table of settings."""
+
+_NOTE = (
+    "Every cadence and every latency has an executed prefix of its own; another policy goes on from that "
+    "of Base. Less own: success less that of the run's own Base or Dynamic, over the same cases. Stale: "
+    "median and mean of the steps from the event to the first action after a query that followed it, "
+    "which is a delay of feedback and no measure of safety. Waiting: share of the steps without an action"
+    " to execute. d: control steps from an observation to the first action that may follow from it; until"
+    " then the robot goes on with the chunk before, or with sync waits. A smaller change alone is no "
+    "better result: read it with Dynamic success."
+)
 
 
-def _latency(study: Latencies) -> Table:
-    rows = [
-        (
-            setting.label,
-            *_rates_of(setting),
-            "" if setting.own else Cell(setting.base_cost, Change()),
-            "" if setting.own else Cell(setting.dynamic_cost, Change()),
-            Cell(setting.conditional_regression.value, Percent()),
-            Cell(setting.stale_actions, _Stale()),
-            Cell(setting.held, Percent()),
-        )
-        for setting in study.settings
-    ]
-    head = ("Delay", "Base", "Dynamic", "Change", "Base: cost", "Dynamic: cost", "Lost", "Stale", "Waiting")
-    return Table(
-        "Delays",
-        head,
-        rows,
-        "d: control steps from an observation to the first action that may follow from it. Until the answer "
-        "is there the robot goes on with the chunk before; sync: it waits. Cost: success less that without "
-        "delay, over the same cases. Stale: median and mean of the steps from the event to the first action "
-        "after a query that followed it. Waiting: share of the steps without an action to execute. Every "
-        "delay has an executed prefix of its own.",
-        narrow=4,
-    )
+def setting_text(setting: Setting) -> str:
+    """Return the setting in words, ``H=30 (cut to 2) Q=2`` where the policy returned 30 actions."""
+    cut = f"H={setting.returned} (cut to {setting.horizon})"
+    label = setting.label
+    if setting.returned > setting.horizon:
+        label = label.replace(f"H={setting.horizon}", cut)
+    return label + " (own)" * setting.own
+
+
+def _settings(settings: list[Setting]) -> Table:
+    late = any(setting.steps for setting in settings)
+    columns = [one for one in _SETTING if late or one.key != "held"]
+    rows = [(setting_text(setting), setting) for setting in settings]
+    return table_of("Settings", "Setting", columns, rows, note=_NOTE, narrow=4)
 
 
 def _best(what: str, best: BestSetting) -> Table:

@@ -47,7 +47,6 @@ class GateRow(NamedTuple):
     """A verdict as reports show it."""
 
     gate: str
-    """The gate as written."""
     finding: Finding
     """One of :data:`~pytest_libero_max.report.gates.Finding`."""
     value: str

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.broken import LETTERS, groups_of
 from pytest_libero_max.report.diagnosis import diagnose
 from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import ChangedPair, Report
-from pytest_libero_max.report.writers.broken import LETTERS, groups_of
 
 PREFIX = "libero_max_"
 
@@ -50,10 +50,11 @@ def suite_properties(selection: Selection, case_set: str) -> list[tuple[str, str
 def broken_properties(pairs: Sequence[ChangedPair]) -> list[tuple[str, str]]:
     """Names and values for the properties of the whole suite: the pairs whose outcome changed, by cause."""
     return [
-        (f"{PREFIX}{outcome}", f"{letter} {pair.item_id}, {group.what}, {pair.cause}: {pair.sentence}")
+        (f"{PREFIX}{outcome}", f"{letter} {', '.join(words)}{f': {pair.sentence}' if pair.sentence else ''}")
         for outcome, letter in LETTERS.items()
         for group in groups_of(pairs, outcome)
         for pair in group.named
+        for words in [[pair.item_id, group.what, *([group.cause] if group.cause else [])]]
     ]
 
 

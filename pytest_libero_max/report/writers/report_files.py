@@ -17,10 +17,11 @@ from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.render.drawing import drawn, survival_curves
 from pytest_libero_max.report.report_document import REPORT_VERSION, Report
+from pytest_libero_max.report.run_plots import RUN_PLOTS
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers import raster
-from pytest_libero_max.report.writers.figures import FIGURES
 from pytest_libero_max.report.writers.gate_text import gate_rows
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
@@ -113,7 +114,8 @@ def write_figures(report: Report, folder: Path) -> list[Path]:
 
 def all_figures(report: Report) -> dict[str, str]:
     """Return the SVG documents of a report by the stem of their file name, those of its study included."""
-    figures = {stem: draw(report) for stem, draw in FIGURES.items()}
+    figures = {stem: drawn(plot(report)) for stem, plot in RUN_PLOTS.items()}
+    figures["time-to-success"] = survival_curves(report.success_curves)
     return figures | study_figures(report.study)
 
 

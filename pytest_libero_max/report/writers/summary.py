@@ -7,8 +7,9 @@ from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
+from pytest_libero_max.report.broken import broken_line, broken_lines
 from pytest_libero_max.report.caveats import caveat_text
-from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points, rate_text
+from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points
 from pytest_libero_max.report.group_tables import group_table
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.measures import measure_text
@@ -17,7 +18,6 @@ from pytest_libero_max.report.render.terminal import table_lines
 from pytest_libero_max.report.report_document import Caveat, PairCounts, Report, Returned
 from pytest_libero_max.report.sections import main_measures, section_warnings
 from pytest_libero_max.report.studies.study_tables import study_lines
-from pytest_libero_max.report.writers.broken import broken_line, broken_lines
 from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Result, Substrate
 
@@ -62,7 +62,7 @@ def summary_lines(
         lines.append(f"Over the {pairs.played} played pairs only:")
     lines += wrap(warning_of(overall) or "", 100)
     lines += [line for text in section_warnings(report) for line in wrap(text, 100)]
-    lines += [*_overall_lines(overall), *_chance_lines(report), "", *_event_lines(report)]
+    lines += [*_overall_lines(overall), *_section_lines(report), "", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
     lines += [*_caveat_lines(report.caveats), *wrap(clipping_text(report) or "", 100)]
@@ -109,22 +109,6 @@ def _event_lines(report: Report) -> list[str]:
     return [*table_lines(table), *([table.note] if table.note else [])]
 
 
-def noise_text(report: Report) -> str | None:
-    """Return the result of playing Base twice, and a note if fewer pairs were played twice than asked for.
-
-    None where nothing was asked for and nothing was played twice.
-    """
-    noise, asked = report.noise_floor, report.provenance["protocol"].get("noise_floor") or 0
-    measured = noise.flips.of if noise else 0
-    if not noise and not asked:
-        return None
-    lacking = f"asked for {counted(asked, 'pair')}, measured on {measured}" if measured < asked else ""
-    if not noise:
-        return f"{lacking}: none of the chosen pairs was played"
-    text = f"{rate_text(noise.flips)} ended otherwise, {count_text(noise.identical)} bit for bit alike"
-    return f"{text} ({lacking})" if lacking else text
-
-
 def clipping_text(report: Report) -> str | None:
     """Return the warning about actions outside [-1, 1]; None where there were none."""
     clipped = report.clipped_actions
@@ -144,16 +128,9 @@ def _caveat_lines(caveats: Sequence[Caveat]) -> list[str]:
     return wrap(f"Notes on pairs (see report.md): {counts}.", 100)
 
 
-def _chance_lines(report: Report) -> Iterator[str]:
-    rows = [(title, measure_text(measure)) for title, measure in main_measures(report)]
-    for title, text in (*noise_rows(report), *rows):
-        yield from wrap(f"{title:<32}{text}", 100, subsequent_indent=" " * 32)
-
-
-def noise_rows(report: Report) -> list[tuple[str, str]]:
-    """Return title and text of the noise floor, where it was asked for or played."""
-    text = noise_text(report)
-    return [] if text is None else [("Noise floor: Base played twice", text)]
+def _section_lines(report: Report) -> Iterator[str]:
+    for title, measure in main_measures(report):
+        yield f"{title:<32}{measure_text(measure)}"
 
 
 def alarm_texts(report: Report) -> list[str]:

@@ -69,16 +69,6 @@ def rectangle(x: float, y: float, width: float, height: float, fill: str) -> str
     return f"<rect x='{_n(x)}' y='{_n(y)}' width='{_n(width)}' height='{_n(height)}' fill='{fill}'/>"
 
 
-def arrow(x1: float, x2: float, y: float, color: str) -> str:
-    """Return a horizontal arrow from ``x1`` to ``x2``; a bare line where they are too near for a head."""
-    shaft = line(x1, y, x2, y, color, 2.5)
-    if abs(x2 - x1) < 6:
-        return shaft
-    back = x2 - 7 if x2 > x1 else x2 + 7
-    points = f"{_n(x2)},{_n(y)} {_n(back)},{_n(y - 5)} {_n(back)},{_n(y + 5)}"
-    return shaft + f"<polygon points='{points}' fill='{color}'/>"
-
-
 def shade(value: float) -> str:
     """Colour of a change from -1 (loss) over 0 (white) to 1 (gain); full at half of that."""
     end = LOSS if value < 0 else GAIN

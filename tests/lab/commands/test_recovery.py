@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.lab.recovery.recovery import compare_recovery
-from pytest_libero_max.lab.recovery.recovery_sections import document_of
+from pytest_libero_max.lab.recovery import compare_recovery, document_of
 from pytest_libero_max.report.render.terminal import document_lines
 from pytest_libero_max.runs.store import PairStore
-from tests.lab.recovery.test_recovery import GATED, NATIVE
+from tests.lab.test_recovery import GATED, NATIVE
 from tests.report.made_up import plain
 
 

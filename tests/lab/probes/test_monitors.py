@@ -7,10 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.lab.probes.action_spread import ActionSpread
-from pytest_libero_max.lab.probes.chunk_change import ChunkChange
-from pytest_libero_max.lab.probes.image_change import ImageChange
-from pytest_libero_max.lab.probes.scene_distance import SceneDistance
+from pytest_libero_max.lab.probes.monitors import ActionSpread, ChunkChange, ImageChange, SceneDistance
 from pytest_libero_max.pairing.probes.monitor import IMAGE_SIZE, Monitor
 
 NOTHING = np.zeros((4, 7))

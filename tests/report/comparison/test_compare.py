@@ -13,8 +13,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
-from pytest_libero_max.report.comparison.compare_files import comparison_markdown
-from pytest_libero_max.report.comparison.compare_html import comparison_html
+from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.comparison.comparison_sections import (
     comparison_lines,
@@ -183,15 +182,12 @@ def test_the_replay_command_of_a_genuine_run_names_all_that_it_played_on() -> No
         "pytest",
         "--libero-max-policy=scripted.py",
         "--libero-max-manifest=/srv/mine.json",
-        "--libero-max-substrate=libero",
+        "--libero-max-substrate=libero:semantics=corrected,instruction=clean,variations=own",
         "--libero-max-libero=/srv/LIBERO",
         "--libero-max-libero=/srv/LIBERO-plus",
-        "--libero-max-semantics=corrected",
-        "--libero-max-instruction=clean",
-        "--libero-max-source-variations=own",
         "--libero-max-libero-assets=/srv/assets",
         "--libero-max-prefix=replay",
-        "--libero-max-noise-floor=4",
+        "--libero-max-noise=floor:4",
         "--libero-max-limit=8",
         "--libero-max-shard=2/3",
         "--libero-max-output=libero-max-replay",

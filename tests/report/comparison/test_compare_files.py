@@ -2,29 +2,28 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from markupsafe import escape
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
-from pytest_libero_max.report.comparison.compare_figures import (
-    COMPARISON_FIGURES,
-    event_changes,
-    outcome_shares,
+from pytest_libero_max.report.comparison.compare_files import (
+    comparison_figures,
+    comparison_html,
+    comparison_markdown,
+    write_comparison,
 )
-from pytest_libero_max.report.comparison.compare_files import comparison_markdown, write_comparison
-from pytest_libero_max.report.comparison.compare_html import comparison_html
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.palette import LOSS
+from pytest_libero_max.report.comparison.comparison_plots import event_changes, outcome_shares
+from pytest_libero_max.report.render.drawing import drawn
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import PROVENANCE, page_cases, plain, plan, record_of
+from tests.report.svg_frame import SVG, parsed_inside
 
 PAIRS = plan()
-SVG = "{http://www.w3.org/2000/svg}"
 
 
 def _runs(runs: int) -> dict[str, StoredRun]:
@@ -50,30 +49,27 @@ def _comparison(runs: int) -> Comparison:
 THREE = _comparison(3)
 
 
-@pytest.mark.parametrize("figure", COMPARISON_FIGURES)
 @pytest.mark.parametrize("runs", [2, 14])
-def test_every_figure_is_well_formed_and_inside_its_frame(figure: str, runs: int) -> None:
-    root = ElementTree.fromstring(COMPARISON_FIGURES[figure](_comparison(runs)))
-    _, _, width, height = map(float, root.attrib["viewBox"].split())
-    limits = {"x": width, "x1": width, "x2": width, "cx": width, "y": height, "y1": height, "cy": height}
-    for shape in root.iter():
-        for key, limit in limits.items():
-            assert 0 <= float(shape.get(key, 0)) <= limit
-    assert "run 1 & <co>" in [shape.text for shape in root.iter(f"{SVG}text")]
+def test_every_figure_is_well_formed_and_inside_its_frame(runs: int) -> None:
+    for svg in comparison_figures(_comparison(runs)).values():
+        assert "run 1 & <co>" in [shape.text for shape in parsed_inside(svg).iter(f"{SVG}text")]
 
 
 @pytest.mark.parametrize(("count", "boxes"), [(2, 0), (3, 0), (5, 8)])
-def test_the_figure_of_events_has_a_dot_for_every_run(count: int, boxes: int) -> None:
+def test_the_plot_of_events_has_a_dot_for_every_run(count: int, boxes: int) -> None:
     """Two runs are joined by a line; quartiles say something from five runs on."""
     comparison = compare_runs(dict(reversed([*_runs(count).items()])))
-    figure = event_changes(comparison)
-    root = ElementTree.fromstring(figure)
+    plot = event_changes(comparison)
+    assert {len(row.dots) for row in plot.rows} == {count} == {len(plot.legend)}
+    assert len({kind for kind, _ in plot.legend}) == count
+    root = parsed_inside(drawn(plot))
     assert len([*root.iter(f"{SVG}circle")]) == count * 8 + count  # and those of the legend
-    assert len([*root.iter(f"{SVG}rect")]) == boxes
+    assert len([*root.iter(f"{SVG}rect")]) == boxes == sum(row.box is not None for row in plot.rows)
     first, second = (run.by_event for run in comparison.runs[:2])
     worse = sum((second[event].value or 0) < (first[event].value or 0) for event in first)
     assert worse
-    assert figure.count(f"stroke='{LOSS}'") == (worse if count == 2 else 0)
+    lost = [row for row in plot.rows if row.span is not None and row.span[2] == "loss"]
+    assert len(lost) == (worse if count == 2 else 0)
 
 
 def test_the_quartiles_are_over_the_runs() -> None:
@@ -85,7 +81,7 @@ def test_the_quartiles_are_over_the_runs() -> None:
 
 
 def test_the_figure_of_outcomes_has_bars_as_long_as_the_shares() -> None:
-    root = ElementTree.fromstring(outcome_shares(THREE))
+    root = parsed_inside(drawn(outcome_shares(THREE)))
     bars = [float(bar.attrib["width"]) for bar in root.iter(f"{SVG}rect")][4:]
     assert len(bars) == 3 * 4
     for run, start in zip(plain(THREE)["runs"], range(0, 12, 4), strict=True):

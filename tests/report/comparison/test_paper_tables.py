@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -21,27 +20,25 @@ from pytest_libero_max.benchmark.releases import RELEASED
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
-from pytest_libero_max.report.comparison.paper_figures import PAPER_FIGURES
+from pytest_libero_max.report.comparison.comparison_plots import PAPER_PLOTS
 from pytest_libero_max.report.comparison.paper_files import write_tables
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
-from pytest_libero_max.report.comparison.paper_tables import (
-    PaperTable,
-    paper_csv,
-    paper_latex,
-    paper_markdown,
-    paper_tables,
-    partial_tables,
-)
+from pytest_libero_max.report.comparison.paper_tables import paper_tables, partial_tables
+from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.published import (
     authors_cases,
     lacks_for_published,
     published_partial,
     published_policies,
 )
+from pytest_libero_max.report.render.drawing import drawn
+from pytest_libero_max.report.render.markdown import table_markdown
+from pytest_libero_max.report.render.tables import table_csv, table_latex
 from pytest_libero_max.runs.outcomes import Played, RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.stats.paired import Pairs
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
+from tests.report.svg_frame import parsed_inside
 
 FACTS = (
     Path(os.environ.get("LIBERO_MAX_FACTS", Path(__file__).parents[4] / "shared" / "facts")) / "paper.json"
@@ -64,12 +61,12 @@ def _facts() -> Json:
 
 def _cells(rows: Sequence[PolicyRow], stem: str) -> list[list[str]]:
     """The cells of a table's Markdown."""
-    (table,) = [table for table in paper_tables(rows) if table.stem == stem]
+    (table,) = [table for table in paper_tables(rows) if table.key == stem]
     return _rows(table)
 
 
-def _rows(table: PaperTable) -> list[list[str]]:
-    lines = [line for line in paper_markdown(table).splitlines() if line.startswith("| ")]
+def _rows(table: Table) -> list[list[str]]:
+    lines = [line for line in table_markdown(table).splitlines() if line.startswith("| ")]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if "---" not in line]
 
 
@@ -189,7 +186,7 @@ def test_the_published_rows_are_the_papers_digit_for_digit(stem: str) -> None:
 
 def test_lite_keeps_the_order_of_as_many_policies_as_the_paper_says() -> None:
     said = _facts()["lite_validation"]["statements"]
-    (table,) = [table for table in paper_tables(PUBLISHED) if table.stem == "lite"]
+    (table,) = [table for table in paper_tables(PUBLISHED) if table.key == "lite"]
     assert f"Largest difference {said['largest_absolute_deviation_pp']}." in table.note
     assert f"{said['orderings_preserved']} of {said['orderings_total']} orders" in table.note
 
@@ -311,21 +308,22 @@ def test_all_files_are_written_for_any_number_of_runs(count: int, tmp_path: Path
     }
     assert {f"{stem}.{end}" for stem in stems for end in ("csv", "tex")} < names
     assert "lite.csv" not in names, "smoke is no part of Max"
-    assert {"tables.md", "policy-arrows.svg", "panels.svg", "categories.svg"} < names
+    assert {"tables.md", "policy-arrows.svg", "coverage.svg", "categories.svg"} < names
     assert ("event-changes.svg" in names) == (count > 1)
     text = (tmp_path / "out" / "tables.md").read_text()
     assert "Its scores are not comparable" in text
     assert all(f"]({name})" in text for name in names if name.endswith(".svg"))
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "main.csv").read_text())))
-    assert [row["From"] for row in rows] == ["run"] * count
-    assert 0 <= float(rows[0]["Base"]) <= 1
-    assert float(rows[0]["95% lower"]) < float(rows[0]["Change"]) < float(rows[0]["95% upper"])
+    assert len(rows) == count
+    lower, change, upper = (float(rows[0][f"paired_change{end}"]) for end in ("_lower", "", "_upper"))
+    assert 0 <= float(rows[0]["base_success"]) <= 1
+    assert lower < change < upper
 
 
 def test_latex_is_escaped_and_has_as_many_cells_as_headings(tmp_path: Path) -> None:
     rows = [row_of("a & b_c", POLICY, CASES, _counted(published_policies()[0]), frozenset()), *PUBLISHED]
     for table in paper_tables(rows):
-        text = paper_latex(table, ())
+        text = table_latex(table, [table.title, *([table.note] if table.note else [])])
         assert r"a \& b\_c &" in text
         body = [line.replace(r"\&", "") for line in text.splitlines() if line.endswith(r" \\")]
         assert len(body) == 16
@@ -335,10 +333,10 @@ def test_latex_is_escaped_and_has_as_many_cells_as_headings(tmp_path: Path) -> N
 
 def test_published_rows_are_marked_beside_others() -> None:
     own = row_of("mine", POLICY, CASES, _counted(published_policies()[0]), frozenset())
-    (table, *_) = [table for table in paper_tables([own, *PUBLISHED]) if table.stem == "main"]
+    (table, *_) = [table for table in paper_tables([own, *PUBLISHED]) if table.key == "main"]
     names = [row[0] for row in _rows(table)[1:]]
     assert names[:2] == ["mine", "pi_0.5 (paper)"]
-    assert [row[0] for row in csv.reader(io.StringIO(paper_csv(table)))][1:3] == ["run", "paper"]
+    assert [row[0] for row in csv.reader(io.StringIO(table_csv(table)))][1:3] == names[:2]
 
 
 MAX = next(file for file in RELEASED if file.file == "libero_max_8000.json")
@@ -390,34 +388,21 @@ def test_a_partial_run_is_in_a_table_of_its_own(tmp_path: Path) -> None:
     write_tables(runs, tmp_path)
     assert "partial" not in (tmp_path / "main.csv").read_text()
     rows = list(csv.DictReader(io.StringIO((tmp_path / "partial.csv").read_text())))
-    assert [(row["Suite"], row["Pairs"]) for row in rows] == [
+    assert [(row["suite"], row["pairs"]) for row in rows] == [
         ("libero_object", ""),
         ("libero_spatial", "32"),
         ("all supported", "32"),
     ]
 
 
-@pytest.mark.parametrize("figure", PAPER_FIGURES)
+@pytest.mark.parametrize("figure", PAPER_PLOTS)
 @pytest.mark.parametrize("rows", [PUBLISHED, None], ids=["published", "own"])
 def test_figures_are_well_formed_and_inside_their_frames(figure: str, rows: list[PolicyRow] | None) -> None:
     own = [row_of(p.name, POLICY, CASES, _counted(p), frozenset()) for p in published_policies()[:3]]
-    svg = PAPER_FIGURES[figure][0](own if rows is None else rows)
-    if rows is not None and figure == "categories":
-        assert svg is None, "nothing is published by category"
-        return
-    assert svg is not None
-    root = ElementTree.fromstring(svg)
-    _, _, width, height = map(float, root.attrib["viewBox"].split())
-    for shape in root.iter():
-        for key, limit in {
-            "x": width,
-            "x1": width,
-            "x2": width,
-            "cx": width,
-            "y": height,
-            "cy": height,
-        }.items():
-            assert 0 <= float(shape.get(key, 0)) <= limit
+    plot = PAPER_PLOTS[figure][0](own if rows is None else rows)
+    assert (plot is None) == (rows is not None and figure == "categories"), "nothing is published by category"
+    if plot is not None:
+        parsed_inside(drawn(plot))
 
 
 def test_the_command_writes_the_published_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -211,7 +211,7 @@ def test_the_first_screen_shows_what_broke_with_its_film(browser: Any, page: Pat
     shown = Shown(browser, page)
     headline = shown.page.locator(".headline").inner_text()
     assert re.fullmatch(r"[-+]\d+\.\d pp", headline)
-    assert shown.page.locator("body").inner_text().count(headline) == 1
+    assert shown.page.locator(".first").inner_text().count(headline) == 1
     assert shown.page.locator(".verdict").bounding_box()["y"] < 400
     film = shown.page.locator(".poster video")
     assert film.get_attribute("src").startswith(f"films/{FIRST.item_id}--base-dynamic.mp4#t=")

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ElementTree
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -12,13 +11,15 @@ from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.writers.figures import FIGURES
+from pytest_libero_max.report.render.drawing import drawn
+from pytest_libero_max.report.run_plots import base_to_dynamic, forest
 from pytest_libero_max.report.writers.gate_text import gate_rows
 from pytest_libero_max.report.writers.markdown import markdown
-from pytest_libero_max.report.writers.report_files import write_figures
+from pytest_libero_max.report.writers.report_files import all_figures, write_figures
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+from tests.report.svg_frame import SVG, parsed_inside
 
 PAIRS = plan(per_cell=2)
 RECORDS = records_of(PAIRS)
@@ -119,39 +120,25 @@ def test_what_others_wrote_is_escaped() -> None:
     assert "<i>" not in page
 
 
-@pytest.mark.parametrize("figure", FIGURES)
 @pytest.mark.parametrize("name", REPORTS)
-def test_every_figure_is_well_formed_and_inside_its_frame(figure: str, name: str) -> None:
-    root = ElementTree.fromstring(FIGURES[figure](REPORTS[name]))
-    _, _, width, height = map(float, root.attrib["viewBox"].split())
-    for shape in root.iter():
-        for key, limit in (
-            ("x", width),
-            ("x1", width),
-            ("x2", width),
-            ("cx", width),
-            ("y", height),
-            ("cy", height),
-        ):
-            if key in shape.attrib:
-                assert 0 <= float(shape.attrib[key]) <= limit
+def test_every_figure_is_well_formed_and_inside_its_frame(name: str) -> None:
+    for svg in all_figures(REPORTS[name]).values():
+        parsed_inside(svg)
 
 
-def test_an_arrow_goes_from_base_to_dynamic() -> None:
+def test_a_line_goes_from_base_to_dynamic() -> None:
     pairs = [pair for pair in PAIRS if pair.event == "camera_shift"]
     records = [record_of(pair, True, index % 2 == 0) for index, pair in enumerate(pairs)]
-    root = ElementTree.fromstring(FIGURES["base-to-dynamic"](build_report(records, [], pairs, PROVENANCE)))
-    lines = [
-        shape.attrib
-        for shape in root.iter()
-        if shape.tag.endswith("line") and shape.attrib["stroke-width"] != "1"
-    ]
-    rings = [float(shape.attrib["cx"]) for shape in root.iter() if shape.tag.endswith("circle")]
-    assert [float(line["x1"]) for line in lines] == rings == [640.0, 640.0]
-    assert [float(line["x2"]) for line in lines] == [430.0, 430.0]
+    plot = base_to_dynamic(build_report(records, [], pairs, PROVENANCE))
+    assert [row.span for row in plot.rows] == [(1.0, 0.5, "loss")] * 2
+    root = parsed_inside(drawn(plot))
+    lines = [shape.attrib for shape in root.iter(f"{SVG}line") if shape.get("stroke-width") == "2.5"]
+    dots = [float(shape.attrib["cx"]) for shape in root.iter(f"{SVG}circle")]
+    assert [float(line[end]) for line in lines for end in ("x1", "x2")] == dots
+    assert dots[0] - dots[1] == pytest.approx(210)
 
 
 def test_figures_are_written_as_files(tmp_path: Path) -> None:
     paths = write_figures(FULL, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
-    assert (tmp_path / "paired-change.svg").read_text() == FIGURES["paired-change"](FULL)
+    assert (tmp_path / "paired-change.svg").read_text() == drawn(forest(FULL))

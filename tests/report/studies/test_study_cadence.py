@@ -45,7 +45,7 @@ def report() -> Report:
 
 
 def test_rates_and_changes_of_every_setting(report: Report) -> None:
-    settings = plain(report)["study"]["cadence"]["settings"]
+    settings = plain(report)["study"]["settings"]
     assert [setting["label"] for setting in settings] == [f"H={q} Q={q}" for q in GR00T]
     assert [setting["own"] for setting in settings] == [False, False, False, False, True]
     for setting, (base, dynamic) in zip(settings, GR00T.values(), strict=True):
@@ -53,15 +53,17 @@ def test_rates_and_changes_of_every_setting(report: Report) -> None:
         assert setting["dynamic_success"]["count"] == dynamic
         change = setting["paired_change"]
         assert change["value"] == (dynamic - base) / 800
-        assert change["lower"] <= change["bootstrap_by_source"]["lower"] < change["value"] < change["upper"]
+        assert (
+            change["lower"] <= change["bootstrap"]["by_source"]["lower"] < change["value"] < change["upper"]
+        )
         assert setting["stale_actions"]["median"] == 2
 
 
 def test_the_best_settings_are_those_the_paper_names(report: Report) -> None:
-    best = plain(report)["study"]["cadence"]["best"]
+    best = plain(report)["study"]["best"]
     assert best["base_success"]["setting"] == "H=8 Q=8"
     assert best["dynamic_success"]["setting"] == "H=12 Q=12"
-    own = plain(report)["study"]["cadence"]["settings"][3]["dynamic_success"]
+    own = plain(report)["study"]["settings"][3]["dynamic_success"]
     assert best["dynamic_success"]["lower"] < own["lower"]  # it was chosen
     assert best["dynamic_success"]["upper"] > own["upper"]
 
@@ -69,14 +71,14 @@ def test_the_best_settings_are_those_the_paper_names(report: Report) -> None:
 def test_equal_settings_differ_by_a_zero_without_a_sign_of_its_own() -> None:
     report = sweep({"": (2, 1), "_q2": (2, 1)}, 3, "2")
     text = "\n".join(summary_lines(report))
-    assert plain(report)["study"]["cadence"]["best"]["base_success"]["setting"] == "H=16 Q=2"
+    assert plain(report)["study"]["best"]["base_success"]["setting"] == "H=16 Q=2"
     assert "-0.0" not in text
     assert "not shown to be worse" in text
 
 
 def test_settings_that_are_not_shown_to_be_worse() -> None:
     study = plain(sweep({"": (20, 10), "_q2": (19, 9), "_q8": (20, 2)}, 24, "2,8"))["study"]
-    best = study["cadence"]["best"]["dynamic_success"]
+    best = study["best"]["dynamic_success"]
     assert best["setting"] == "H=16 Q=16"
     assert best["not_worse"] == ["H=16 Q=2"]
     assert best["differences"]["H=16 Q=8"]["value"] == pytest.approx(8 / 24)

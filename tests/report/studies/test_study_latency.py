@@ -48,7 +48,7 @@ def sweep(counts: dict[str, tuple[int, int]], cases: int) -> Report:
 
 def test_the_cost_of_a_delay_is_over_the_same_cases() -> None:
     report = plain(sweep({"": (30, 24), "_d8": (20, 6), "_d4": (27, 18)}, 40))
-    settings = report["study"]["latency"]["settings"]
+    settings = report["study"]["settings"]
     assert [setting["label"] for setting in settings] == ["d=0 (0 ms)", "d=4 (200 ms)", "d=8 (400 ms)"]
     assert [setting["base_cost"]["value"] for setting in settings] == [0.0, -3 / 40, -10 / 40]
     assert [setting["dynamic_cost"]["value"] for setting in settings] == [0.0, -6 / 40, -18 / 40]

@@ -4,11 +4,11 @@ from itertools import cycle
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.broken import named_of
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.formats import PValue
 from pytest_libero_max.report.highlights import highlight_rows
 from pytest_libero_max.report.statements import STATEMENTS
-from pytest_libero_max.report.writers.broken import named_of
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.stats.blocks import McNemar

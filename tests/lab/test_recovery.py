@@ -12,8 +12,7 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.lab.recovery.recovery import compare_recovery
-from pytest_libero_max.lab.recovery.recovery_sections import document_of
+from pytest_libero_max.lab.recovery import compare_recovery, document_of
 from pytest_libero_max.report.render.terminal import document_lines
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import StoredRun
@@ -164,7 +163,7 @@ def test_the_whole_frozen_track_is_compared() -> None:
         return StoredRun(Run(planned, PROVENANCE), tuple(records), (), torn=False)
 
     recovery = compare_recovery([played("native", 3), played("always", 2)])
-    assert plain(recovery)["pairs"]["common"] == 300
+    assert recovery.common == 300
     (gain,) = [
         row for row in plain(recovery)["effects"] if row["quantity"] == "dynamic" and row["over"] == "native"
     ]

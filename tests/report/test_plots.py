@@ -4,9 +4,10 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.broken_cards import broken_sections
-from pytest_libero_max.report.page.charts import category_map, direction, forest, histogram, outcome_bar
+from pytest_libero_max.report.page.broken_cards import broken_cards
+from pytest_libero_max.report.plots import Histogram, direction, outcome_bar
 from pytest_libero_max.report.report_document import ChangedPair, Report
+from pytest_libero_max.report.run_plots import category_map, forest
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 PAIRS = plan(per_cell=4)
@@ -20,24 +21,24 @@ def _report(lost: str = "camera_shift", missing: int = 0) -> Report:
 
 def test_a_forest_has_all_pairs_first_then_the_lowest_event() -> None:
     report = _report(missing=1)
-    plot = forest(report.overall, report.by["event"])
-    names = [str(getattr(row.name, "text", row.name)) for row in plot.rows]
+    plot = forest(report)
+    names = [str(row.name) for row in plot.rows]
     assert names[:2] == ["all pairs", "camera_shift"]
     assert len(names) == 9
     assert (plot.rows[0].note, plot.rows[1].note) == ("127/128", "16")
-    assert [label for _, label in plot.ticks] == ["-100", "-75", "-50", "-25", "0", "+25"]
-    assert plot.zero == 80.0
+    assert [label for _, label in plot.axis.ticks] == ["-100", "-75", "-50", "-25", "0", "+25"]
+    assert plot.axis.at(0) == 80.0
     lost = plot.rows[1]
-    assert lost.dots == [(0.0, "loss")]
+    assert lost.dots == [(-1.0, "loss")]
     assert lost.span is not None
-    assert lost.span[0] == 0.0 < lost.span[1] < plot.zero
+    assert lost.span[0] == -1.0 < lost.span[1] < 0
     assert lost.text.startswith("-100.0 [-100.0, ")
-    assert {row.dots[0] for row in plot.rows[2:]} == {(plot.zero, "neutral")}
+    assert {row.dots[0] for row in plot.rows[2:]} == {(0.0, "neutral")}
 
 
 def test_a_forest_of_nothing_has_no_dots() -> None:
     empty = build_report([], [], PAIRS, PROVENANCE)
-    plot = forest(empty.overall, empty.by["event"])
+    plot = forest(empty)
     assert {(row.text, len(row.dots), row.span) for row in plot.rows} == {("n/a", 0, None)}
 
 
@@ -59,8 +60,9 @@ def test_a_bar_of_outcomes_is_as_wide_as_its_parts() -> None:
 
 
 def test_a_map_has_a_cell_for_every_category_and_event() -> None:
-    events, rows = category_map(_report())
-    for category, cells in rows:
+    plot = category_map(_report())
+    events = plot.columns
+    for category, cells in plot.rows:
         assert len(cells) == len(events) == 8
         for event, cell in zip(events, cells, strict=True):
             assert cell is not None
@@ -69,14 +71,17 @@ def test_a_map_has_a_cell_for_every_category_and_event() -> None:
             assert (cell.text, cell.kind, cell.weight) == lost
     few = [pair for pair in PAIRS if pair.event == "camera_shift" or pair.source == "pro"]
     report = build_report([record_of(pair, True, True) for pair in few], [], few, PROVENANCE)
-    assert None in [cell for _, cells in category_map(report)[1] for cell in cells]
+    assert None in [cell for _, cells in category_map(report).rows for cell in cells]
 
 
 def test_a_histogram_has_every_number_and_labels_where_there_is_room() -> None:
-    assert histogram({"0": 2, "3": 4}) == [("0", 2, 50.0), ("1", 0, 0.0), ("2", 0, 0.0), ("3", 4, 100.0)]
-    labels = [label for label, _, _ in histogram({"40": 1})]
+    def bars(counts: dict[str, int]) -> list[tuple[str, int, float]]:
+        return Histogram.of("pairs", "number", counts).bars
+
+    assert bars({"0": 2, "3": 4}) == [("0", 2, 50.0), ("1", 0, 0.0), ("2", 0, 0.0), ("3", 4, 100.0)]
+    labels = [label for label, _, _ in bars({"40": 1})]
     assert [label for label in labels if label] == [str(4 * place) for place in range(11)]
-    assert histogram({}) == [("0", 0, 0.0)]
+    assert bars({}) == [("0", 0, 0.0)]
 
 
 def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is() -> None:
@@ -91,10 +96,10 @@ def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is(
         sentence="The record holds no stages.",
     )  # fmt: skip
     report = structs.replace(report, changed_pairs=[*changed, gained])
-    lost, won = broken_sections(report, {names[3]: ["films/a b.mp4"]}, {names[3]: 25})
-    assert lost.title == "What broke: 16 of 128 Base successes lost"
+    lost, won = broken_cards(report, {names[3]: ["films/a b.mp4"]}, {names[3]: 25})
+    assert lost.part.title == "What broke: 16 of 128 Base successes lost"
     first, second = lost.cards
-    assert (first.number, first.cause, first.event) == (15, "missed moved goal", "camera_shift")
+    assert (first.number, first.cause, first.what) == (15, "missed moved goal", "camera_shift")
     assert (first.film, first.sentence) == ("films/a%20b.mp4#t=1.35", "S3.")
     assert first.view == "event=camera_shift&outcome=regression&cause=missed_moved_goal"
     assert first.case == f"{first.view}&case={names[3]}"
@@ -117,6 +122,6 @@ def test_small_groups_are_counted_below_the_cards() -> None:
         for cause in range(10)
         for k in range(10 - cause)
     ]
-    (section,) = broken_sections(structs.replace(_report(), changed_pairs=pairs), {}, {})
+    (section,) = broken_cards(structs.replace(_report(), changed_pairs=pairs), {}, {})
     assert [card.number for card in section.cards] == [10, 9, 8, 7, 6, 5, 4, 3]
     assert section.more == 2 + 1

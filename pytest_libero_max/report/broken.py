@@ -1,18 +1,21 @@
-"""Pairs that broke or were gained, as lines of text: grouped by cause and event, a part of them by name."""
+"""Pairs that Base fails, that broke and that were gained: by cause and event, a part of them by name."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Literal, NamedTuple
+from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.report.base_failures import base_lines, known_failures, next_step
+from pytest_libero_max.report import base_failures
+from pytest_libero_max.report.base_failures import known_failures, next_step
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
-from pytest_libero_max.report.report_document import ChangedPair, Report
+from pytest_libero_max.report.document import Code, Link, Section, Table
+from pytest_libero_max.report.report_document import BaseFailures, ChangedPair, Report
 from pytest_libero_max.runs.replay_command import film_text, replay_of, traces_setting
 
 TITLE = "What broke"
@@ -29,26 +32,78 @@ NO_CAUSES = "No causes: these records were written before the stages of an arm w
 Outcome = Literal["regression", "change_associated_success"]
 
 LETTERS: Mapping[Outcome, str] = {"regression": "R", "change_associated_success": "G"}
-"""Letters of the outcomes, as progress shows them."""
+"""Letters of the outcomes, as progress shows them; ``B`` is a failure in Base."""
+
+
+class Named(NamedTuple):
+    """A pair to name."""
+
+    item_id: str
+    sentence: str
+    """What happened; empty where that is not known."""
 
 
 class Group(NamedTuple):
     """Pairs of one cause under one event."""
 
     cause: str
-    """The cause."""
+    """The cause; empty where it was not recorded."""
     event: str
-    """The event."""
-    pairs: tuple[ChangedPair, ...]
-    """All of them."""
-    named: tuple[ChangedPair, ...]
+    """The event; empty for failures in Base, which are of all events."""
+    what: str
+    """The event, with the programs that were played in its place; ``in Base``."""
+    number: int
+    named: Sequence[Named]
     """Those to name, the first ones."""
 
+
+class Part(NamedTuple):
+    """The pairs of an outcome."""
+
+    outcome: str
+    letter: str
+    title: str
+    """Heading: their number and that of all that could be."""
+    note: str
+    """What to do next; empty for nothing."""
+    groups: Sequence[Group]
+    """Large ones first."""
+
     @property
-    def what(self) -> str:
-        """The event, with the programs that were played in its place."""
-        programs = ", ".join(sorted({pair.program for pair in self.pairs} - {""}))
-        return f"{self.event} (program {programs})" if programs else self.event
+    def more(self) -> int:
+        """Number of pairs that are not named."""
+        return sum(group.number - len(group.named) for group in self.groups)
+
+
+def parts_of(
+    report: Report, films: Collection[str] = (), most: int = MOST_NAMED, most_groups: int = MOST_NAMED
+) -> list[Part]:
+    """Return what Base fails at where it solves little, then the pairs that were lost and that were gained.
+
+    Nothing is said of an outcome without pairs.
+
+    Args:
+        report: The report.
+        films: Item ids of the pairs with a film; of a cause of Base, one with a film is named.
+        most: Number of pairs to name of an outcome.
+        most_groups: Number of groups of which pairs are named.
+    """
+    parts = []
+    if base := known_failures(report):
+        groups = [_in_base(group, films, named=place < most_groups) for place, group in enumerate(base)]
+        title = base_failures.title_of(report)
+        parts.append(Part("persistent_failure", "B", title, next_step(report), groups))
+    for outcome, letter in LETTERS.items():
+        if groups := groups_of(report.changed_pairs, outcome, most, most_groups):
+            parts.append(Part(outcome, letter, title_of(report, outcome), "", groups))
+    return parts
+
+
+def _in_base(group: BaseFailures, films: Collection[str], *, named: bool) -> Group:
+    item = next((item for item in group.item_ids if item in films), group.item_ids[0])
+    sentence = group.sentence if item == group.item_ids[0] else ""
+    cause = "" if group.cause == NOT_RECORDED else group.cause
+    return Group(cause, "", "in Base", group.pairs, [Named(item, sentence)] if named else [])
 
 
 def groups_of(
@@ -72,9 +127,20 @@ def groups_of(
     shown = order[:most_groups]
     turns = [(turn, place) for place, key in enumerate(shown) for turn in range(len(found[key]))]
     named = Counter(place for _, place in sorted(turns)[:most])
-    return [
-        Group(*key, tuple(found[key]), tuple(found[key][: named[place]])) for place, key in enumerate(order)
-    ]
+    groups = []
+    for place, (cause, event) in enumerate(order):
+        known, members = cause != NOT_RECORDED, found[cause, event]
+        programs = ", ".join(sorted({pair.program for pair in members} - {""}))
+        groups.append(
+            Group(
+                cause if known else "",
+                event,
+                f"{event} (program {programs})" if programs else event,
+                len(members),
+                [Named(pair.item_id, pair.sentence if known else "") for pair in members[: named[place]]],
+            )
+        )
+    return groups
 
 
 def named_of(pairs: Sequence[ChangedPair], most: int) -> list[str]:
@@ -123,6 +189,30 @@ def title_of(report: Report, outcome: Outcome) -> str:
     return f"{GAINED_TITLE}: {number} of {report.overall.played - lost.of} Base failures solved"
 
 
+def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
+    """Return the pairs as tables.
+
+    Args:
+        report: The report.
+        films: Address of the film of each pair that has one, by item id.
+    """
+    sections = []
+    for part in parts_of(report, films):
+        head = ["", "Pair", "Event", "Cause (pairs)", "What happened", *(["Film"] if films else [])]
+        rows = []
+        for group in part.groups:
+            cause = f"{group.cause} ({group.number})".strip()
+            for pair in group.named:
+                film = Link("film", quote(films[pair.item_id])) if pair.item_id in films else ""
+                cells = (part.letter, Code(pair.item_id), group.what, cause, pair.sentence)
+                rows.append([*cells, *([film] if films else [])])
+        texts = [f"{part.more} more: `changed_pairs` of report.json, and report.html."] if part.more else []
+        sections.append(Section(part.title, [Table("", head, rows)], texts, lead=part.note))
+    if sections and without_causes(report):
+        sections.append(Section(texts=[NO_CAUSES]))
+    return sections
+
+
 def broken_lines(
     report: Report, films: Mapping[str, str] | None = None, show: str | None = None
 ) -> list[str]:
@@ -134,30 +224,23 @@ def broken_lines(
         show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
     """
     films, lines = films or {}, []
-    for number, line in enumerate(base_lines(report, films)):
-        lines += [""] * (number == 0) + wrap(
-            line, 100, subsequent_indent="    " * (number > 1), break_on_hyphens=False
-        )
-    for outcome, letter in LETTERS.items():
-        groups = groups_of(report.changed_pairs, outcome, _MOST_OF_GROUPS, _MOST_GROUPS)
-        if not groups:
-            continue
-        lines += ["", title_of(report, outcome)]
-        for group in groups:
+    for part in parts_of(report, films, _MOST_OF_GROUPS, _MOST_GROUPS):
+        lines += ["", part.title, *wrap(part.note, 100, break_on_hyphens=False)]
+        for group in part.groups:
             if not group.named:
                 continue
-            known = group.cause != NOT_RECORDED
-            first = ": " if len(group.pairs) == 1 else "; the first: "
-            head = f"{len(group.pairs)} x {group.cause}, {group.what}"
-            if without_causes(report):
-                head = f"{len(group.pairs)} x {group.what}"
-            head += f"{first}{group.pairs[0].sentence}" if known else ""
+            sentence = group.named[0].sentence
+            first = ": " if group.number == 1 else "; the first: "
+            words = [group.cause, group.what if group.event or not group.cause else ""]
+            what = ", ".join(filter(None, words))
+            head = f"{group.number} x {what}{first + sentence if sentence else ''}"
             lines += wrap(head, 100, subsequent_indent="    ", break_on_hyphens=False)
-            filmed = {pair.item_id: "  filmed" for pair in group.named if pair.item_id in films}
-            lines += [f"{letter}   {pair.item_id}{filmed.get(pair.item_id, '')}" for pair in group.named]
-        more = sum(len(group.pairs) - len(group.named) for group in groups)
-        by = "outcome" if without_causes(report) else "outcome and cause"
-        lines += [f"{more} more: in the table of cases of report.html, by {by}."] if more else []
+            for pair in group.named:
+                filmed = "  filmed" if pair.item_id in films else ""
+                lines.append(f"{part.letter}   {printable(pair.item_id)}{filmed}")
+        if part.more:
+            by = "outcome and cause" if any(group.cause for group in part.groups) else "outcome"
+            lines.append(f"{part.more} more: in the table of cases of report.html, by {by}.")
     lines += [NO_CAUSES] if without_causes(report) else []
     if lines and films:
         home = Path(next(iter(films.values()))).parent

@@ -7,9 +7,9 @@ from itertools import count
 import msgspec
 import pytest
 
+from pytest_libero_max.report.broken import broken_line, broken_lines, coloured, groups_of
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.report_document import ChangedPair, Report
-from pytest_libero_max.report.writers.broken import broken_line, broken_lines, coloured, groups_of
 from pytest_libero_max.report.writers.junit import broken_properties
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import quiet_lines
@@ -47,7 +47,7 @@ def report(pairs: list[ChangedPair]) -> Report:
 
 def test_groups_are_by_cause_and_event_large_ones_first_and_each_is_named_before_one_is_named_twice() -> None:
     groups = groups_of(MANY, "regression", most=5)
-    assert [(group.cause, group.event, len(group.pairs), len(group.named)) for group in groups] == [
+    assert [(group.cause, group.event, group.number, len(group.named)) for group in groups] == [
         ("missed_moved_target", "target_relocation", 30, 2),
         ("dropped", "camera_shift", 2, 2),
         ("dropped", "target_relocation", 1, 1),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,21 +16,17 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.lab.recovery.recovery_document import (
-    ActiveShares,
-    CommonCases,
-    Effect,
-    Group,
-    ImageNotes,
-    Mode,
-    Recovery,
-)
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.comparison.compare import common_cases
+from pytest_libero_max.report.document import Document, Section, Table, table_of
+from pytest_libero_max.report.formats import Interval, Number, Share, Tenths
+from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.comparability import COMPARISON, differences_between
 from pytest_libero_max.runs.outcomes import RunOutcomes
-from pytest_libero_max.runs.store import StoredRun, read_pairs
+from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.stats import blocks
+from pytest_libero_max.stats.blocks import Block
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, REPLICATES, cluster_bootstrap
 from pytest_libero_max.stats.measured import ends, interval_of, number, ratio_of
@@ -46,6 +41,72 @@ _TIME = "restore_s"
 Differences = NDArray[np.int64]
 
 
+class Mode(Block, frozen=True, kw_only=True):
+    """Results with one mode."""
+
+    base: blocks.Ratio
+    """Base success rate."""
+    dynamic: blocks.Ratio
+    """Dynamic success rate."""
+    active: dict[str, blocks.Ratio | None]
+    """Queries whose images were restored, of all, by arm; of Dynamic after the event. None: no count."""
+    images: dict[str, dict[str, int] | None]
+    """Counts of the wrapper that restores images, by arm and name."""
+    seconds_per_query: float | None
+    """Time of judging and restoring; None without a count."""
+
+
+class Gain(Block, frozen=True, kw_only=True):
+    """A quantity with one mode less that with another, over the same cases."""
+
+    mode: str
+    over: str
+    """The mode that is subtracted."""
+    quantity: str
+    """dynamic, base or closure (the Dynamic gain less the Base gain)."""
+    name: str = ""
+    """Source or corruption of the cases; empty for all of them."""
+    pairs: int
+    gained: int
+    """Cases in which the difference is above 0."""
+    lost: int
+    """Cases in which it is below 0."""
+    value: float | None
+    """Mean over the cases."""
+    configurations: int
+    """Tasks with an initial state, which are resampled whole."""
+    changed_configurations: int
+    """Those in which a case differs."""
+    lower: float | None
+    """Lower end of the 95% interval for independent cases: the melded exact one, and for a closure that of
+    weighted means (Gaffke 2005)."""
+    upper: float | None
+    bootstrap: blocks.Interval
+    """The paper's interval, clustered by configuration, for comparison with it; None at both ends where too
+    little could vary."""
+
+
+class Recovery(Block, frozen=True, kw_only=True):
+    """Modes of restoration, compared on the same cases."""
+
+    policy: dict[str, Any]
+    """Spec of the policy as the native run played it."""
+    substrate: str
+    case_set: str
+    common: int
+    """Cases that every run has measured."""
+    planned: int
+    """Planned cases of the native run."""
+    unsupported: dict[str, int]
+    """By mode, number of planned cases that the policy does not support."""
+    replicates: int
+    """Resamples of a bootstrap interval."""
+    modes: dict[str, Mode]
+    effects: list[Gain]
+    groups: list[Gain]
+    """Dynamic gains by source, and by corruption."""
+
+
 @dataclass(frozen=True)
 class _Columns:
     """The common cases, one row a case: outcomes by mode and arm, and labels."""
@@ -53,6 +114,11 @@ class _Columns:
     success: Mapping[tuple[str, str], Differences]
     category: NDArray[np.str_]
     configuration: NDArray[np.str_]
+
+    def part(self, rows: NDArray[np.bool_]) -> _Columns:
+        """Return some of the cases."""
+        success = {key: values[rows] for key, values in self.success.items()}
+        return _Columns(success, self.category[rows], self.configuration[rows])
 
     def gain(self, mode: str, arm: str, over: str = NATIVE) -> Differences:
         """(n,) success in an arm with one mode less that with another: -1, 0 or 1."""
@@ -63,17 +129,8 @@ class _Columns:
         return self.gain(mode, DYNAMIC) - self.gain(mode, BASE)
 
 
-def recovery_of(folders: Sequence[Path], restrict: bool = False) -> Recovery:
-    """Compare the runs in some folders; see :func:`compare_recovery`.
-
-    Raises:
-        ReportError: A run cannot be read, or see there.
-    """
-    return compare_recovery([read_pairs(folder) for folder in folders], restrict)
-
-
 def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recovery:
-    """Compare runs of one policy that differ in ``--libero-max-restore`` alone, one of them native.
+    """Compare runs of one policy that differ in the wrapper ``restore`` alone, one of them native.
 
     Args:
         runs: Two or three, in any order.
@@ -104,28 +161,26 @@ def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recov
         category=np.array([f"{record.source}|{record.source_category}" for record in first]),
         configuration=np.array([record.configuration for record in first]),
     )
-    groups = {
-        "source": np.array([record.source for record in first]),
-        "corruption": np.array([_corruption(record) for record in first]),
-    }
+    groups = (
+        np.array([record.source for record in first]),
+        np.array([_corruption(record) for record in first]),
+    )
     others = [mode for mode in records if mode != NATIVE]
     policy = dict(first[0].policy)
     return Recovery(
         policy=policy,
         substrate=runs[0].run.provenance["substrate"]["name"],
         case_set=runs[0].run.provenance["case_set"]["name"],
-        pairs=CommonCases(
-            common=len(ids),
-            planned=len(runs[0].run.planned),
-            unsupported=dict(common.unsupported),
-        ),
+        common=len(ids),
+        planned=len(runs[0].run.planned),
+        unsupported=dict(common.unsupported),
         replicates=REPLICATES,
         modes={mode: _mode(columns, mode, records[mode]) for mode in records},
         effects=[_effect(columns, *effect) for effect in _effects(others)],
         groups=[
-            _group(columns, mode, kind, name, labels == name)
+            _effect(columns.part(labels == name), mode, NATIVE, "dynamic", name)
             for mode in others
-            for kind, labels in groups.items()
+            for labels in groups
             for name in sorted(set(labels.tolist()))
         ],
     )
@@ -150,20 +205,19 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
     if NATIVE not in found or len(found) < 2:
         raise ReportError(
             f"The runs have restore={', '.join(map(repr, found))}, but one must be native and another "
-            "not. Play the track without --libero-max-restore as well, or with it."
+            "not. Play the track without --libero-max-wrap=restore:MODE as well, or with it."
         )
     if any(policy_differences(specs[0], spec) for spec in specs):
         raise ReportError(
-            "The runs are of different policies or settings. Play one policy with "
-            "--libero-max-restore=native, always and gated."
+            "The runs are of different policies or settings. Play one policy without a wrapper and with "
+            "--libero-max-wrap=restore:always or restore:gated."
         )
     by_mode = {mode: found[mode] for mode in MODES if mode in found}
     sides = {mode: RunOutcomes.of(run).side for mode, run in by_mode.items()}
     others = [one.name for one in differences_between(sides, COMPARISON) if one.name != "wrappers"]
     if others:
         raise ReportError(
-            f"The runs also differ in {', '.join(others)}, but recovery is of --libero-max-restore alone. "
-            "Play them alike."
+            f"The runs also differ in {', '.join(others)}, but recovery is of restore alone. Play them alike."
         )
     return by_mode
 
@@ -203,8 +257,8 @@ def _mode(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Mode:
     return Mode(
         base=rates[BASE],
         dynamic=rates[DYNAMIC],
-        active=ActiveShares(base=active[BASE], dynamic=active[DYNAMIC]),
-        images=ImageNotes(base=notes[BASE], dynamic=notes[DYNAMIC]),
+        active=active,
+        images=notes,
         seconds_per_query=number(seconds / queries) if queries else None,
     )
 
@@ -224,35 +278,10 @@ def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
     return [*rows, (GATED, ALWAYS, "dynamic")] if len(others) == 2 else rows
 
 
-def _effect(columns: _Columns, mode: str, over: str, quantity: str) -> Effect:
+def _effect(columns: _Columns, mode: str, over: str, quantity: str, name: str = "") -> Gain:
+    """Return a mean difference; the clustered interval is None where too little could vary."""
     closure = quantity == "closure"
     values = columns.closure(mode) if closure else columns.gain(mode, quantity, over)
-    return Effect(mode=mode, over=over, quantity=quantity, **_gain(columns, values, closure=closure))
-
-
-def _group(columns: _Columns, mode: str, kind: str, name: str, rows: NDArray[np.bool_]) -> Group:
-    """Return the gain in Dynamic within a group of cases."""
-    part = _Columns(
-        {key: values[rows] for key, values in columns.success.items()},
-        columns.category[rows],
-        columns.configuration[rows],
-    )
-    values = part.gain(mode, DYNAMIC)
-    native, restored = (
-        ratio_of(Ratio(int(part.success[which, DYNAMIC].sum()), len(values))) for which in (NATIVE, mode)
-    )
-    return Group(
-        mode=mode,
-        kind=kind,
-        name=name,
-        native=native,
-        restored=restored,
-        **_gain(part, values, closure=False),
-    )
-
-
-def _gain(columns: _Columns, values: Differences, *, closure: bool) -> dict[str, Any]:
-    """Return the fields of a mean difference; the clustered interval is None where too little could vary."""
     gained, lost = int((values > 0).sum()), int((values < 0).sum())
     configurations = len(np.unique(columns.configuration))
     changed = len(np.unique(columns.configuration[values != 0]))
@@ -269,14 +298,79 @@ def _gain(columns: _Columns, values: Differences, *, closure: bool) -> dict[str,
         bounded_means([values], largest=2) if closure else paired_differences([(lost, gained, len(values))])
     )
     lower, upper = ends(interval)
-    return {
-        "pairs": len(values),
-        "gained": gained,
-        "lost": lost,
-        "value": number(float(values.mean())),
-        "configurations": configurations,
-        "changed_configurations": changed,
-        "lower": lower,
-        "upper": upper,
-        "bootstrap": interval_of(clustered),
-    }
+    return Gain(
+        mode=mode,
+        over=over,
+        quantity=quantity,
+        name=name,
+        pairs=len(values),
+        gained=gained,
+        lost=lost,
+        value=number(float(values.mean())),
+        configurations=configurations,
+        changed_configurations=changed,
+        lower=lower,
+        upper=upper,
+        bootstrap=interval_of(clustered),
+    )
+
+
+_QUANTITIES = {"dynamic": "Dynamic gain", "base": "Base gain", "closure": "Gap closure"}
+
+_MODE: tuple[Quantity[Mode], ...] = (
+    Quantity("base", "Base", lambda row: row.base, Share()),
+    Quantity("dynamic", "Dynamic", lambda row: row.dynamic, Share()),
+)
+
+_GAIN: tuple[Quantity[Gain], ...] = (
+    Quantity("gain", "pp", lambda row: row.value, Tenths()),
+    Quantity("interval", "[95%]", lambda row: row, Interval()),
+    Quantity("bootstrap", "bootstrap", lambda row: row.bootstrap, Interval()),
+    Quantity("gained", "gained", lambda row: row.gained, TEXT),
+    Quantity("lost", "lost", lambda row: row.lost, TEXT),
+)
+
+_NOTES = (
+    "Gap closure is the Dynamic gain less the Base gain. Intervals: 95%, pointwise, for independent cases; "
+    "the paper's bootstrap, stratified by source category and clustered by configuration, is too narrow "
+    f"where few cases changed, and n/a with fewer than {LEAST_TASKS} configurations or fewer than "
+    f"{LEAST_CHANGED_TASKS} in which a case changed.",
+    "Times are of judging and restoring alone; they are no statement on the speed of an episode.",
+)
+
+
+def document_of(recovery: Recovery) -> Document:
+    """Return a comparison of modes as a document."""
+    policy = recovery.policy
+    unsupported = max(recovery.unsupported.values(), default=0)
+    left = f", {unsupported} of them unsupported by the policy" if unsupported else ""
+    name = f"{policy['name']} (H={policy['horizon']} Q={policy['query_interval']})"
+    modes = [
+        (
+            mode,
+            *(one.cell(row) for one in _MODE),
+            *(
+                None if share is None else Cell(share, Share())
+                for share in (row.active[BASE], row.active[DYNAMIC])
+            ),
+            None if row.seconds_per_query is None else Cell(1000 * row.seconds_per_query, Number(".1f")),
+        )
+        for mode, row in recovery.modes.items()
+    ]
+    head: list[str | Quantity[Mode]] = ["Mode", *_MODE, "Active, Base", "after the event", "ms a query"]
+    effects = [(_effect_name(row), row) for row in recovery.effects]
+    groups = [(f"{row.mode}, {row.name} ({row.pairs})", row) for row in recovery.groups]
+    return Document(
+        f"Recovery: {name} on {recovery.substrate}, {recovery.case_set}",
+        texts=[f"{recovery.common} common cases of {recovery.planned} planned{left}"],
+        sections=[
+            Section(tables=[Table("", head, modes)]),
+            Section(tables=[table_of("", "Effect", _GAIN, effects)]),
+            Section(tables=[table_of("", "Dynamic gain by group", _GAIN, groups)]),
+            Section(texts=_NOTES),
+        ],
+    )
+
+
+def _effect_name(row: Gain) -> str:
+    return f"{row.mode} - {row.over}: {_QUANTITIES[row.quantity]}"

@@ -1,1 +1,0 @@
-"""Recovery: runs of one policy with and without restoration of its images."""

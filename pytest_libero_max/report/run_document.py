@@ -1,0 +1,153 @@
+"""The report of a run as a document, which Markdown and the page show."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from pytest_libero_max.report import highlights, timing
+from pytest_libero_max.report.broken import broken_sections
+from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.document import Code, Document, Section, Strong, Table
+from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
+from pytest_libero_max.report.page.origin import origin_rows
+from pytest_libero_max.report.published import published_beside
+from pytest_libero_max.report.quantities import quantities_in
+from pytest_libero_max.report.render.drawing import survival_curves
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_plots import camera_contrasts, category_map, stale_actions
+from pytest_libero_max.report.sections import shown_sections
+from pytest_libero_max.report.studies.study_document import Study
+from pytest_libero_max.report.studies.study_figures import study_figures
+from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
+from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
+from pytest_libero_max.report.writers.summary import (
+    GIVEN_RESPONSE_NOTE,
+    clipping_text,
+    note_texts,
+    stopped_texts,
+    title_text,
+)
+from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
+from pytest_libero_max.runs.store import StoredRun
+
+GATES, BROKEN, BREAKDOWNS, PROVENANCE = "gates", "broken", "breakdowns", "provenance"
+"""Keys of sections. A page shows the first two in another way."""
+
+
+def run_document(
+    report: Report,
+    films: Mapping[str, str] | None = None,
+    gates: Sequence[GateRow] = (),
+    stored: StoredRun | None = None,
+) -> Document:
+    """Return the report of a run as a document.
+
+    Args:
+        report: The report.
+        films: Path of the film of each pair that has one, relative to the document, by item id.
+        gates: Verdicts on the gates that the run was given.
+        stored: The run, for its origin; None leaves that out.
+    """
+    notes = [report.substrate.note, *note_texts(report), clipping_text(report)]
+    return Document(
+        title_text(report),
+        report.warnings,
+        [text for text in notes if text],
+        [*_sections(report, films or {}, gates), _provenance(report, stored)],
+        statements=[*report.statements.values()],
+    )
+
+
+def _sections(report: Report, films: Mapping[str, str], gates: Sequence[GateRow]) -> Iterator[Section]:
+    if gates:
+        yield Section(tables=[_gates(gates)], key=GATES)
+    overall = report.overall
+    rows = [(one.title, one.cell(overall)) for one in quantities_in("summary")]
+    yield Section("All pairs", [Table("", ("Quantity", "Value"), rows)])
+    yield from (replace(section, key=BROKEN) for section in broken_sections(report, films))
+    if report.study is not None:
+        yield _study(report.study)
+    if (beside := published_beside(report)) is not None:
+        tables = [replace(beside, title="", note="")] if beside.rows else []
+        yield Section(beside.title, tables, lead=beside.note)
+    if overall.played:
+        about = "Paired change in percentage points. Cells hold different cases and describe them."
+        yield Section("Source categories", lead=about, plots=[category_map(report)])
+    by_event = {**report.by["event"], ALL_PAIRS: overall}
+    coverage = group_table("coverage", "Event", by_event)
+    yield Section("Coverage and stale actions", [coverage], plots=[stale_actions(report)])
+    given = group_table("given_response", "Event", by_event)
+    yield Section("Given a query after the event", [given], lead=GIVEN_RESPONSE_NOTE)
+    what = Table("", ("What", "Where", "Value"), highlights.highlight_rows(report))
+    yield Section(highlights.TITLE, [what], lead=highlights.NOTE)
+    yield _breakdowns(report)
+    if report.pairs.invalid_pairs:
+        faults = [(Code(one.item_id), one.phase, one.kind, one.message) for one in report.pairs.invalid_pairs]
+        yield Section("Invalid pairs", [Table("", ("Pair", "Phase", "Error", "Message"), faults)])
+    for section in shown_sections(report):
+        curves = [survival_curves(report.success_curves)] if section.title == timing.TITLE else []
+        yield replace(section, plots=[*section.plots, *curves])
+
+
+def _gates(gates: Sequence[GateRow]) -> Table:
+    """Return the verdicts on gates, with the first of the pairs that count against one."""
+    rows = [
+        (
+            Code(gate.gate),
+            Strong(gate.finding),
+            gate.value,
+            f"{gate.why} Against it: {named_pairs(gate.lost)}.".strip() if gate.lost else gate.why,
+        )
+        for gate in gates
+    ]
+    return Table("", ("Gate", "Verdict", "Value", "Why"), rows)
+
+
+def _breakdowns(report: Report) -> Section:
+    tables = [
+        replace(group_table("groups", dimension.title, report.by[key], key), title=dimension.title)
+        for key, dimension in DIMENSIONS.items()
+        if report.by[key]
+    ]
+    intervals = "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. "
+    note = "Groups hold different cases: differences between them are descriptions, not effects."
+    lead = note if stopped_texts(report.pairs) else intervals + note
+    return Section("Breakdowns", tables, lead=lead, key=BREAKDOWNS, folded=True)
+
+
+def _study(study: Study) -> Section:
+    figures = study_figures(study)
+    figures.pop("study-contrasts", None)
+    contrasts = (
+        [camera_contrasts(study.title, study.camera)] if study.camera is not None and study.cases else []
+    )
+    notes = " ".join(study_notes(study))
+    return Section(
+        f"Study: {study.title}", study_tables(study), lead=notes, plots=[*contrasts, *figures.values()]
+    )
+
+
+def _provenance(report: Report, stored: StoredRun | None) -> Section:
+    rows = [*_origin(report)]
+    if stored is not None:  # what is of one machine, which a published page need not have
+        origin = report.provenance
+        rows = [*origin_rows(report, stored), *rows, ("MUJOCO_GL", origin.get("gl_backend") or "not set")]
+        rows.append(("command", shlex.join(origin["command"])))
+    return Section("Provenance", [Table("", ("Part", "Version"), rows)], key=PROVENANCE)
+
+
+def _origin(report: Report) -> Iterator[tuple[str, str]]:
+    origin, case_set = report.provenance, report.provenance["case_set"]
+    for name, version in origin["versions"].items():
+        yield name, version or "not installed"
+    yield "case set", case_set["name"]
+    yield "digest of the case set", case_set["digest"]
+    if "released_as" in case_set:
+        yield "case set is", case_set["released_as"]
+    if report.selection:
+        yield "selection", report.selection.text
+        yield "digest of the selection", report.selection.digest
+    if "fingerprint" in origin:
+        yield "fingerprint", fingerprint_text(origin)

@@ -1,0 +1,73 @@
+"""A number is declared once: one Quantity reaches every renderer, the CSV file and gates."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+SCRIPT = """
+import json
+
+from pytest_libero_max.report import quantities
+from pytest_libero_max.report.formats import Number
+from pytest_libero_max.report.quantities import Line, Quantity
+
+declared = Quantity(
+    "unanswered", "Ended before the next query", lambda row: row.stale_actions.unanswered, Number(),
+    tables=("summary", "groups", "narrow"), line=Line("Unanswered"),
+)
+quantities.QUANTITIES = (*quantities.QUANTITIES, declared)
+
+from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.gates import evaluate_gate, parse_gate
+from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.run_tables import csv_text, latex_text
+from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.report_files import report_json
+from pytest_libero_max.report.writers.summary import summary_lines
+from tests.report.made_up import PROVENANCE, plan, record_of
+
+pairs = plan()
+silent = {"response_step": None, "stale_actions": 72}
+records = [record_of(pair, True, True, **(silent if place < 3 else {})) for place, pair in enumerate(pairs)]
+report = build_report(records, [], pairs, PROVENANCE)
+print(json.dumps({
+    "terminal": summary_lines(report),
+    "markdown": markdown(report),
+    "page": html(report, [], []),
+    "csv": csv_text(report),
+    "latex": latex_text(report),
+    "json": report_json(report),
+    "gate": evaluate_gate(parse_gate("unanswered <= 2"), report).reason,
+    "of a group": evaluate_gate(parse_gate("source.plus.unanswered <= 5"), report).verdict,
+}))
+"""
+
+
+@pytest.fixture(scope="module")
+def written() -> Mapping[str, Any]:
+    """Everything that is written of a run in which three pairs end before the next query."""
+    run = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
+    texts: Mapping[str, Any] = json.loads(run.stdout)
+    return texts
+
+
+def test_a_quantity_that_is_declared_once_is_shown_everywhere(written: Mapping[str, Any]) -> None:
+    assert f"{'Unanswered':<32}3" in written["terminal"]
+    assert "| Ended before the next query | 3 |" in written["markdown"]
+    assert "<th scope='row'>Ended before the next query</th><td>3</td>" in written["page"]
+    assert "<td data-title='Ended before the next query'>3</td>" in written["page"]
+    head, overall, *_ = written["csv"].splitlines()
+    assert overall.split(",")[head.split(",").index("unanswered")] == "3"
+    assert "Ended before the next query" in written["latex"]
+    assert json.loads(written["json"])["overall"]["stale_actions"]["unanswered"] == 3
+
+
+def test_gates_can_ask_for_it(written: Mapping[str, Any]) -> None:
+    assert written["gate"] == "unanswered <= 2: failed, it is 3."
+    assert written["of a group"] == "passed"
