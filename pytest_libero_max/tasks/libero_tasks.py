@@ -68,15 +68,18 @@ def category_of(instance: str) -> str:
     return instance.rpartition("_")[0]
 
 
-_TABLES = tomllib.loads(Path(__file__).with_name("libero_tasks.toml").read_text(encoding="utf-8"))
+@cache
+def _tables() -> dict[str, Any]:
+    return tomllib.loads(Path(__file__).with_name("libero_tasks.toml").read_text(encoding="utf-8"))
 
-SUITES = tuple(name for name in _TABLES if name != "scenes")
+
+SUITES = tuple(name for name in _tables() if name != "scenes")
 """The suites in the order of every table."""
 
 
 def _read(suite: str, index: int) -> Task:
-    own = _TABLES[suite][index]
-    scene: dict[str, Any] = _TABLES["scenes"][own["scene"]]
+    own = _tables()[suite][index]
+    scene: dict[str, Any] = _tables()["scenes"][own["scene"]]
     places = {**own.get("places", {}), **scene["places"]}
     return Task(
         suite,
@@ -108,7 +111,7 @@ def task(suite: str, index: int) -> Task:
         raise SubstrateError(
             f"suite={suite!r} is not one of those whose tasks are known here. {did_you_mean(suite, SUITES)}"
         )
-    count = len(_TABLES[suite])
+    count = len(_tables()[suite])
     if not 0 <= index < count:
         raise SubstrateError(f"index={index!r} is not a task of {suite}: it has the tasks 0 to {count - 1}.")
     return _read(suite, index)
@@ -116,5 +119,5 @@ def task(suite: str, index: int) -> Task:
 
 def tasks(suite: str) -> tuple[Task, ...]:
     """Every task of a suite, in the benchmark's order."""
-    count = len(_TABLES[suite]) if suite in SUITES else 1
+    count = len(_tables()[suite]) if suite in SUITES else 1
     return tuple(task(suite, index) for index in range(count))

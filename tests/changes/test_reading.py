@@ -216,7 +216,7 @@ def test_a_wrong_value_is_named(operation: str, field: str, wrong: str) -> None:
         ),
         ("set_sensor_corruption", "occlusion_fraction", 1.5, "from 0 to 1"),
         ("set_sensor_corruption", "seed", 1.5, "must be an integer of at least 0"),
-        ("insert_distractors", "distractor_count", 2, "distractor_count=2, but there are 1 placements"),
+        ("insert_distractors", "distractor_count", 2, "distractor_count=2, but there are 1 placement"),
         ("insert_distractors", "placements", [3], r"placements\[0\]=3, but must be an object"),
         ("insert_distractors", "placements", [PLACEMENT, PLACEMENT], "every object may come back only once"),
         (

@@ -54,9 +54,10 @@ class _Row(NamedTuple):
 
 
 def _read(table: Mapping[str, Any]) -> _Row:
-    places = {key: other for a, b in table["exchange"] for key, other in ((a, b), (b, a))}
+    places = MappingProxyType({key: other for a, b in table["exchange"] for key, other in ((a, b), (b, a))})
     goal = tuple(tuple(fact) for fact in table["goal"])
-    return _Row(table["recast"], places, table["words"], goal, table["target"], tuple(table["covered"]))
+    recast = MappingProxyType(table["recast"])
+    return _Row(recast, places, table["words"], goal, table["target"], tuple(table["covered"]))
 
 
 _ROWS = MappingProxyType(

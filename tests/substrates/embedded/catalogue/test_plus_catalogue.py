@@ -50,14 +50,14 @@ def test_there_are_10030_of_them() -> None:
 @pytest.mark.parametrize("suite", SUITES)
 def test_difficulties_are_as_many_as_in_the_original(category: str, suite: str) -> None:
     counts = Counter(v.difficulty for v in of(category, suite))
-    assert [counts[level] for level in (1, 2, 3, 4, 5, None)] == DIFFICULTY[category][suite]
+    assert tuple(counts[level] for level in (1, 2, 3, 4, 5, None)) == DIFFICULTY[category][suite]
 
 
 @pytest.mark.parametrize("suite", SUITES)
 def test_kinds_are_as_many_as_in_the_original_for_every_task(suite: str) -> None:
     for base in range(10):
         counts = Counter(v.kind for v in plus_suite(suite) if v.base_index == base)
-        assert [counts[kind] for kind in KINDS] == VARIATIONS[suite][base]
+        assert tuple(counts[kind] for kind in KINDS) == VARIATIONS[suite][base]
 
 
 def test_the_two_tables_of_counts_agree() -> None:
