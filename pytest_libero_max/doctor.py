@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pytest_libero_max.errors import LiberoMaxError, SubstrateError
+from pytest_libero_max.errors import LiberoMaxError, SubstrateError, counted
 from pytest_libero_max.machine import GIB, available_bytes, free_disk_bytes, memory_bytes
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, SUBSTRATES
@@ -100,7 +100,8 @@ def _resources() -> Iterator[Finding]:
         each = SUBSTRATES[DEFAULT].worker_gib
         fits = int(available / (each * GIB))
         text = (
-            f"{processors} processors, {available / GIB:.1f} of {memory_bytes() / GIB:.1f} GiB memory free: "
+            f"{counted(processors, 'processor')}, {available / GIB:.1f} of {memory_bytes() / GIB:.1f} GiB "
+            "memory free: "
             f"-n {max(min(processors, fits), 1)} on the {DEFAULT} substrate, where each worker takes "
             f"{each:.1f} GiB and the policy"
         )

@@ -250,3 +250,15 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if close[1:]:
         return f"{hint}Also close: {', '.join(close[1:])}. There are {len(valid)} in all."
     return f"{hint}There are {len(valid)} in all, for example {', '.join(valid[:CLOSEST])}."
+
+
+def counted(count: float, noun: str, plural: str = "") -> str:
+    """Return a number with its noun, for example ``1 run`` and ``2 runs``.
+
+    Args:
+        count: The number.
+        noun: For one.
+        plural: For other numbers; by default the noun with an s.
+    """
+    number = f"{count:g}" if isinstance(count, float) else count
+    return f"{number} {noun if count == 1 else plural or f'{noun}s'}"

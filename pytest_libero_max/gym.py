@@ -17,6 +17,7 @@ from __future__ import annotations
 import atexit
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +28,17 @@ from gymnasium.vector import SyncVectorEnv
 from numpy.typing import ArrayLike
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.manifests import Manifest, find_case
-from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.benchmark.sampling import stratified
-from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.benchmark.tracks import is_manifest_path, load_cases
-from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, did_you_mean
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, counted, did_you_mean
+from pytest_libero_max.evaluation.keeper import RunKeeper
+from pytest_libero_max.evaluation.policy_source import PolicySource
+from pytest_libero_max.evaluation.resolving import resolve
+from pytest_libero_max.evaluation.run_cases import RunCases
+from pytest_libero_max.evaluation.settings import OPTIONS, Settings
+from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.events.registry import check_cases
 from pytest_libero_max.events.schedules import BASE, Arm, arms_of
 from pytest_libero_max.pairing.environment import ArmEnv, Info
@@ -42,14 +48,10 @@ from pytest_libero_max.pairing.runner import Pair
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import write_trace
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.runs.kept_fingerprint import kept
 from pytest_libero_max.runs.media import SELECTIONS, TRACES_NAME, is_selected, selection_named
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.provenance import collect
 from pytest_libero_max.runs.replay_command import OUTSIDE
-from pytest_libero_max.runs.store import PairStore, read_to_resume
-from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
-from pytest_libero_max.substrates.registry import DEFAULT, describe_substrate, open_substrate, scores_of
+from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate, SubstrateOptions
+from pytest_libero_max.substrates.registry import DEFAULT, open_substrate
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World, height_and_width
 
 _STATE = {
@@ -106,32 +108,22 @@ class PairedRun:
             raise OptionError.seen("traces", traces, f", but must be one of {', '.join(SELECTIONS)}.")
         manifest = load_cases(cases) if isinstance(cases, str) else cases
         check_cases(manifest.cases)
-        chosen = tuple(dict.fromkeys(find_case(manifest, name) for name in only)) or manifest.cases
-        planned = Order().of(chosen if limit is None else stratified(chosen, limit))
-        provenance = collect(
-            policy={"reference": policy.name, "code": OUTSIDE, "horizon": None, "query_interval": None},
-            substrate=describe_substrate(substrate, options),
-            scores=scores_of(substrate),
-            case_set={**_named(cases, manifest), "digest": manifest.digest, "limit": limit},
-            selection=Selection.choose(
-                (case.case_id for case in planned),
-                len(manifest),
-                [*([] if limit is None else [f"limit={limit}"]), *(f"only={name}" for name in only)],
-            ).to_dict(),
-            protocol={"prefix": "replay", "noise_floor": None},
-            command=sys.argv,
-            fingerprint=kept(describe_substrate(substrate, options)),
+        settings = _settings(Path(folder), policy, ChosenSubstrate(substrate, options or SubstrateOptions()))
+        of_run = _CasesOfLoop(settings, manifest, _named(cases, manifest), limit, only)
+        self._keeper = RunKeeper(
+            settings, of_run, _PolicyOfLoop(settings), Stop(settings), Path.cwd(), by_hand=True
+        )
+        self._keeper.read_before()
+        self._keeper.check_folder()
+        self._keeper.plan(
+            of_run.chosen, self._keeper.selection(of_run.chosen, of_run.asked), sys.argv, Path.cwd()
         )
         self._traces, self._traced = Path(folder) / TRACES_NAME, selection_named(traces)
-        self._store, stored = PairStore.resume(
-            Path(folder),
-            Run.of(planned, provenance),
-            read_to_resume(Path(folder), {case.case_id: case for case in planned}),
-        )
-        settled = frozenset[str]() if stored is None else stored.settled
         self.policy = policy
         self.cases = tuple(
-            case for case in planned if case.case_id not in settled and policy.supports(case.suite)
+            case
+            for case in of_run.chosen
+            if case.item_id not in self._keeper.settled and policy.supports(case.suite)
         )
         self._left = {case.case_id for case in self.cases}
         self._begun: dict[str, tuple[str, dict[str, str]]] = {}
@@ -179,7 +171,8 @@ class PairedRun:
             substrate.close()
         self._substrates.clear()
         self._playing.clear()
-        self._store.close()
+        if self._keeper.store is not None:
+            self._keeper.store.close()
 
     # For the environments.
 
@@ -215,7 +208,7 @@ class PairedRun:
 
     def _failed(self, case: Case, error: LiberoMaxError, phase: str) -> None:
         if case.case_id in self._left:
-            self._store.append(PairError.of(case, error, phase))
+            self._keeper.add(PairError.of(case, error, phase))
 
     def _end(self, env: ArmOfRun, result: RolloutResult) -> None:
         """Take in an arm that has ended; write the record when it was the last one of its pair."""
@@ -233,7 +226,7 @@ class PairedRun:
             record = PairRecord.of(case, instruction, played, self.policy, fingerprints, {})
             if is_selected(record, self._traced):
                 write_trace(self._traces, Pair(record, rollouts))
-            self._store.append(record)
+            self._keeper.add(self._keeper.checked(record))
         else:
             return
         del self._ended[case.case_id]
@@ -380,6 +373,70 @@ class LiberoLoop:
         """Do nothing: the worlds belong to the run."""
 
 
+class _CasesOfLoop(RunCases):
+    """The cases that arguments choose: a manifest may be none of a file.
+
+    Args:
+        settings: Of the run.
+        manifest: All cases.
+        names: Of them, in the provenance.
+        limit: Most cases that are played; None: all.
+        only: Ids of the cases to play; none: all.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        manifest: Manifest,
+        names: Mapping[str, str],
+        limit: int | None,
+        only: Sequence[str],
+    ) -> None:
+        super().__init__(settings)
+        self.manifest = manifest
+        self._names, self._limit, self._only = names, limit, only
+
+    @cached_property
+    def of_all_shards(self) -> tuple[Case, ...]:
+        cases = tuple(dict.fromkeys(find_case(self.manifest, name) for name in self._only))
+        cases = cases or self.manifest.cases
+        return cases if self._limit is None else stratified(cases, self._limit)
+
+    @property
+    def asked(self) -> list[str]:
+        limit = [] if self._limit is None else [f"limit={self._limit}"]
+        return [*limit, *(f"only={name}" for name in self._only)]
+
+    @property
+    def provenance(self) -> Json:
+        return {**self._names, "digest": self.manifest.digest, "limit": self._limit}
+
+
+class _PolicyOfLoop(PolicySource):
+    """A policy that only the loop has, known by its name."""
+
+    def check(self) -> None:
+        """Look at nothing: there is nothing to load."""
+
+    def identity(self) -> str:
+        return OUTSIDE
+
+
+def _settings(folder: Path, policy: PolicySpec, substrate: ChosenSubstrate) -> Settings:
+    """Return the settings of a run that a loop plays: it goes on where it was, and its arms are replayed."""
+    chosen = {
+        "policy": policy.name,
+        "track": "",
+        "substrate": substrate,
+        "libero": substrate.options.installations,
+        "libero_assets": substrate.options.assets,
+        "prefix": "replay",
+        "output": str(folder),
+        "resume": True,
+    }
+    return resolve({**{option.field: option.default for option in OPTIONS}, **chosen}, Path.cwd())
+
+
 def _named(cases: str | Manifest, manifest: Manifest) -> dict[str, str]:
     """Return the names of the cases in the provenance of a run."""
     released = {} if manifest.recognition is None else {"released_as": str(manifest.recognition)}
@@ -394,8 +451,8 @@ def _differs(env: ArmOfRun, policy: PolicySpec) -> ProtocolError:
     steps = env.differing
     return ProtocolError(
         f"{env.case.item_id}: policy {policy.name!r} answered differently in arm {env.arm.name!r} at "
-        f"{len(steps)} steps of the executed prefix, at step {steps[0]} first, though it saw what it saw in "
-        "Base. Reset its memory and seed its noise when an episode begins, or declare "
+        f"{counted(len(steps), 'step')} of the executed prefix, at step {steps[0]} first, though it saw "
+        "what it saw in Base. Reset its memory and seed its noise when an episode begins, or declare "
         "PolicySpec(repeatable=False)."
     )
 

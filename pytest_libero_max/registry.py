@@ -6,7 +6,8 @@ reads one entry-point group::
     [project.entry-points."pytest_libero_max.events"]
     push = "my_package.push:Push"
 
-Looking at the names imports nothing; an entry is imported when it is asked for.
+Looking at the names imports nothing; an entry is imported when it is asked for, and checked alike wherever it
+is from.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import pkgutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import partial
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 
@@ -32,12 +34,16 @@ ENTRY_POINTS = {
     "pytest_libero_max.studies": "a subclass of `Study`, under its name",
     "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
-    "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` of a policy and a setting, under its name",
+    "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` with `modes`, under its name",
     "pytest_libero_max.commands": "a module with a function `add_command`, under the name of the command",
     "pytest_libero_max.sections": "a subclass of `ReportSection`, under its name",
     "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
 }
 """The entry-point groups that other packages can add to, and the entries of each."""
+
+
+Own: TypeAlias = Callable[[], Mapping[str, Callable[[], object]]]
+"""Returns functions that load objects, by name."""
 
 
 class Registry(Generic[T]):
@@ -46,10 +52,9 @@ class Registry(Generic[T]):
     Args:
         noun: Word for an entry in messages, for example ``event``.
         group: Entry-point group by which other packages add theirs.
-        own: Returns a function that loads the entry, for each name of the package's own, in order. It is
-            called on first use.
-        accept: Turns the object of an entry point into an entry; raises ``ValueError`` with the rule that the
-            object breaks.
+        own: Returns a function that loads the object of an entry, for each name of the package's own, in
+            order: :func:`classes_in`, :func:`references` and :func:`given`. It is called on first use.
+        accept: Turns an object into an entry; raises ``ValueError`` with the rule that the object breaks.
         error: Raised for an unknown name, for a name that is used twice and for an entry that cannot be
             loaded.
         read: Returns the object of an entry point; by default imports the one that it names.
@@ -60,7 +65,7 @@ class Registry(Generic[T]):
         self,
         noun: str,
         group: str,
-        own: Callable[[], Mapping[str, Callable[[], T]]],
+        own: Own,
         accept: Callable[[str, object], T],
         error: type[LiberoMaxError],
         read: Callable[[EntryPoint], object] = EntryPoint.load,
@@ -115,7 +120,10 @@ class Registry(Generic[T]):
 
     def _known(self) -> Mapping[str, Callable[[], T]]:
         if self._loaders is None:
-            loaders = dict(self._own())
+            own = self._own().items()
+            loaders: dict[str, Callable[[], T]] = {
+                name: partial(self._accepted_own, name, load) for name, load in own
+            }
             sources = dict.fromkeys(loaders, "pytest-libero-max")
             for point in sorted(entry_points(group=self.group), key=lambda point: point.name):
                 source = _distribution(point)
@@ -139,6 +147,9 @@ class Registry(Generic[T]):
             )
         return entry
 
+    def _accepted_own(self, name: str, load: Callable[[], object]) -> T:
+        return self._accepted(name, load())
+
     def _loader(self, point: EntryPoint) -> Callable[[], T]:
         def load() -> T:
             try:
@@ -152,8 +163,38 @@ class Registry(Generic[T]):
         return load
 
 
-def class_in(module: str, base: type[Any]) -> Any:
+def given(attribute: str, *things: object) -> Own:
+    """Return things that are there already, named by an attribute of theirs."""
+    return lambda: {getattr(thing, attribute): partial(_same, thing) for thing in things}
+
+
+def references(package: str, objects: Callable[[], Mapping[str, str]]) -> Own:
+    """Return objects of a package, each as ``MODULE:NAME`` by its name in the registry."""
+    return lambda: {name: partial(_named, f"{package}.{reference}") for name, reference in objects().items()}
+
+
+def classes_in(
+    package: str, base: type[Any] | str, *, first: Collection[str] = (), skip: Collection[str] = ()
+) -> Own:
+    """Return the class of each module of a folder, called like the module.
+
+    Args:
+        package: Its dotted name, for example ``pytest_libero_max.events.kinds``.
+        base: The class that each extends, or ``MODULE:NAME`` of one that is imported late.
+        first: Names that come first, in this order.
+        skip: Modules without such a class.
+    """
+
+    def own() -> dict[str, Callable[[], object]]:
+        names = dict.fromkeys((*first, *modules_in(package)))
+        return {name: partial(class_in, f"{package}.{name}", base) for name in names if name not in skip}
+
+    return own
+
+
+def class_in(module: str, base: type[Any] | str) -> Any:
     """Import a module and return the one class in it that is defined there and extends ``base``."""
+    base = _named(base) if isinstance(base, str) else base
     values = vars(importlib.import_module(module)).values()
     (kind,) = (
         value
@@ -172,6 +213,15 @@ def modules_in(package: str) -> tuple[str, ...]:
     spec = importlib.util.find_spec(package)
     folders = spec.submodule_search_locations if spec is not None else None
     return tuple(sorted(module.name for module in pkgutil.iter_modules(folders or [])))
+
+
+def _same(thing: object) -> object:
+    return thing
+
+
+def _named(reference: str) -> Any:
+    module, _, name = reference.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 def _distribution(point: EntryPoint) -> str:

@@ -255,7 +255,7 @@ def _fault_of_pytest(words: list[str], mention: bool, config: pytest.Config) -> 
     ]
     if missing:
         return f"there is no {', '.join(missing)}"
-    if settings.manifest or settings.substrate != "embedded" or "NAME" in options.keyword:
+    if settings.manifest or settings.substrate.name != "embedded" or "NAME" in options.keyword:
         return None
     chosen = [
         case

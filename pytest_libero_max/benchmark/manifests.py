@@ -30,7 +30,7 @@ from pytest_libero_max.benchmark.documents import (
 from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.benchmark.releases import NOT_PLAYED, Recognition, recognise
 from pytest_libero_max.benchmark.structs import Positive, Word, checked, require_fields
-from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
+from pytest_libero_max.errors import ManifestError, OptionError, counted, did_you_mean
 
 SCORING_TRACK = "physical_completion"
 """Scoring by the goal of the task, which stays the same."""
@@ -73,7 +73,8 @@ class Manifest:
         fit = sum(case.fits(program) for case in self.cases)
         if not fit:
             raise ManifestError(
-                f"program {program.name!r} fits none of the {len(self)} cases: {program.because} Play others."
+                f"program {program.name!r} fits none of {counted(len(self), 'case')}: {program.because} "
+                "Play others."
             )
         cases = tuple(case.playing(program) if case.fits(program) else case for case in self.cases)
         return replace(self, cases=cases, recognition=None)

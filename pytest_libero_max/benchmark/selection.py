@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Texts, checked, to_builtins
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 
 
 class Shards(Struct, frozen=True, forbid_unknown_fields=True):
@@ -77,8 +77,8 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
         ids = sorted(case_ids)
         if len(ids) != self.chosen or canonical_digest(ids) != self.digest:
             raise ReportError(
-                f"selection: {self.chosen} of {self.of} cases are chosen, but the run has {len(ids)} planned "
-                "pairs, which are others or another number. The line is damaged."
+                f"selection: {self.chosen} of {counted(self.of, 'case')} are chosen, but the run has "
+                f"{counted(len(ids), 'planned pair')}: others, or another number. The line is damaged."
             )
 
     def text(self, case_set: str) -> str:
@@ -88,14 +88,14 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
             case_set: The track or manifest, for example ``track lite``.
         """
         if self.whole:
-            return f"{case_set}, all {self.of} cases"
+            return f"{case_set}, all {counted(self.of, 'case')}"
         asked = list(self.asked)
         if self.shards is not None:
             present = ", ".join(map(str, self.shards.present))
             plural = "s" if len(self.shards.present) > 1 else ""
             asked.append(f"shard{plural} {present} of {self.shards.of}")
         words = ", ".join(asked) or "by another plugin or a conftest.py"
-        return f"{self.chosen} of {self.of} cases of {case_set} (selection: {words})"
+        return f"{self.chosen} of {counted(self.of, 'case')} of {case_set} (selection: {words})"
 
     def to_dict(self) -> Json:
         return to_builtins(self)
@@ -109,7 +109,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
         """
         selection: Selection = checked(values, cls, "selection", ReportError)
         if selection.chosen > selection.of:
-            raise ReportError.seen("selection", values, f", but there are {selection.of} cases.")
+            raise ReportError.seen("selection", values, f", but of {counted(selection.of, 'case')}.")
         return selection
 
 
@@ -124,8 +124,8 @@ def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -
     for other in selections:
         if other.of != first.of:
             raise ReportError(
-                f"One run knows {first.of} cases of its track or manifest, another {other.of}: they are not "
-                "pieces of one measurement. Compare them instead."
+                f"One run knows {counted(first.of, 'case')} of its track or manifest, another {other.of}: "
+                "they are not pieces of one measurement. Compare them instead."
             )
     asked = sorted({other.asked for other in selections})
     if len(asked) > 1 and any(other.shards is not None for other in selections):

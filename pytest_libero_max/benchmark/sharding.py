@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import accumulate
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 
 
 def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
@@ -29,7 +29,7 @@ def shard(cases: Sequence[Case], index: int, count: int) -> tuple[Case, ...]:
     parts = [middle * count // (2 * before[-1]) for middle in middles]
     if len(set(parts)) < count:
         raise OptionError(
-            f"{len(ordered)} pairs do not make {count} shards of about the same cost with a pair each. Make "
-            "fewer."
+            f"{counted(len(ordered), 'pair')} cannot be {counted(count, 'shard')} of about the same cost "
+            "with a pair each. Make fewer."
         )
     return tuple(case for part, case in zip(parts, ordered, strict=True) if part == index - 1)

@@ -9,6 +9,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track, own_tracks, track_names
+from pytest_libero_max.errors import counted
 
 
 def track_lines(folder: Path) -> list[str]:
@@ -31,7 +32,8 @@ def track_lines(folder: Path) -> list[str]:
 
 def manifest_lines(manifest: Manifest) -> list[str]:
     """Return the composition of a manifest, as Markdown."""
-    title = f"{manifest.benchmark_id} {manifest.version}: {len(manifest)} cases, digest {manifest.digest}"
+    size = counted(len(manifest), "case")
+    title = f"{manifest.benchmark_id} {manifest.version}: {size}, digest {manifest.digest}"
     lines = [title, "", *(f"- {key}: {value}" for key, value in sorted(manifest.protocol.items()))]
     views: tuple[tuple[str, Callable[[Case], object]], ...] = (
         ("event", lambda case: f"{case.event.name}, variant {case.event.variant}"),

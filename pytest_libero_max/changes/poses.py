@@ -25,7 +25,7 @@ from pytest_libero_max.changes.lowering import lower, reach, top
 from pytest_libero_max.changes.measuring import measure_poses
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.reversal import Reversal, former_poses, saved
-from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
+from pytest_libero_max.errors import ChangeError, EntityError, counted, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
@@ -248,7 +248,7 @@ class InsertDistractors(Indivisible, _Insertion):
             raise ChangeError.seen(
                 f"{where}.distractor_count",
                 self.distractor_count,
-                f", but there are {len(placements)} placements. Make them equal.",
+                f", but there are {counted(len(placements), 'placement')}. Make them equal.",
             )
 
     def _places(self) -> Sequence[Placement]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import partial
 from typing import Any, ClassVar, Protocol, cast
 
 from pytest_libero_max.benchmark.cases import Case
@@ -31,7 +30,7 @@ from pytest_libero_max.changes.poses import (
 )
 from pytest_libero_max.changes.robot import OffsetArm, OpenGripper
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
-from pytest_libero_max.registry import Registry
+from pytest_libero_max.registry import Registry, given
 
 _KINDS = (
     SetLighting,
@@ -92,7 +91,7 @@ def _accept(name: str, candidate: object) -> ChangeType:
 OPERATIONS: Registry[ChangeType] = Registry(
     "operation",
     "pytest_libero_max.changes",
-    lambda: {kind.operation: partial(cast, ChangeType, kind) for kind in _KINDS},
+    given("operation", *_KINDS),
     _accept,
     ChangeError,
     attribute="operation",

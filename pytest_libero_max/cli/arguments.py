@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from pytest_libero_max.substrates.registry import DEFAULT
+from pytest_libero_max.substrates.registry import DEFAULT, chosen_substrate
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.manifests import Manifest
-    from pytest_libero_max.substrates.contract import SubstrateOptions
+    from pytest_libero_max.substrates.contract import ChosenSubstrate, SubstrateOptions
 
 Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 """The place of the parser that a command is added to."""
@@ -105,15 +106,21 @@ def add_libero(command: argparse.ArgumentParser) -> None:
     option(command, "--libero-assets FOLDER", "Models and textures, if it has none of its own", type=Path)
 
 
+def _substrate(text: str) -> ChosenSubstrate:
+    try:
+        return chosen_substrate(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+
+
 def add_substrate(command: argparse.ArgumentParser) -> None:
     """Add the options of the substrate and of LIBERO's place."""
-    option(command, "--substrate NAME", "embedded, libero, or one of another package", default=DEFAULT)
     option(
         command,
-        "--source-variations",
-        "On libero: variations of LIBERO-Plus and -PRO as installed, or own",
-        default="installed",
-        choices=("installed", "own"),
+        "--substrate NAME",
+        "embedded, libero (libero:variations=own with this package's variations), or one of another package",
+        type=_substrate,
+        default=DEFAULT,
     )
     add_libero(command)
 
@@ -122,11 +129,11 @@ def substrate_options(options: argparse.Namespace) -> SubstrateOptions:
     """Return the options of a substrate that :func:`add_libero` or :func:`add_substrate` was given."""
     from pytest_libero_max.substrates.contract import SubstrateOptions
 
-    variations: Literal["installed", "own"] = getattr(options, "source_variations", "installed")
-    return SubstrateOptions(
-        tuple(options.libero),
-        options.libero_assets,
-        variations=variations,
+    chosen = options.substrate.options if hasattr(options, "substrate") else SubstrateOptions()
+    return replace(
+        chosen,
+        installations=tuple(options.libero),
+        assets=options.libero_assets,
         classification=getattr(options, "plus_classification", None),
     )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.certificates import Certificate, Ending
 from pytest_libero_max.changes.registry import change_from_dict
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, counted
 from pytest_libero_max.events.approach import approach, proximity_of
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import arms_of, trigger_of
@@ -159,7 +159,9 @@ def _certificate(found: Certificate | None) -> str:
         return "none, since the expert has not played this case"
     if found.ending == "not_triggered":
         return f"the expert {_ENDINGS[found.ending]}"
-    how = f"event after {found.trigger_step} steps, {found.steps} steps in all"
+    how = (
+        f"event after {counted(found.trigger_step or 0, 'step')}, {counted(found.steps or 0, 'step')} in all"
+    )
     return f"the expert {_ENDINGS[found.ending]} ({how})"
 
 

@@ -76,6 +76,6 @@ def _show_case(options: argparse.Namespace, manifest: Manifest) -> None:
     say(case_lines(case, certificates))
     if options.pictures is None:
         return
-    with closing(open_substrate(options.substrate, substrate_options(options))) as substrate:
+    with closing(open_substrate(options.substrate.name, substrate_options(options))) as substrate:
         paths = write_event_pictures(options.pictures, substrate.world(case), case, options.size)
     say(f"Written: {path}" for path in paths)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import Commands, add_cadence, option, switch
-from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.errors import AdapterError, counted
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 
@@ -142,7 +142,7 @@ def _examine(options: argparse.Namespace, reference: str) -> int:
     print(f"{wrong} wrong, {notes} to look at{could_not}")
     probable = sum(finding.probable for finding in findings)
     if probable:
-        print(f"--strict counts {probable} of the notes as wrong.")
+        print(f"--strict counts {counted(probable, 'note')} as wrong.")
     return 1 if wrong else 0
 
 

@@ -18,6 +18,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from importlib import import_module
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pytest_libero_max.errors import OptionError, did_you_mean
@@ -79,25 +80,18 @@ FORMERLY = {
 """New names of commands; of a group, with its dot, what it did itself. Those in a group are found there."""
 
 
-def _own() -> Mapping[str, Callable[[], Add]]:
-    loaders: dict[str, Callable[[], Add]] = {}
+def _own() -> Mapping[str, Callable[[], object]]:
+    loaders: dict[str, Callable[[], object]] = {}
     for name in (name for names in GROUPS.values() for name in names):
-        if name not in _PARTS:
-            loaders[name] = partial(_own_command, name)
-            continue
-        loaders[name] = partial(_own_group, name)
-        parts = _PARTS[name][1].items()
-        loaders |= {f"{name}.{part}": partial(_own_command, module) for part, module in parts}
+        help, parts = _PARTS.get(name, ("", {"": name}))
+        if help:
+            add = partial(CommandPlace.add_group, name=name, help=help)
+            loaders[name] = partial(SimpleNamespace, add_command=add)
+        modules = {f"{name}.{part}".rstrip("."): module for part, module in parts.items()}
+        loaders |= {
+            place: partial(import_module, f"{__package__}.{module}") for place, module in modules.items()
+        }
     return loaders
-
-
-def _own_group(name: str) -> Add:
-    return partial(CommandPlace.add_group, name=name, help=_PARTS[name][0])
-
-
-def _own_command(name: str) -> Add:
-    add: Add = import_module(f"{__package__}.{name}").add_command
-    return add
 
 
 def _accept(name: str, module: object) -> Add:

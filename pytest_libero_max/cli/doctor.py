@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from pytest_libero_max.cli.arguments import Commands, add_libero, substrate_options
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 
 
 def add_command(commands: Commands) -> None:
@@ -22,4 +22,4 @@ def _doctor(options: argparse.Namespace) -> None:
     print("\n".join(map(str, findings)))
     missing = [finding for finding in findings if finding.level == "missing"]
     if missing:
-        raise SubstrateError(f"{len(missing)} of {len(findings)} findings are missing; see above.")
+        raise SubstrateError(f"Missing: {len(missing)} of {counted(len(findings), 'finding')}; see above.")

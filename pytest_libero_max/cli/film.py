@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from pytest_libero_max.runs.media import FILM_FORMATS, FILM_SELECTIONS, VIEWS, s
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.benchmark.documents import Json
+    from pytest_libero_max.films.recorded import Drawn
     from pytest_libero_max.pairing.record import PairRecord
     from pytest_libero_max.pairing.trace import ArmTrace
     from pytest_libero_max.worlds.contract import World
@@ -114,7 +116,7 @@ def write_each(
     options: argparse.Namespace,
     name: str,
     path_of: Callable[[Path, PairRecord], Path],
-    how: Callable[[Json], Callable[..., None]],
+    writer: Callable[[Json], Callable[..., None]],
     then: str = "",
 ) -> int:
     """Play the chosen pairs again and write a file for each; return 1 if one was refused, else 0.
@@ -123,21 +125,21 @@ def write_each(
         options: See :func:`add_pairs`.
         name: Of the folder for the files, in that of the run.
         path_of: Path of the file of a pair, in a folder.
-        how: Writer of the file for a run with this provenance.
+        writer: Writer of the file for a run with this provenance.
         then: Line to print where there are files in the folder of the run.
     """
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in a run: the last bits depend on it
-    from pytest_libero_max.films.recorded import chosen, open_recorded
+    from pytest_libero_max.films.recorded import Drawn, chosen, open_recorded
     from pytest_libero_max.runs.outside import require_inside
 
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
-    how_drawn = {"size": options.size, "every": options.every, "overwrite": options.overwrite}
+    how = Drawn(options.size, options.every, options.overwrite)
     refused = 0
     with open_recorded(*where) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
-        write = how(run.stored.run.provenance)
+        write = writer(run.stored.run.provenance)
         for note in filter(None, (run.outside, run.drawn_differently())):
             work.say(printable(note))
         for number, record in enumerate(records, start=1):
@@ -146,9 +148,9 @@ def write_each(
             if path.exists() and not options.overwrite:
                 work.say(f"{place} {path} is there already; --overwrite makes it again")
                 continue
-            told = partial(_tell, work, number - 1, len(records), record)
+            told = replace(how, on_step=partial(_tell, work, number - 1, len(records), record))
             try:
-                run.again(record, partial(_write, write, path, record, told, how_drawn))
+                run.again(record, partial(_write, write, path, record, told))
             except LiberoMaxError as error:
                 refused += 1
                 work.say(f"{place} refused: {error}")
@@ -166,25 +168,16 @@ def _write(
     write: Callable[..., None],
     path: Path,
     record: PairRecord,
-    told: Callable[[int], None],
-    how_drawn: Json,
+    how: Drawn,
     case: Case,
     world: World,
     traces: Mapping[str, ArmTrace],
 ) -> None:
-    write(path, case, world, record, traces, on_step=told, **how_drawn)
+    write(path, case, world, record, traces, how)
 
 
 def _tell(work: Work, before: int, files: int, record: PairRecord, step: int) -> None:
-    """Show how far the work is.
-
-    Args:
-        work: Display of the progress.
-        before: Files that are finished.
-        files: All files.
-        record: The pair that is being played again.
-        step: Policy steps of it that are drawn.
-    """
+    """Show how far the work is."""
     steps = max(arm.steps for arm in record.arms.values())
     left = work.left(before + step / max(steps, 1), files)
     work.show(f"{before + 1} of {files}, step {step} of {steps}{left}: {record.item_id}")

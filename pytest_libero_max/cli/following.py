@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 
 
 def follow(folders: Sequence[Path], interval_s: float, *, once: bool) -> int:
-    """Show how far runs are until they end, and return the exit status.
-
-    Args:
-        folders: Their folders.
-        interval_s: Time between two looks at the folders, s.
-        once: True to show it once and not to wait.
-    """
+    """Show how far runs are until they end, and return the exit status."""
     from pytest_libero_max.runs.live_text import LiveText, understands_sequences
     from pytest_libero_max.runs.progress import Pace
     from pytest_libero_max.runs.status import Follower

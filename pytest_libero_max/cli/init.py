@@ -83,11 +83,7 @@ def _init(options: argparse.Namespace) -> None:
 
 
 def source_of(name: str) -> Path:
-    """Return the file that ``init`` copies; a checkout has it in ``fixtures`` alone.
-
-    Args:
-        name: One of :data:`SOURCES`.
-    """
+    """Return the file that ``init`` copies; a checkout has it in ``fixtures`` alone."""
     installed = _INSTALLED / SOURCES[name]
     return installed if installed.is_file() else _CHECKOUT / SOURCES[name]
 

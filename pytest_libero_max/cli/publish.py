@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json, printable
 from pytest_libero_max.cli.arguments import Commands, add_libero, option, switch, whole_number
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.replay_command import Places
@@ -125,7 +125,7 @@ def _verify_run(options: argparse.Namespace) -> int:
         read_checks(options.record)  # before minutes of play
     seed = options.seed if options.seed is not None else str(secrets.randbelow(10**6))
     what = "the recorded actions of " if options.actions else ""
-    drawn = f"{min(options.pairs, len(run.records))} pairs again, drawn by --seed={seed}"
+    drawn = f"{counted(min(options.pairs, len(run.records)), 'pair')} again, drawn by --seed={seed}"
     print(f"playing {what}{drawn}", flush=True)
     start = time.perf_counter()
     if places is None:
@@ -198,7 +198,6 @@ def _replayed(options: argparse.Namespace, run: StoredRun, seed: str) -> dict[st
 
 
 def _index(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.formats import counted
     from pytest_libero_max.report.page.index_page import index_html
     from pytest_libero_max.report.run_index import published_in, read_checks, run_index
     from pytest_libero_max.report.writers.report_files import write_text

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 from pytest_libero_max.cli.arguments import PORT, Commands, option, switch
 from pytest_libero_max.cli.report import rewrite
 from pytest_libero_max.cli.terminal import say
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.runs.media import MOST_FILMS, films_in, traced_in
 
 _PAGE = "report.html"
@@ -85,8 +85,10 @@ def _films_text(folder: Path) -> str:
     """Return the number of films that the page shows, and of pairs that could be filmed."""
     films, traced = films_in(folder).keys(), traced_in(folder)
     others = len(traced - films)
-    more = f"; {others} more pairs have traces: libero-max film {folder} --select=all" if others else ""
-    return f"The page shows films of {len(films)} pairs{more}."
+    more = (
+        f"; traces of {counted(others, 'more pair')}: libero-max film {folder} --select=all" if others else ""
+    )
+    return f"The page shows films of {counted(len(films), 'pair')}{more}."
 
 
 def _page_shows_all(folder: Path) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from pytest_libero_max.errors import counted
+
 COUNT = "LIBERO_MAX_SHARDS"
 """Variable with the number of shards, for a scheduler that sets none for the whole array."""
 
@@ -76,8 +78,8 @@ def shard_of_job(environment: Mapping[str, str]) -> tuple[int, int]:
         index, count = _place(scheduler, environment, index)
     if not 1 <= index <= count:
         raise ValueError(
-            f"{scheduler.name} says job {index} where there are {count} shards. Number the array from 1 "
-            f"({scheduler.cure}), or write I/N"
+            f"{scheduler.name} says job {index} where there are {counted(count, 'shard')}. Number the array "
+            f"from 1 ({scheduler.cure}), or write I/N"
         )
     return index, count
 

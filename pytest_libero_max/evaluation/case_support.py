@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, counted
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -37,12 +37,6 @@ def supported_track(name: str | None, substrate: str, options: SubstrateOptions)
 
 def require_support(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
     """Refuse cases that cannot play on the substrate.
-
-    Args:
-        case_set: The track or manifest they are of, for people.
-        cases: All that would be played.
-        substrate: Name of the substrate.
-        options: Of the substrate.
 
     Raises:
         OptionError: Some of them lack something; names it, their number, and the track that fits.
@@ -90,9 +84,8 @@ def _refusal(
     several = [f"{number}: {reason}." for reason, number in Counter(found.values()).most_common()]
     fits = " or ".join(f"--libero-max-track={name}" for name in _supported_tracks(substrate, options))
     return (
-        f"{len(found)} of {len(cases)} cases of {case_set} cannot be played on substrate {substrate}.\n"
-        + "\n".join(several)
-        + (f"\nPlay {fits}, which fits" if fits else "\nNo track fits")
+        f"{len(found)} of {counted(len(cases), 'case')} of {case_set} cannot be played on substrate "
+        f"{substrate}.\n" + "\n".join(several) + (f"\nPlay {fits}, which fits" if fits else "\nNo track fits")
     )
 
 

@@ -24,13 +24,14 @@ from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.evaluation.resolving import resolve
 from pytest_libero_max.evaluation.run_cases import RunCases
-from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, OPTIONS, Option, Settings
+from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, GONE, OPTIONS, Settings
 from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.evaluation.workers import CasePlayer, Job, Workers, for_workers, result_in
 from pytest_libero_max.pairing.record import RECORD_PHASE, PairError, PairRecord
 from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.progress import Pace, PairCounts, Progress, progress_text
+from pytest_libero_max.runs.setting import Option
 from pytest_libero_max.runs.status import note_of
 from pytest_libero_max.runs.store import PairStore
 
@@ -139,12 +140,7 @@ def evaluate(
 
 
 class _Run:
-    """A run of one call of :func:`evaluate`.
-
-    Args:
-        source: Of the policy, with the settings of the run.
-        workers: Number of processes.
-    """
+    """A run of one call of :func:`evaluate`."""
 
     def __init__(self, source: PolicySource, workers: int) -> None:
         if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
@@ -240,9 +236,6 @@ class _Run:
 class _Progress:
     """Progress of a run in the log, and as a note in its folder for whoever watches it.
 
-    Args:
-        cases: Of the run.
-
     Attributes:
         also: Called with each stored pair as well.
     """
@@ -309,7 +302,9 @@ def _settings(asked: dict[str, Any]) -> Settings:
     options = {option.field: option for option in OPTIONS if not option.session}
     for name in asked:
         if name not in options:
-            raise OptionError(f"evaluate() has no argument {name!r}. {did_you_mean(name, options)}")
+            instead = GONE.get(name.replace("_", "-"))
+            rest = did_you_mean(name, options) if instead is None else f"It is spelled {instead}."
+            raise OptionError(f"evaluate() has no argument {name!r}. {rest}")
     given = {name for name, value in asked.items() if value is not None and value is not False}
     values = {
         option.field: _value(option, asked[option.field]) if option.field in given else option.default

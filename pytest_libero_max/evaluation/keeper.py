@@ -131,11 +131,11 @@ class RunKeeper:
         self._check_servers()
         if settings.ray is None:  # otherwise its nodes draw
             gl.check()
-        self.substrate = describe_substrate(settings.substrate, settings.substrate_options)
-        frozen_here = settings.manifest is None and SUBSTRATES[settings.substrate].plays_frozen
+        self.substrate = describe_substrate(settings.substrate.name, settings.substrate_options)
+        frozen_here = settings.manifest is None and SUBSTRATES[settings.substrate.name].plays_frozen
         if not (frozen_here or settings.only_installed or by_hand):
             planned = list(self.cases.values())
-            require_support(settings.case_set, planned, settings.substrate, settings.substrate_options)
+            require_support(settings.case_set, planned, settings.substrate.name, settings.substrate_options)
 
     def _check_servers(self) -> None:
         if self.source.servers is None:
@@ -205,12 +205,7 @@ class RunKeeper:
             return settings.stop.rule.check(declared)
 
     def selection(self, planned: Sequence[Case], asked: Sequence[str]) -> Selection:
-        """Return the part of the case set that is played.
-
-        Args:
-            planned: The cases that are played, or were before.
-            asked: What left out the others, apart from the shard.
-        """
+        """Return the part of the case set that is played."""
         names, whole = (case.case_id for case in planned), len(self.run_cases.manifest)
         return Selection.choose(names, whole, asked, self.settings.shard)
 
@@ -264,7 +259,7 @@ class RunKeeper:
         return provenance.collect(
             policy=self.source.provenance(),
             substrate=self.substrate,
-            scores=scores_of(settings.substrate),
+            scores=scores_of(settings.substrate.name),
             case_set=self.run_cases.provenance,
             selection=selection.to_dict(),
             order=str(settings.order),

@@ -243,7 +243,7 @@ class PairPlayer:
             fingerprints,
             process.watchdog,
             probes_called(settings.probe),
-            films=settings.film != "none",
+            films=settings.film.which != "none",
             policies=self._of_arms,
         )
         return measure_pair(case, world, policy, how, process.enter, arms)
@@ -256,9 +256,8 @@ class PairPlayer:
 
         settings = self._settings
         repeat_base = case.item_id in self._with_second_base
-        share = (
-            settings.sham if settings.sham is not None else 0.0 if policy.spec.repeatable else CHANCE_SHARE
-        )
+        by_policy = 0.0 if policy.spec.repeatable else CHANCE_SHARE
+        share = by_policy if settings.noise.sham is None else settings.noise.sham
         sham = bool(in_share((case,), share, "sham"))
         arms = arms_of(case, repeat_base, settings.strength, sham)
         if settings.study is not None:
@@ -284,7 +283,7 @@ class PairPlayer:
         from pytest_libero_max.runs.media import is_selected
 
         settings = self._settings
-        if any(is_selected(pair.record, which) for which in (settings.film, settings.traces)):
+        if any(is_selected(pair.record, which) for which in (settings.film.which, settings.traces)):
             try:
                 write_trace(settings.output / TRACES_NAME, pair)
             except (OSError, ValueError) as error:

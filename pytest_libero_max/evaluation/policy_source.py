@@ -16,11 +16,7 @@ if TYPE_CHECKING:
 
 
 class PolicySource:
-    """A policy that a reference names: loaded by each process that plays, and known by its code and files.
-
-    Args:
-        settings: Of the run, which name it.
-    """
+    """A policy that a reference names: loaded by each process that plays, and known by its code and files."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -120,10 +116,6 @@ class GivenPolicy(PolicySource):
 
     No later process can load it, so its records name it and not its code; ``PolicySpec(revision=...)`` says
     which weights it has.
-
-    Args:
-        settings: Of the run, which name it for people.
-        thing: The policy, or what makes it.
     """
 
     def __init__(self, settings: Settings, thing: Any) -> None:
@@ -172,12 +164,10 @@ class GivenPolicy(PolicySource):
 
 def wrapped(policy: Policy, settings: Settings) -> Policy:
     """Return a policy behind the wrappers that the settings ask for."""
-    from pytest_libero_max.policies.wrapping import WRAPPERS
+    from pytest_libero_max.policies.wrappers import WRAPPERS
 
-    for name in ("restore", "adaptive"):
-        mode = getattr(settings, name)
-        if mode not in (None, "native"):
-            policy = WRAPPERS[name](policy, mode)
+    for name, mode in settings.wrap.items():
+        policy = WRAPPERS[name](policy, mode)
     return policy
 
 

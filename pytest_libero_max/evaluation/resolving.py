@@ -8,11 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.benchmark.latency import NO_LATENCY
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.benchmark.order import Order
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, Settings
+from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.studies.registry import find_study
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
@@ -44,10 +45,10 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
     values["libero"] = tuple(path_from(here, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:
         values["libero_assets"] = path_from(here, values["libero_assets"])
-    _check_substrate_options(given, values["substrate"])
+    _check_substrate_options(given, values["substrate"].name)
     values["order"] = values["order"] or Order()
     values["study"] = _study(values, here)
-    values["latency"] = values["latency"] or NO_LATENCY
+    values["latency"] = _latency(values["latency"], here)
     values["timeout"] = values["timeout"] or Limits()
     _check_timing(values)
     settings = Settings(**values)
@@ -74,10 +75,11 @@ def _check_timing(values: Mapping[str, Any]) -> None:
     Raises:
         OptionError: They contradict each other.
     """
-    if values["latency"] != NO_LATENCY and values["adaptive"] is not None:
+    if values["latency"] != NO_LATENCY and "adaptive" in values["wrap"]:
         raise OptionError(
             f"--libero-max-latency={values['latency']} is of a policy that is asked every Q steps, but "
-            f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
+            f"--libero-max-wrap=adaptive:{values['wrap']['adaptive']} chooses when to ask. Leave one of them "
+            "out."
         )
     horizon, interval = values["horizon"], values["query_interval"]
     if horizon is not None and interval is not None and interval > horizon:
@@ -88,13 +90,7 @@ def _check_timing(values: Mapping[str, Any]) -> None:
         )
 
 
-_SUBSTRATE_OPTIONS = {
-    "libero": "installations",
-    "libero-assets": "assets",
-    "semantics": "semantics",
-    "instruction": "instruction",
-    "source-variations": "variations",
-}
+_SUBSTRATE_OPTIONS = {"libero": "installations", "libero-assets": "assets"}
 """The field of :class:`.SubstrateOptions` that an option fills, by the option's name."""
 
 
@@ -118,7 +114,7 @@ def _track(settings: Settings, name: str | None) -> str:
 
     if settings.manifest is not None:
         return name or ""
-    return supported_track(name, settings.substrate, settings.substrate_options)
+    return supported_track(name, settings.substrate.name, settings.substrate_options)
 
 
 def _study(values: dict[str, Any], here: Path) -> Study | None:
@@ -131,10 +127,11 @@ def _study(values: dict[str, Any], here: Path) -> Study | None:
         return None
     study = find_study(values["study"], here)
     varies = {key for arm in study.spelled for key in arm}
-    if varies & {"cadence", "latency"} and values["adaptive"] is not None:
+    if varies & {"cadence", "latency"} and "adaptive" in values["wrap"]:
         raise OptionError(
             f"--libero-max-study={study.name} plays fixed query intervals, but "
-            f"--libero-max-adaptive={values['adaptive']} chooses when to ask. Leave one of them out."
+            f"--libero-max-wrap=adaptive:{values['wrap']['adaptive']} chooses when to ask. Leave one of them "
+            "out."
         )
     if "latency" in varies and values["latency"] not in (None, NO_LATENCY):
         raise OptionError(
@@ -149,6 +146,26 @@ def _study(values: dict[str, Any], here: Path) -> Study | None:
     if values["track"] is None:
         values["track"] = study.track
     return study
+
+
+def _latency(value: Latency | str | None, here: Path) -> Latency:
+    """Return the time that a query takes; ``recorded:RUN`` reads it from the records of a run.
+
+    Raises:
+        OptionError: They cannot be read.
+    """
+    if not isinstance(value, str):
+        return value or NO_LATENCY
+    from pytest_libero_max.runs.query_times import recorded_latency
+
+    folder = value.removeprefix(RECORDED_RUN)
+    waits = folder.endswith(",sync")
+    try:
+        return recorded_latency(path_from(here, folder.removesuffix(",sync")), "sync" if waits else "async")
+    except ReportError as error:
+        raise OptionError(
+            f"--libero-max-latency={value!r}: expected the folder of a run behind {RECORDED_RUN!r}; {error}"
+        ) from None
 
 
 def _program(values: Mapping[str, Any], here: Path) -> Program | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.errors import DiskError
+from pytest_libero_max.errors import DiskError, counted
 from pytest_libero_max.machine import GIB, available_bytes, free_disk_bytes
 from pytest_libero_max.substrates.contract import SubstrateKind
 
@@ -25,24 +25,20 @@ def require_disk_space(output: Path, pairs: int) -> None:
     free, needed = free_disk_bytes(output), _REPORT_BYTES + pairs * _PAIR_BYTES
     if free is not None and free < needed:
         raise DiskError(
-            f"{free / MIB:.0f} MiB are free for {str(output)!r}, but the records and reports of {pairs} "
-            f"pairs take up to {needed / MIB:.0f} MiB. Make room, or give another --libero-max-output."
+            f"{free / MIB:.0f} MiB are free for {str(output)!r}, but the records and reports of "
+            f"{counted(pairs, 'pair')} take up to {needed / MIB:.0f} MiB. Make room, or give another "
+            "--libero-max-output."
         )
 
 
 def memory_note(workers: int, kind: SubstrateKind) -> str | None:
-    """Return a warning where the memory is too little for the workers; None where it is enough, or not known.
-
-    Args:
-        workers: Processes that play pairs.
-        kind: Substrate that they play on.
-    """
+    """Return a warning where memory is too little for the workers; None where it is enough or unknown."""
     available, each = available_bytes(), int(kind.worker_gib * GIB)
     if available is None or available >= workers * each:
         return None
     fits = max(available // each, 1)
     return (
-        f"libero-max: {available / GIB:.1f} GiB of memory are free, and {workers} workers take about "
-        f"{workers * each / GIB:.1f} GiB on the {kind.name} substrate, without the policy. "
+        f"libero-max: {available / GIB:.1f} GiB of memory are free, and {counted(workers, 'worker')} would "
+        f"take about {workers * each / GIB:.1f} GiB on the {kind.name} substrate, without the policy. "
         f"Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
     )

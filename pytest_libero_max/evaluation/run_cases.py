@@ -16,11 +16,7 @@ from pytest_libero_max.events.registry import check_cases, family_of
 
 
 class RunCases:
-    """The cases that settings choose. Each property raises ``OptionError`` where they cannot be chosen.
-
-    Args:
-        settings: Of the run.
-    """
+    """The cases that settings choose. Each property raises ``OptionError`` where they cannot be chosen."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -56,7 +52,7 @@ class RunCases:
         if settings.only_installed and cases:
             with about("--libero-max-only-installed: "):
                 cases = supported_cases(
-                    settings.case_set, cases, settings.substrate, settings.substrate_options
+                    settings.case_set, cases, settings.substrate.name, settings.substrate_options
                 )
         return cases if settings.limit is None else stratified(cases, settings.limit)
 
@@ -77,7 +73,7 @@ class RunCases:
         """Item ids of the cases of the run whose Base is played twice."""
         from pytest_libero_max.benchmark.sampling import stratified
 
-        count = self._settings.noise_floor
+        count = self._settings.noise.floor
         chosen = stratified(self.chosen, count) if count else ()
         return frozenset(case.item_id for case in chosen)
 

@@ -1,136 +1,34 @@
 """Settings of a run: each is one field, which says how it is read and what it belongs to.
 
 pytest's options, their ini twins and the arguments of :func:`pytest_libero_max.evaluate` are these fields.
+Those that may change a result are declared in :class:`~pytest_libero_max.runs.protocol.ProtocolSettings`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING
 
-from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.benchmark.order import Order
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.benchmark.text_values import count, gibibytes, known_in, order, positive, suites, text
 from pytest_libero_max.evaluation import option_values as read
 from pytest_libero_max.evaluation.processes.time_limits import Limits
-from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
-from pytest_libero_max.runs.protocol import played_settings, protocol_words
-from pytest_libero_max.substrates.contract import SubstrateOptions
-from pytest_libero_max.substrates.registry import INSTRUCTIONS, SEMANTICS, SOURCE_VARIATIONS, SUBSTRATES
+from pytest_libero_max.runs.protocol import ProtocolSettings
+from pytest_libero_max.runs.setting import options_of, setting, switch
+from pytest_libero_max.substrates.contract import ChosenSubstrate, SubstrateOptions
+from pytest_libero_max.substrates.registry import chosen_substrate
 
 if TYPE_CHECKING:
-    from pytest_libero_max.benchmark.programs import Program
     from pytest_libero_max.report.gates import Gate
     from pytest_libero_max.report.stopping_rule import NamedRule
-    from pytest_libero_max.studies.study import Study
 
 DEFAULT_OUTPUT = "libero-max-results"
 
-Group = Literal["everyday", "protocol", "machines"]
-
-
-ALWAYS: Any = object()
-"""In the place of a setting's usual value: every value is recorded."""
-
 
 @dataclass(frozen=True)
-class Recorded:
-    """What the records of a run say of a setting that may change a result.
-
-    Agreement of records with their run, differences between runs, headers and replay commands follow from it.
-    """
-
-    part: Literal["protocol", "policy"]
-    """Part of the provenance that holds it, under the name of the setting."""
-    usual: Any = None
-    """Value that is not recorded; :data:`ALWAYS` where every value is."""
-    value: Callable[[Any], Any] = lambda value: value
-    """Returns what the provenance holds."""
-
-
-@dataclass(frozen=True)
-class Option:
-    """One setting: its flag is ``--libero-max-<name>``, its ini key ``libero_max_<name>``."""
-
-    name: str
-    metavar: str
-    help: str
-    parse: Callable[[str], Any]
-    """Turns the text into a value; raises ``ValueError`` with the accepted form."""
-    default: Any = None
-    many: bool = False
-    """True if it may be given several times (in the ini file: one a line)."""
-    switch: bool = False
-    """True for a flag without a value (in the ini file: true or false)."""
-    recorded: Recorded | None = None
-    """What records say of it; None for a setting that changes no result."""
-    session: bool = False
-    """True if it is about pytest's session, or about machines that only a session uses."""
-    group: Group = "everyday"
-    """Group of the help: what one needs every day, what may change a result, and the rest."""
-
-    @property
-    def flag(self) -> str:
-        return f"--libero-max-{self.name}"
-
-    @property
-    def field(self) -> str:
-        """Name of the field of :class:`Settings`."""
-        return self.name.replace("-", "_")
-
-    @property
-    def key(self) -> str:
-        return f"libero_max_{self.field}"
-
-    def read(self, text: str, where: str) -> Any:
-        """Return the value of a text.
-
-        Raises:
-            OptionError: It is not of the option's form.
-        """
-        try:
-            return self.parse(text)
-        except (ValueError, LiberoMaxError) as error:
-            value = f"{self.name}={text!r}"  # errors about a gate begin with it, and it is said once
-            message = str(error)
-            rest = message.removeprefix(value) if message.startswith(value) else f": {message}"
-            raise OptionError(f"{where}={text!r}{rest}") from None
-
-
-def setting(
-    metavar: str,
-    help: str,
-    parse: Callable[[str], Any],
-    *,
-    default: Any = None,
-    many: bool = False,
-    recorded: Recorded | None = None,
-    session: bool = False,
-    group: Group = "everyday",
-) -> Any:
-    """Declare a field of :class:`Settings`; arguments as of :class:`Option`. What is recorded is protocol."""
-    default = () if many else default
-    group = "protocol" if recorded is not None else group
-    declared = {"metavar": metavar, "help": help, "parse": parse, "default": default, "many": many}
-    return field(metadata={**declared, "recorded": recorded, "session": session, "group": group})
-
-
-def switch(help: str, *, session: bool = False, group: Group = "everyday") -> Any:
-    """Declare a setting that is on or off, likewise."""
-    declared = {"metavar": "", "help": help, "parse": bool, "default": False}
-    return field(metadata={**declared, "switch": True, "session": session, "group": group})
-
-
-def _program_value(program: Program) -> Json:
-    return {**program.to_dict(), "digest": program.digest}
-
-
-@dataclass(frozen=True)
-class Settings:
+class Settings(ProtocolSettings):
     """Resolved settings. Without a policy the plugin only offers its fixtures.
 
     Each field declares an option: its name, its type once resolved, how it is read and what it belongs to.
@@ -144,35 +42,15 @@ class Settings:
         "profile), several equal ones with commas between, or a .toml file that lists them; given "
         "on the command line without test paths, every pair of the track is collected; given in the ini "
         "file, pytest libero-max plays them, and so does testpaths = libero-max",
-        read.text,
-    )
-    profile: str | None = setting(
-        "NAME|PATH",
-        "Profile of the policy behind a server's address: one of this package, or a TOML file",
-        read.text,
-        recorded=Recorded("policy"),
-    )
-    revision: str | None = setting(
-        "TEXT",
-        "Identity of the weights behind servers, for example a checkpoint's digest; runs over other "
-        "addresses that declare the same are one measurement",
-        read.text,
-        recorded=Recorded("policy"),
+        text,
     )
     track: str = setting(
         "NAME",
         "Frozen set of cases to play (default: smoke; on the libero substrate, original if what is installed "
         "does not play smoke)",
-        read.text,
+        text,
     )
-    manifest: Path | None = setting("PATH", "Play the cases of this manifest instead of a track", read.text)
-    program: Program | None = setting(
-        "NAME|FILE",
-        "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
-        "`libero-max list programs`, or a JSON or TOML file",
-        read.text,
-        recorded=Recorded("protocol", value=_program_value),
-    )
+    manifest: Path | None = setting("PATH", "Play the cases of this manifest instead of a track", text)
     only_installed: bool = switch(
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
         "otherwise nothing is played; before the limit",
@@ -181,14 +59,14 @@ class Settings:
     suites: tuple[str, ...] | None = setting(
         "SUITE,...",
         "Play only the cases of these suites, where a policy plays no others; before the limit",
-        read.suites,
+        suites,
     )
     limit: int | None = setting(
         "N",
         "Play a stratified, deterministic subset of N cases, the same for every policy: it is chosen before "
         "the policy is loaded, from what --libero-max-suites and --libero-max-only-installed leave, and "
         "before -k and -m, which are pytest's own and choose among the N",
-        read.positive,
+        positive,
     )
     shard: tuple[int, int] | None = setting(
         "I/N",
@@ -204,7 +82,7 @@ class Settings:
         "which every prefix has about the same share of each event and suite; or shuffled:SEED, one in which "
         "every prefix is a simple random sample, which the rule anytime needs; results do not depend on it "
         "(default: sorted)",
-        read.order,
+        order,
         group="machines",
     )
     stop: NamedRule | None = setting(
@@ -217,119 +95,29 @@ class Settings:
         "another package, NAME or NAME:ARGUMENTS (default: none)",
         read.stopping_rule,
     )
-    substrate: str = setting(
-        "NAME",
+    substrate: ChosenSubstrate = setting(
+        "NAME[:semantics=...,instruction=...,variations=...]",
         "Builder of the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
-        "(a toy scene for manifests that name its entities)",
-        read.known_in(SUBSTRATES),
-        default="embedded",
+        "(a toy scene for manifests that name its entities). libero takes semantics=published (events with "
+        "the defects of the authors' code) or corrected; instruction=published (LIBERO-Plus's prompts name "
+        "the variation) or clean; variations=installed (LIBERO-Plus's and LIBERO-PRO's) or own (this "
+        "package's, made at reset on LIBERO's scenes)",
+        chosen_substrate,
+        default=ChosenSubstrate("embedded"),
     )
     libero: tuple[Path, ...] = setting(
         "FOLDER",
         "Checkout of LIBERO, LIBERO-Plus or LIBERO-PRO for the libero substrate; may be repeated, once a "
         "kind (default: what import libero finds)",
-        read.text,
+        text,
         many=True,
         group="machines",
     )
     libero_assets: Path | None = setting(
         "FOLDER",
         "Models and textures for an installation of the libero substrate that has none of its own",
-        read.text,
+        text,
         group="machines",
-    )
-    semantics: Literal["published", "corrected"] = setting(
-        "WHICH",
-        "Events of the libero substrate as published, defects included, or corrected",
-        read.known_in(SEMANTICS),
-        default="published",
-        group="protocol",
-    )
-    instruction: Literal["published", "clean"] = setting(
-        "WHICH",
-        "Prompts of the libero substrate as published, where LIBERO-Plus's name the variation, or clean",
-        read.known_in(INSTRUCTIONS),
-        default="published",
-        group="protocol",
-    )
-    source_variations: Literal["installed", "own"] = setting(
-        "WHICH",
-        "LIBERO-Plus's and LIBERO-PRO's variations on the libero substrate: the installed ones, or "
-        "this package's own, made at reset on LIBERO's scenes",
-        read.known_in(SOURCE_VARIATIONS),
-        default="installed",
-        group="protocol",
-    )
-    prefix: Literal["fork", "replay"] = setting(
-        "MODE",
-        "Way of Dynamic to the event: fork (from a snapshot taken in Base) or "
-        "replay (the recorded actions, from reset)",
-        read.known_in(("fork", "replay")),
-        default="fork",
-        recorded=Recorded("protocol"),
-    )
-    strength: float = setting(
-        "FRACTION",
-        "Let every event happen at this share of its change, 0 to 1; refused for events that happen whole or "
-        "not at all",
-        read.fraction,
-        default=1.0,
-        recorded=Recorded("protocol", usual=1.0),
-    )
-    study: Study | None = setting(
-        "NAME[:SETTINGS]|FILE",
-        "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
-        "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
-        "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
-        "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
-        "smoke: each case 3 or so many times, with other seeds of the policy), one of another package, or a "
-        "JSON or TOML file that spells one",
-        read.study,
-        recorded=Recorded("protocol", value=lambda study: study.to_dict()),
-    )
-    probe: tuple[str, ...] = setting(
-        "NAME",
-        "Read this in every arm as well, and keep its columns in the records; may be repeated "
-        "(contact_timeline, or a probe of another package)",
-        read.known_in(PROBES),
-        many=True,
-        group="protocol",
-    )
-    latency: Latency = setting(
-        "TIME",
-        "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
-        "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
-        "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
-        "query from the query times of a run",
-        read.latency,
-        recorded=Recorded("protocol", usual=NO_LATENCY, value=str),
-    )
-    horizon: int | None = setting(
-        "ACTIONS",
-        "Override H (chunk size), the most actions a query returns",
-        read.positive,
-        recorded=Recorded("policy", usual=ALWAYS),
-    )
-    query_interval: int | None = setting(
-        "ACTIONS",
-        "Override Q (execution horizon, replan steps), the actions executed before the next query",
-        read.positive,
-        recorded=Recorded("policy", usual=ALWAYS),
-    )
-    restore: Literal["native", "always", "gated"] = setting(
-        "MODE",
-        "Restore the images before the policy sees them, by what they show alone: native (never), gated "
-        "(those that look damaged) or always",
-        read.known_in(("native", "gated", "always")),
-        default="native",
-        recorded=Recorded("policy", usual="native"),
-    )
-    adaptive: Literal["image", "privileged"] | None = setting(
-        "WATCH",
-        "Execute whole chunks, and ask the policy early where something changed, on average no oftener than "
-        "every Q steps; watched are the fixed cameras (image) or the objects (privileged)",
-        read.known_in(("image", "privileged")),
-        recorded=Recorded("policy"),
     )
     strict: str | None = setting(
         "WHAT",
@@ -344,52 +132,30 @@ class Settings:
         read.selection_in(SELECTIONS),
         default="none",
     )
-    film: str = setting(
-        "WHICH",
+    film: read.Films = setting(
+        "WHICH[:PAIRS]",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
-        "changed (Base and Dynamic end differently) or all",
-        read.selection_in(SELECTIONS),
-        default="none",
+        "changed (Base and Dynamic end differently) or all; at most PAIRS regressions and so many gains, at "
+        f"first one of each cause and event (default: {MOST_FILMS}; with all, all pairs)",
+        read.films,
+        default=read.Films("none"),
         session=True,
-    )
-    film_limit: int | None = setting(
-        "PAIRS",
-        "Film at most so many regressions and so many gains: at first one of each cause and event (default: "
-        f"{MOST_FILMS}; with --libero-max-film=all, all pairs)",
-        read.positive,
-        session=True,
-        group="machines",
     )
     progress: str = setting(
         "FORM",
         "Progress of the run: live (a line below pytest's output that is redrawn), lines (one a "
         "minute, later fewer), none, or auto (live in a terminal, otherwise lines, and with -q none)",
-        read.known_in(("auto", "live", "lines", "none")),
+        known_in(("auto", "live", "lines", "none")),
         default="auto",
         session=True,
         group="machines",
-    )
-    noise_floor: int | None = setting(
-        "PAIRS",
-        "Play Base twice for a stratified subset of so many pairs and report how often it flips",
-        read.positive,
-        recorded=Recorded("protocol", usual=ALWAYS),
-    )
-    sham: float | None = setting(
-        "SHARE",
-        "Share of the pairs, 0 to 1, that also play a sham event: at the event's moment the policy is given "
-        "other seeds, and nothing changes. What is lost then is lost by the policy's own chance. Dynamic is "
-        "played with other seeds as well, so that flips beyond chance are known (default: 0.2 for a policy "
-        "that is not repeatable, else 0)",
-        read.fraction,
-        recorded=Recorded("protocol"),
     )
     verify: int = setting(
         "PAIRS",
         "At the end play so many pairs again, by turns of each suite, each in a process of its own with a "
         "new home, cache and working folder, and compare outcome, steps and proofs: what a policy keeps from "
         "pair to pair shows there",
-        read.count,
+        count,
         default=0,
         session=True,
         group="machines",
@@ -413,7 +179,7 @@ class Settings:
     retries: int = setting(
         "N",
         "Play a pair again in a fresh process, so many times, after the process that played it has died",
-        read.count,
+        count,
         default=2,
         group="machines",
     )
@@ -426,7 +192,7 @@ class Settings:
         "GIB",
         "Memory limit of a process that plays pairs: GiB, none, or auto, which is its share of 0.9 of this "
         "machine's memory and at least 4 (default: auto)",
-        read.gibibytes,
+        gibibytes,
         group="machines",
     )
     ray: read.Cluster | None = setting(
@@ -444,14 +210,14 @@ class Settings:
         "FOLDER|auto",
         f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
         "--libero-max-resume the last of them",
-        read.text,
+        text,
         default=DEFAULT_OUTPUT,
     )
     compare: str | None = setting(
         "RUN|last",
         "At the end, compare the run with this one; last: with the last complete run of the same cases "
         "beside the output folder",
-        read.text,
+        text,
         session=True,
     )
     resume: bool = switch("Continue the run in the output folder, skipping the pairs it has measured")
@@ -465,33 +231,12 @@ class Settings:
     @property
     def substrate_options(self) -> SubstrateOptions:
         """Options of the substrate."""
-        return SubstrateOptions(
-            self.libero, self.libero_assets, self.semantics, self.instruction, self.source_variations
-        )
+        return replace(self.substrate.options, installations=self.libero, assets=self.libero_assets)
 
     @property
     def in_order(self) -> bool:
         """True if pairs are to be handed out one by one: scenes are mixed, or a rule looks at the prefix."""
         return self.order.seed is not None or self.stop is not None
-
-    def recorded(self, part: Literal["protocol", "policy"]) -> Json:
-        """Return what the provenance of a run says in one of its parts, by setting."""
-        values = {}
-        for option in options_of(type(self)):
-            declared, value = option.recorded, getattr(self, option.field)
-            if declared is not None and declared.part == part and value != declared.usual:
-                values[option.field] = declared.value(value)
-        return values
-
-    @property
-    def played(self) -> dict[str, str]:
-        """What each record says of the settings it was played with, among its fingerprints."""
-        return played_settings(self.recorded("protocol"))
-
-    @property
-    def extras(self) -> str:
-        """Words for pytest's header; empty for a plain run."""
-        return "".join(f", {words}" for words in protocol_words(self.recorded("protocol")).values())
 
     @property
     def case_set(self) -> str:
@@ -506,17 +251,20 @@ GONE = {
     "query-timeout": "timeout=query:S",
     "step-timeout": "timeout=step:S",
     "pair-timeout": "timeout=pair:S",
+    "semantics": "substrate=libero:semantics=WHICH",
+    "instruction": "substrate=libero:instruction=WHICH",
+    "source-variations": "substrate=libero:variations=WHICH",
+    "restore": "wrap=restore:MODE",
+    "adaptive": "wrap=adaptive:WATCH",
+    "noise-floor": "noise=floor:PAIRS",
+    "sham": "noise=sham:SHARE",
+    "film-limit": "film=WHICH:PAIRS",
     "ray-actors": "ray=ADDRESS,actors=N",
     "ray-cpus": "ray=ADDRESS,cpus=N",
     "ray-gpus": "ray=ADDRESS,gpus=N",
     "ray-ship": "ray=ADDRESS,ship",
 }
 """Options of before, with what says the same now."""
-
-
-def options_of(kind: type[Settings]) -> tuple[Option, ...]:
-    """Return the options that the fields of a class declare, in the order of the help."""
-    return tuple(Option(item.name.replace("_", "-"), **item.metadata) for item in fields(kind))
 
 
 OPTIONS = options_of(Settings)

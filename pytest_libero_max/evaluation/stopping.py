@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 class Stop:
     """Asks the stopping rule after each pair. After a stop no pair is begun; those in flight are stored.
 
-    Args:
-        settings: Of the run.
-
     Attributes:
         broken: True after :meth:`stop`: something broke, and no rule asked for the end.
     """
@@ -61,11 +58,7 @@ class Stop:
             self._close(decision)
 
     def stop(self, reason: str) -> None:
-        """Stop the run because something is broken. The first reason counts.
-
-        Args:
-            reason: Without a period.
-        """
+        """Stop the run because something is broken. The first reason counts."""
         if self.stopped is None:
             self.broken = True
             self._close(Stopped(reason, self._planned))

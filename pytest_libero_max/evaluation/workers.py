@@ -113,7 +113,7 @@ class OwnSources:
         from pytest_libero_max.substrates.registry import open_substrate
 
         settings = self._source.settings
-        return open_substrate(settings.substrate, settings.substrate_options)
+        return open_substrate(settings.substrate.name, settings.substrate_options)
 
     def close(self) -> None:
         """Close what was opened."""

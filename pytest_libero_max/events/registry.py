@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.cases import Case, Event
 from pytest_libero_max.errors import ChangeError, ManifestError, did_you_mean
 from pytest_libero_max.events.kind import VARIANTS, EventKind, accept_kind
 from pytest_libero_max.events.schedules import arms_of, trigger_of
-from pytest_libero_max.registry import Registry, class_in, modules_in
+from pytest_libero_max.registry import Registry, classes_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.identity import Identity
@@ -31,21 +30,13 @@ BENCHMARK_EVENTS = (
 BENCHMARK_FAMILIES = ("geometry", "observation", "appearance_and_clutter", "path_constraint")
 """The paper's four families, in its order."""
 
-_KINDS = "pytest_libero_max.events.kinds"
-
-
-def _own() -> Mapping[str, Callable[[], EventKind]]:
-    modules = modules_in(_KINDS)
-    others = (name for name in modules if name not in BENCHMARK_EVENTS)
-    return {name: partial(_load, name) for name in (*BENCHMARK_EVENTS, *others)}
-
-
-def _load(name: str) -> EventKind:
-    return accept_kind(name, class_in(f"{_KINDS}.{name}", EventKind))
-
-
 EVENTS: Registry[EventKind] = Registry(
-    "event", "pytest_libero_max.events", _own, accept_kind, ManifestError, attribute="name"
+    "event",
+    "pytest_libero_max.events",
+    classes_in("pytest_libero_max.events.kinds", EventKind, first=BENCHMARK_EVENTS),
+    accept_kind,
+    ManifestError,
+    attribute="name",
 )
 """Every event kind by name: the benchmark's eight first, then the others."""
 

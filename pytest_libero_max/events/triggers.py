@@ -8,9 +8,8 @@ follows from both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pytest_libero_max.benchmark.cases import PROXIMITY, TRIGGER_DISTANCE_M
@@ -25,7 +24,7 @@ from pytest_libero_max.benchmark.structs import (
     struct_of,
 )
 from pytest_libero_max.errors import ManifestError, did_you_mean
-from pytest_libero_max.registry import Registry
+from pytest_libero_max.registry import Registry, given
 from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
 
 if TYPE_CHECKING:
@@ -247,12 +246,12 @@ def _accept(name: str, candidate: object) -> type[Trigger]:
     return candidate
 
 
-def _own() -> Mapping[str, Callable[[], type[Trigger]]]:
-    kinds = (Proximity, AtStart, StepsAfter, Untouched, AfterGrasp, Above, BudgetFraction)
-    return {kind.type: partial(_accept, kind.type, kind) for kind in kinds}
-
-
 TRIGGERS: Registry[type[Trigger]] = Registry(
-    "trigger", "pytest_libero_max.triggers", _own, _accept, ManifestError, attribute="type"
+    "trigger",
+    "pytest_libero_max.triggers",
+    given("type", Proximity, AtStart, StepsAfter, Untouched, AfterGrasp, Above, BudgetFraction),
+    _accept,
+    ManifestError,
+    attribute="type",
 )
 """Every trigger by its type: this package's, then those that installed packages add."""

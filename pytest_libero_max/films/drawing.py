@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image as Picture
 from PIL import ImageDraw, ImageFont
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.films.replay import Tick, distinct_arms
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
@@ -81,7 +82,7 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
         if begin < step <= begin + arm.stale_actions and step <= steps:
             result.append(Label(f"stale action {step - begin} of {arm.stale_actions}", EVENT_INK))
     if step >= steps:
-        ended = f"success after {steps} steps" if arm.success else f"failed after {steps} steps"
+        ended = f"{'success' if arm.success else 'failed'} after {counted(steps, 'step')}"
         result.append(Label(ended, GAIN if arm.success else LOSS))
     return result
 

@@ -28,7 +28,8 @@ from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Que
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.model_inputs import as_image, model_inputs
 from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
-from pytest_libero_max.policies.wrapping import WRAPPERS, WrappedPolicy
+from pytest_libero_max.policies.wrappers import WRAPPERS
+from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Image, ImageSize, Observation, World
 
 _GROUND = 96

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.keywords import matches
 from pytest_libero_max.errors import (
     LiberoMaxError,
@@ -29,7 +28,7 @@ from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
-from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
+from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import CONTROL_HZ, World
 from pytest_libero_max.worlds.rendering.context import RENDERING
@@ -51,17 +50,33 @@ def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: s
     return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}", view)
 
 
+@dataclass(frozen=True)
+class Drawn:
+    """How a recorded pair is drawn."""
+
+    size: int = SIZE_PX
+    """Side of a picture, pixels."""
+    every: int = EVERY
+    """Show only every so many steps; a film keeps its speed."""
+    overwrite: bool = False
+    """True if a file that is there already may be replaced."""
+    on_step: Callable[[int], None] = lambda step: None
+    """Called with the policy steps of each picture before it is drawn."""
+
+    def tell(self, ticks: Iterable[Tick]) -> Iterator[Tick]:
+        """Yield pictures, each after :attr:`on_step`."""
+        for tick in ticks:
+            self.on_step(tick.step)
+            yield tick
+
+
 def film_pair(
     path: Path,
     case: Case,
     world: World,
     record: PairRecord,
     traces: Mapping[str, ArmTrace],
-    *,
-    size: int = SIZE_PX,
-    every: int = EVERY,
-    overwrite: bool = False,
-    on_step: Callable[[int], None] | None = None,
+    how: Drawn = Drawn(),
     shown: Shown | None = None,
 ) -> None:
     """Play a recorded pair again and write its film, or nothing at all.
@@ -69,10 +84,7 @@ def film_pair(
     Args:
         path: See :func:`film_path`.
         world: Its world; it is left anywhere.
-        size: Side of a picture, pixels.
-        every: Show only every so many steps; the film keeps its speed.
-        overwrite: True if a film that is there already may be replaced.
-        on_step: Called with the policy steps of each picture before it is drawn.
+        how: Size and the like.
         shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
     Raises:
@@ -82,21 +94,12 @@ def film_pair(
         ChangeError: A change does not fit this world.
         SimulatorError: The simulation broke, or the renderer does not answer.
     """
-    look, also, words = through_cameras(size), frozenset[int](), None
+    look, also, words = through_cameras(how.size), frozenset[int](), None
     if shown is not None:
-        look, also = policy_look(case, record, traces, shown, size)
+        look, also = policy_look(case, record, traces, shown, how.size)
         words = caption(record, shown)
-    ticks = play_again(case, world, record, traces, look, every, also, simulate=shown is not None)
-    if on_step is not None:
-        ticks = tell_steps(ticks, on_step)
-    write_film(path, film_frames(record, traces, ticks, size, words), CONTROL_HZ, overwrite)
-
-
-def tell_steps(ticks: Iterator[Tick], on_step: Callable[[int], None]) -> Iterator[Tick]:
-    """Yield the pictures of a pair, and pass the policy steps of each on before it is drawn."""
-    for tick in ticks:
-        on_step(tick.step)
-        yield tick
+    ticks = play_again(case, world, record, traces, look, how.every, also, simulate=shown is not None)
+    write_film(path, film_frames(record, traces, how.tell(ticks), how.size, words), CONTROL_HZ, how.overwrite)
 
 
 @dataclass(frozen=True)
@@ -239,9 +242,9 @@ def open_recorded(
             f"with {traces_setting(provenance)}."
         )
     cases_played = {case.case_id: case for case in cases_of_run(provenance, cases)}
-    substrate = open_substrate(
-        provenance["substrate"]["name"], _options(provenance["substrate"], installations, assets)
-    )
+    chosen_there = ChosenSubstrate.described(provenance["substrate"])
+    options = replace(chosen_there.options, installations=tuple(installations), assets=assets)
+    substrate = open_substrate(chosen_there.name, options)
     try:
         yield RecordedRun(home, stored, cases_played, substrate)
     finally:
@@ -281,14 +284,3 @@ def _keywords(record: PairRecord) -> tuple[str, ...]:
     """Names of a pair that ``-k`` looks at: the item, and its markers."""
     markers = (record.event, record.family, record.suite, f"variant_{record.variant}", record.source)
     return (record.case_id, record.item_id, *markers)
-
-
-def _options(described: Json, installations: Sequence[Path], assets: Path | None) -> SubstrateOptions:
-    known = SubstrateOptions()
-    return SubstrateOptions(
-        tuple(installations),
-        assets,
-        described.get("semantics", known.semantics),
-        described.get("instruction_source", known.instruction),
-        described.get("source_variations", known.variations),
-    )

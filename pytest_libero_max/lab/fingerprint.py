@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.worlds.contract import (
     CAMERAS,
     AlterableWorld,
@@ -304,7 +304,7 @@ def fingerprint_lines(found: Json) -> list[str]:
     return [
         f"{found['substrate']} {found['hash']}",
         "  " + "  ".join(f"{name} {digest}" for name, digest in found["layers"].items()),
-        f"  {len(found['cases'])} cases of the track {TRACK}; {versions}; {found['machine']}",
+        f"  {counted(len(found['cases']), 'case')} of the track {TRACK}; {versions}; {found['machine']}",
         f"  {times['step_ms']:.1f} ms a step, {times['image_ms']:.1f} ms an image (part of no digest)",
     ]
 
@@ -317,8 +317,10 @@ def comparison_lines(first: Json, second: Json) -> list[str]:
     """
     if first["substrate"] != second["substrate"] or first["cases"].keys() != second["cases"].keys():
         raise OptionError(
-            f"One fingerprint is of {first['substrate']!r}, {len(first['cases'])} cases, the other of "
-            f"{second['substrate']!r}, {len(second['cases'])} cases. Take both of the same substrate."
+            f"One fingerprint is of {first['substrate']!r}, {counted(len(first['cases']), 'case')}, the "
+            "other of "
+            f"{second['substrate']!r}, {counted(len(second['cases']), 'case')}. Take both of the same "
+            "substrate."
         )
     lines = [
         f"{first['hash']} {'equals' if first['hash'] == second['hash'] else 'differs from'} {second['hash']}"

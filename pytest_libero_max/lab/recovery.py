@@ -130,7 +130,7 @@ class _Columns:
 
 
 def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recovery:
-    """Compare runs of one policy that differ in ``--libero-max-restore`` alone, one of them native.
+    """Compare runs of one policy that differ in the wrapper ``restore`` alone, one of them native.
 
     Args:
         runs: Two or three, in any order.
@@ -205,20 +205,19 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
     if NATIVE not in found or len(found) < 2:
         raise ReportError(
             f"The runs have restore={', '.join(map(repr, found))}, but one must be native and another "
-            "not. Play the track without --libero-max-restore as well, or with it."
+            "not. Play the track without --libero-max-wrap=restore:MODE as well, or with it."
         )
     if any(policy_differences(specs[0], spec) for spec in specs):
         raise ReportError(
-            "The runs are of different policies or settings. Play one policy with "
-            "--libero-max-restore=native, always and gated."
+            "The runs are of different policies or settings. Play one policy without a wrapper and with "
+            "--libero-max-wrap=restore:always or restore:gated."
         )
     by_mode = {mode: found[mode] for mode in MODES if mode in found}
     sides = {mode: RunOutcomes.of(run).side for mode, run in by_mode.items()}
     others = [one.name for one in differences_between(sides, COMPARISON) if one.name != "wrappers"]
     if others:
         raise ReportError(
-            f"The runs also differ in {', '.join(others)}, but recovery is of --libero-max-restore alone. "
-            "Play them alike."
+            f"The runs also differ in {', '.join(others)}, but recovery is of restore alone. Play them alike."
         )
     return by_mode
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ReportError, install_extra
 from pytest_libero_max.films.drawing import labels, shared_steps
-from pytest_libero_max.films.recorded import EVERY, SIZE_PX, tell_steps
+from pytest_libero_max.films.recorded import Drawn
 from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m, play_again
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
@@ -84,29 +84,14 @@ def record_pair(
     world: World,
     record: PairRecord,
     traces: Mapping[str, ArmTrace],
-    *,
-    size: int = SIZE_PX,
-    every: int = EVERY,
-    overwrite: bool = False,
-    on_step: Callable[[int], None] | None = None,
+    how: Drawn = Drawn(),  # noqa: B008 - it is frozen
 ) -> None:
-    """Play a recorded pair again and write it for Rerun, or nothing at all.
+    """Play a recorded pair again and write it for Rerun (``.rrd``), or nothing at all.
 
-    Args:
-        path: Ends in ``.rrd``; otherwise as for :func:`.recorded.film_pair`, which raises the same errors.
-        case: As there.
-        world: As there.
-        record: As there.
-        traces: As there.
-        size: As there.
-        every: As there.
-        overwrite: As there.
-        on_step: As there.
+    Arguments and errors are those of :func:`.recorded.film_pair`.
     """
-    ticks = play_again(case, world, record, traces, scenes(size), every)
-    if on_step is not None:
-        ticks = tell_steps(ticks, on_step)
-    write_recording(path, record, traces, ticks, overwrite)
+    ticks = play_again(case, world, record, traces, scenes(how.size), how.every)
+    write_recording(path, record, traces, how.tell(ticks), how.overwrite)
 
 
 def write_recording(

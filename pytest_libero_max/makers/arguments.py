@@ -62,7 +62,7 @@ def examining(options: argparse.Namespace) -> Iterator[tuple[Work, Examiner]]:
         def tell(progress: Progress) -> None:
             work.show(str(progress), last=progress.ended)
 
-        where = options.substrate, substrate_options(options)
+        where = options.substrate.name, substrate_options(options)
         with Examiner(options.work, options.jobs, tell, *where) as examiner:
             yield work, examiner
 
@@ -71,4 +71,4 @@ def catalogue_of(options: argparse.Namespace) -> Catalogue:
     """Return the catalogue of source variations of the substrate that is asked for."""
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    return SUBSTRATES[options.substrate].catalogue(substrate_options(options))
+    return SUBSTRATES[options.substrate.name].catalogue(substrate_options(options))

@@ -20,7 +20,7 @@ from msgspec import Meta, Struct
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import LARGEST, Finite, Scalar, Whole, shown
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, counted, did_you_mean
 from pytest_libero_max.pairing.probes.registry import own_schema
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class _Layout:
         many, single = self.steps
         late = [count for count in chain(single(columns), *many(columns)) if count and count > steps]
         if late:
-            raise ValueError(f"step {late[0]}, but the arm took {steps} steps")
+            raise ValueError(f"step {late[0]}, but the arm took {counted(steps, 'step')}")
 
     def _explain(self, columns: Json) -> None:
         """Name the first column that is wrong.

@@ -582,9 +582,9 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
         return values
 
     @classmethod
-    def of(cls, case: Case, error: BaseException, phase: str) -> PairError:
-        """Return the error of a case; what UTF-8 cannot hold of its message is replaced."""
-        message = str(error).encode("utf-8", "replace").decode()
+    def of(cls, case: Case, error: BaseException, phase: str, more: str = "") -> PairError:
+        """Return the error of a case; what UTF-8 cannot hold of its message, with more text, is replaced."""
+        message = f"{error}{more}".encode("utf-8", "replace").decode()
         return cls(
             case_id=case.case_id,
             item_id=case.item_id,
@@ -611,9 +611,5 @@ def is_error(values: Json) -> bool:
 
 
 def result_from_dict(values: Json) -> PairRecord | PairError:
-    """Read what either ``to_dict`` wrote.
-
-    Raises:
-        ReportError: See the two ``from_dict``.
-    """
+    """Read what either ``to_dict`` wrote."""
     return PairError.from_dict(values) if is_error(values) else PairRecord.from_dict(values)

@@ -31,7 +31,7 @@ from pytest_libero_max.benchmark.structs import (
     rule,
     shown,
 )
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.probe_columns import require_columns
 
@@ -150,7 +150,8 @@ def require_consistent_arm(arm: ArmRecord) -> None:
     require_columns(arm.probes, arm.steps)
     if len(arm.firings) > len(arm.schedule):
         raise ReportError(
-            f"{len(arm.firings)} firings of an arm whose schedule has {len(arm.schedule)} entries."
+            f"{counted(len(arm.firings), 'firing')} of an arm whose schedule has "
+            f"{counted(len(arm.schedule), 'entry', 'entries')}."
         )
     if not arm.firings:
         if arm.response_step is not None or arm.stale_actions is not None:
@@ -161,7 +162,9 @@ def require_consistent_arm(arm: ArmRecord) -> None:
         return
     moments = [firing.step for firing in arm.firings]
     if moments != sorted(moments) or moments[-1] > arm.steps:
-        raise ReportError(f"Firings at the steps {moments} of an arm of {arm.steps} steps, in this order.")
+        raise ReportError(
+            f"Firings at the steps {moments} of an arm of {counted(arm.steps, 'step')}, in this order."
+        )
     asked = [firing.queries for firing in arm.firings]
     if asked != sorted(asked) or asked[-1] > arm.queries:
         raise ReportError(f"Firings after {asked} queries of an arm of {arm.queries}, in this order.")
@@ -171,14 +174,14 @@ def require_consistent_arm(arm: ArmRecord) -> None:
     if arm.response_step is not None and not event <= arm.response_step <= arm.steps:
         raise ReportError(
             f"response_step={arm.response_step}, but the event was at step {event} and the arm took "
-            f"{arm.steps} steps: a response comes after the event."
+            f"{counted(arm.steps, 'step')}: a response comes after the event."
         )
     delays = _delays([arm.latency, *delayed]) if delayed or arm.latency is not None else [0]
     answered = arm.steps if arm.response_step is None else arm.response_step
     ends = {min(arm.steps, answered + delay) for delay in delays}
     stale = sorted(end - event for end in ends)
     if arm.stale_actions not in stale:
-        late = f" of which the answer takes {_either(delays)} steps" if any(delays) else ""
+        late = f" whose answer takes {_either(delays)} of the steps" if any(delays) else ""
         raise ReportError(
             f"stale_actions={arm.stale_actions}, but {_either(stale)} actions were executed between the "
             f"event (step {event}) and the next query{late} (response_step={arm.response_step}, "
@@ -203,7 +206,8 @@ def _require_counts(arm: ArmRecord) -> None:
     if arm.queries > steps + 1 or arm.clipped_components > ACTION_DIM * steps or held > steps:
         raise ReportError(
             f"queries={arm.queries}, clipped_components={arm.clipped_components} and held_steps={held} of an "
-            f"arm of {steps} steps, but there is one query a step at most, and {ACTION_DIM} components."
+            f"arm of {counted(steps, 'step')}, but there is one query a step at most, and "
+            f"{counted(ACTION_DIM, 'component')}."
         )
     if arm.returned is not None and arm.returned[0] > arm.returned[1]:
         raise ReportError(f"returned={list(arm.returned)} of an arm, but the smallest number comes first.")
@@ -240,8 +244,10 @@ def _require_consistent_pair(record: PairRecord) -> None:
             raise ReportError("the event never came, but Base and Dynamic differ.")
     elif event.step > record.base_steps or event.queries > dynamic.queries:
         raise ReportError(
-            f"the event came after {event.step} steps and {event.queries} queries, but Base took "
-            f"{record.base_steps} steps and Dynamic {dynamic.queries} queries."
+            f"the event came after {counted(event.step, 'step')} and "
+            f"{counted(event.queries, 'query', 'queries')}, but Base took "
+            f"{counted(record.base_steps, 'step')} and Dynamic "
+            f"{counted(dynamic.queries, 'query', 'queries')}."
         )
 
 

@@ -299,10 +299,6 @@ def _check_policy(rollout: Rollout, stage: Stage, mode: PrefixMode) -> None:
     """Ask a late query of an arm again: a memory that is not carried may matter only after many queries.
 
     In ``replay`` a policy without ``snapshot`` may remember what it has seen, all of which it is shown.
-
-    Raises:
-        ProtocolError: See :meth:`.consistency.RecordedQuery.ask_again`.
-        AdapterError: Likewise.
     """
     mode = way_back(stage.policy, mode)
     if rollout.recorded is not None and (mode == "fork" or remembers(stage.policy)):

@@ -196,9 +196,6 @@ class Stage:
     def show(self, step: int) -> None:
         """Show the world as it is to a policy that is shown every step, where it is not asked.
 
-        Args:
-            step: Policy steps executed before it.
-
         Raises:
             AdapterError: The policy raised.
             RefusalError: It altered the world or its spec, which are read only for it.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.array_files import read_arrays
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.rollout import RolloutResult
 from pytest_libero_max.pairing.runner import Pair
@@ -106,7 +106,9 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
             )
     joints = parts["joints"]
     if joints is not None and (len(joints) != steps or (steps and joints.ndim != 2)):
-        raise ReportError(f"{path}: {name}_joints has shape {joints.shape}, but the record {steps} steps.")
+        raise ReportError(
+            f"{path}: {name}_joints has shape {joints.shape}, but the record {counted(steps or 0, 'step')}."
+        )
     if parts["query_steps"] is None:
         raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")
     answers, queries = parts["answers"], parts["query_steps"].shape

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
-from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.errors import counted, did_you_mean
 from pytest_libero_max.evaluation.run_cases import RunCases, category_marker, markers_of
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.events.kind import VARIANTS
@@ -88,22 +88,14 @@ class PairModule(pytest.Module):
 
 
 def settings_of(config: pytest.Config) -> Settings:
-    """Return the settings, resolved once.
-
-    Raises:
-        pytest.UsageError: See :func:`pytest_libero_max.plugin.options.resolve`.
-    """
+    """Return the settings, resolved once."""
     if SETTINGS not in config.stash:
         config.stash[SETTINGS] = options.resolve(config)
     return config.stash[SETTINGS]
 
 
 def cases_of_run(config: pytest.Config) -> RunCases:
-    """Return the cases of the run before ``-k`` and ``-m``, chosen once.
-
-    Raises:
-        pytest.UsageError: See :func:`settings_of`.
-    """
+    """Return the cases of the run before ``-k`` and ``-m``, chosen once."""
     if CASES not in config.stash:
         config.stash[CASES] = RunCases(settings_of(config))
     return config.stash[CASES]
@@ -241,9 +233,9 @@ def check_ids(config: pytest.Config) -> None:
         settings, whole = settings_of(config), {case.item_id for case in cases_of_run(config).manifest}
         if id in whole:
             raise pytest.UsageError(
-                f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the {len(known)} "
-                "pairs that --libero-max-suites, --libero-max-only-installed, --libero-max-limit or "
-                "--libero-max-shard leaves. Take the option away."
+                f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the "
+                f"{counted(len(known), 'pair')} that --libero-max-suites, --libero-max-only-installed, "
+                "--libero-max-limit or --libero-max-shard leaves. Take the option away."
             )
         raise pytest.UsageError(
             f"{PSEUDO_PATH}::test_pair[{id}] is not in {settings.case_set}. {did_you_mean(id, whole)}"

@@ -116,11 +116,11 @@ class RunController:
         )
         if not noisy:
             return []
-        share = CHANCE_SHARE if self.settings.sham is None else self.settings.sham
+        share = CHANCE_SHARE if self.settings.noise.sham is None else self.settings.noise.sham
         return [
             f"libero-max: profile {', '.join(noisy)} is of a policy that draws noise of its own; unless its "
             f"server takes seeds, {share:.0%} of the pairs measure how much of what changes is chance "
-            "(--libero-max-sham)"
+            "(--libero-max-noise=sham:SHARE)"
         ]
 
     @pytest.hookimpl(tryfirst=True)
@@ -158,7 +158,7 @@ class RunController:
         details += [f"{measured} measured before"] if measured else []
         details += [f"{refused} refused before, which stay refused"] if refused else []
         servers = self.keeper.source.several_servers
-        note = memory_note(number_of_workers(self.config), SUBSTRATES[settings.substrate])
+        note = memory_note(number_of_workers(self.config), SUBSTRATES[settings.substrate.name])
         return [
             f"libero-max: policy {settings.policy}, {settings.case_set} ({'; '.join(details)}), "
             f"substrate {_origin(self.keeper.substrate)}, prefix {settings.prefix}{settings.extras}",
@@ -331,4 +331,4 @@ def _servers_line(servers: Servers) -> str:
     ]
     if len(groups) == 1 and not servers.groups[0].marks:
         groups = [", ".join(servers.addresses)]
-    return f"libero-max: {len(servers.addresses)} servers: {'; '.join(groups)}"
+    return f"libero-max: {counted(len(servers.addresses), 'server')}: {'; '.join(groups)}"

@@ -71,7 +71,7 @@ def libero_max_substrate(libero_max_settings: Settings) -> Iterator[Substrate]:
     from pytest_libero_max.substrates.registry import open_substrate
 
     settings = libero_max_settings
-    with closing(open_substrate(settings.substrate, settings.substrate_options)) as substrate:
+    with closing(open_substrate(settings.substrate.name, settings.substrate_options)) as substrate:
         yield substrate
 
 

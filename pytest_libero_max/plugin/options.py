@@ -15,12 +15,13 @@ from typing import Any, Literal
 import pytest
 
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
-from pytest_libero_max.evaluation import option_values as read
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
-from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Group, Option, Settings
+from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
 from pytest_libero_max.plugin.ini_values import in_file, native_value
+from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.runs.replay_command import Places
+from pytest_libero_max.runs.setting import Group, Option
 
 POLICY_FLAG = "--libero-max-policy"
 
@@ -191,9 +192,9 @@ def _beside_ini_file(config: pytest.Config, text: str) -> str:
     """Return a value with the path from the working directory, if it names a file beside the ini file."""
     if config.inipath is None:
         return text
-    if text.startswith(read.RECORDED):
-        run = config.inipath.parent / Path(text.removeprefix(read.RECORDED)).expanduser()
-        return f"{read.RECORDED}{os.path.relpath(run, config.invocation_params.dir)}"
+    if text.startswith(RECORDED_RUN):
+        run = config.inipath.parent / Path(text.removeprefix(RECORDED_RUN)).expanduser()
+        return f"{RECORDED_RUN}{os.path.relpath(run, config.invocation_params.dir)}"
     for ending in (".py", ".toml", ".json.gz", ".json"):
         begin, _, rest = text.rpartition(ending)
         file = config.inipath.parent / f"{begin}{ending}"

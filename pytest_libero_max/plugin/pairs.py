@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
@@ -19,7 +20,7 @@ def test_pair(libero_max_pair: PairRecord, libero_max_settings: Settings) -> Non
     pair = libero_max_pair
     if libero_max_settings.strict == "regressions" and pair.outcome == "regression":
         pytest.fail(
-            f"{pair.item_id}: Base succeeds after {pair.base_steps} steps, Dynamic does not within "
-            f"{pair.max_steps}. {happenings_text(happenings(pair, pair.arm(DYNAMIC)))}.",
+            f"{pair.item_id}: Base succeeds after {counted(pair.base_steps, 'step')}, Dynamic does not "
+            f"within {pair.max_steps}. {happenings_text(happenings(pair, pair.arm(DYNAMIC)))}.",
             pytrace=False,
         )

@@ -37,11 +37,6 @@ if TYPE_CHECKING:
 class RunEnd:
     """A plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary.
 
-    Args:
-        config: Of the session.
-        keeper: Of the run.
-        stop: Of the run.
-
     Attributes:
         lines: Lines of the summary, in order; those known before the end come first.
         quiet: Lines of the summary of a quiet run.
@@ -74,11 +69,7 @@ class RunEnd:
         tell_junit(self.config, () if keeper.report is None else headline_properties(keeper.report), cases)
 
     def finish(self, session: pytest.Session) -> None:
-        """Write the reports and decide the exit status. A failure is reported and hides nothing else.
-
-        Args:
-            session: Its exit status becomes that of the run.
-        """
+        """Write the reports and decide the exit status. A failure is reported and hides nothing else."""
         if self.keeper.store is None:
             self._say_why_no_pair(session)
             self._fail_gates_without_pairs(session)
@@ -113,13 +104,13 @@ class RunEnd:
     def _film(self, ended: int) -> None:
         """Make the films that the options ask for, unless the user has interrupted the run."""
         keeper = self.keeper
-        if self.settings.film == "none" or keeper.report is None:
+        if self.settings.film.which == "none" or keeper.report is None:
             return
         from pytest_libero_max.plugin.run_films import chosen_for_films, make_films
 
         records, selected = chosen_for_films(self.settings, keeper.records, keeper.report.changed_pairs)
         folder = _relative(self.settings.output, self.config.invocation_params.dir)
-        later = f"libero-max film {folder} --select={self.settings.film}"
+        later = f"libero-max film {folder} --select={self.settings.film.which}"
         if not records:
             return
         if ended == pytest.ExitCode.INTERRUPTED:
@@ -135,7 +126,8 @@ class RunEnd:
         self.notes += notes
         rest = f"; for all of them: {later}" if made < selected else ""
         seconds = time.perf_counter() - begun
-        self._filmed.append(f"Filmed: {made} of {selected} {self.settings.film} ({seconds:.0f} s){rest}")
+        which = self.settings.film.which
+        self._filmed.append(f"Filmed: {made} of {selected} {which} ({seconds:.0f} s){rest}")
 
     def _verify(self, ended: int) -> list[str]:
         """Play pairs again that the option asks for; return lines of the summary."""
@@ -205,7 +197,8 @@ class RunEnd:
             return []
         suites = ",".join((report.policy or {}).get("suites", ()))
         return [
-            f"--libero-max-limit={limit} chose before the policy was loaded, {pairs.unsupported} pairs of "
+            f"--libero-max-limit={limit} chose before the policy was loaded, "
+            f"{counted(pairs.unsupported, 'pair')} of "
             f"suites that it does not play among them. To choose among the others: add "
             f"--libero-max-suites={suites}"
         ]
@@ -245,8 +238,8 @@ class RunEnd:
             return
         limit = "" if self.settings.limit is None else " The limit chooses first, -k and -m among its cases."
         self.lines.append(
-            f"No pair was chosen: {', '.join(asked)} leave none of {len(self.keeper.run_cases.manifest)} "
-            f"cases.{limit}"
+            f"No pair was chosen: {', '.join(asked)} leave none "
+            f"of {counted(len(self.keeper.run_cases.manifest), 'case')}.{limit}"
         )
 
     def _fail_gates_without_pairs(self, session: pytest.Session) -> None:
@@ -277,8 +270,8 @@ class RunEnd:
             status = pytest.ExitCode.TESTS_FAILED
         if status == pytest.ExitCode.INTERRUPTED and pairs is not None and pairs.missing:
             return [
-                f"Interrupted: {pairs.played} of {pairs.planned} pairs are measured and kept. Give the "
-                "same command with --libero-max-resume to play the others."
+                f"Interrupted. Measured and kept: {pairs.played} of {counted(pairs.planned, 'pair')}. "
+                "Give the same command with --libero-max-resume to play the others."
             ], status
         if status not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
             return [], status

@@ -28,17 +28,11 @@ Told = Callable[[str, str | None], None]
 def chosen_for_films(
     settings: Settings, records: Sequence[PairRecord], changed: Sequence[ChangedPair]
 ) -> tuple[list[PairRecord], int]:
-    """Return the pairs to film, and the number of all that the option selects.
-
-    Args:
-        settings: Of the run.
-        records: Its pairs.
-        changed: Those whose outcomes differ, with their causes.
-    """
-    asked = {record.item_id: record for record in records if is_selected(record, settings.film)}
-    limit = settings.film_limit or (len(records) if settings.film == "all" else MOST_FILMS)
+    """Return the pairs to film, and the number of all that the option selects."""
+    asked = {record.item_id: record for record in records if is_selected(record, settings.film.which)}
+    limit = settings.film.most or (len(records) if settings.film.which == "all" else MOST_FILMS)
     named = named_of(changed, limit)
-    if settings.film == "all":
+    if settings.film.which == "all":
         named = list(dict.fromkeys([*named, *asked]))[:limit]
     return [asked[name] for name in named if name in asked], len(asked)
 
@@ -81,7 +75,7 @@ def _film(settings: Settings, cases: Mapping[str, Case], records: Sequence[PairR
     from pytest_libero_max.runs.media import TRACES_NAME
     from pytest_libero_max.substrates.registry import open_substrate
 
-    with closing(open_substrate(settings.substrate, settings.substrate_options)) as substrate:
+    with closing(open_substrate(settings.substrate.name, settings.substrate_options)) as substrate:
         for record in records:
             path = film_path(settings.output / FILMS_NAME, record)
             reason = None

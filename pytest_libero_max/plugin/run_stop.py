@@ -27,11 +27,7 @@ _GATE = pytest.StashKey["PairGate"]()
 
 
 class PairGate:
-    """A plugin of each process that plays: once closed, it lets no pair begin. Other tests are played.
-
-    Args:
-        config: Of the session.
-    """
+    """A plugin of each process that plays: once closed, it lets no pair begin. Other tests are played."""
 
     def __init__(self, config: pytest.Config) -> None:
         self.closed = False
@@ -77,10 +73,6 @@ class RunStop(Stop):
     A stopping rule stops the pairs, and the session ends in order. Whatever else stops a run, for example a
     policy that cannot be loaded or ``-x``, stops the session.
 
-    Args:
-        config: Of the session.
-        settings: Of the run.
-
     Attributes:
         status: Exit status of a session that :meth:`abort` ended.
     """
@@ -113,12 +105,7 @@ class RunStop(Stop):
             self._session.shouldfail = reason
 
     def abort(self, message: str, status: int) -> NoReturn:
-        """End the session at once, because no pair could be stored any more.
-
-        Args:
-            message: Reason for the user.
-            status: Exit status of the session.
-        """
+        """End the session at once, because no pair could be stored any more."""
         self.status = status
         pytest.exit(message)  # with a status of its own, pytest would leave out the summary
 

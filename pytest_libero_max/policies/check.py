@@ -23,6 +23,7 @@ from pytest_libero_max.errors import (
     RefusalError,
     ServerError,
     class_name,
+    counted,
     did_you_mean,
     text_of,
 )
@@ -183,7 +184,8 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
     count = len(actions)
     if count < spec.query_interval:
         raise ActionError(
-            f"policy {spec.name!r} returned {count} action(s), but query_interval={spec.query_interval} are "
+            f"policy {spec.name!r} returned {counted(count, 'action')}, but "
+            f"query_interval={spec.query_interval} are "
             f"executed before the next query: return {expected}, or lower Q."
         )
     if count > spec.horizon:
@@ -285,12 +287,12 @@ def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
         ServerError: The policy's server was given up.
     """
     together: BatchPolicy = policy  # type: ignore[assignment]  # batches() looked
-    with _blaming(policy, f"predict_batch, {len(items)} item(s)"):
+    with _blaming(policy, f"predict_batch, {counted(len(items), 'item')}"):
         answers = list(together.predict_batch(items))
     if len(answers) != len(items):
         raise AdapterError(
-            f"policy {policy.spec.name!r} returned {len(answers)} answer(s) from predict_batch for "
-            f"{len(items)} item(s). Return one (n, {ACTION_DIM}) array for each, in their order."
+            f"policy {policy.spec.name!r} returned {counted(len(answers), 'answer')} from predict_batch for "
+            f"{counted(len(items), 'item')}. Return one (n, {ACTION_DIM}) array for each, in their order."
         )
     return [check_actions(answer, policy.spec) for answer in answers]
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.errors import LiberoMaxError, counted
 from pytest_libero_max.policies.check import (
     Actions,
     ask,
@@ -108,7 +108,7 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
     yield ok(
         "latency",
         f"first query {seconds[0]:.3f} s, later ones {later:.3f} s: about {2 * per_episode * later:.0f} s of "
-        f"policy for a pair of 2 x {shown.episode.max_steps} steps",
+        f"policy for a pair of 2 x {counted(shown.episode.max_steps, 'step')}",
     )
     lengths = sorted({len(answer) for answer in answers})
     if len(lengths) > 1:
@@ -121,12 +121,12 @@ def _answers(policy: Policy, shown: Shown) -> Iterator[Finding]:
     elif lengths[0] != spec.horizon:
         yield doubt(
             "horizon",
-            f"every query returns {lengths[0]} actions",
+            f"every query returns {counted(lengths[0], 'action')}",
             f"horizon={spec.horizon}, as declared",
             "Declare the H that the model really returns.",
         )
     else:
-        yield ok("horizon", f"every query returns H={spec.horizon} actions; Q={spec.query_interval}")
+        yield ok("horizon", f"every query returns H={spec.horizon}; Q={spec.query_interval}")
     everything = np.concatenate(answers)
     if spec.control == "absolute":
         yield _poses([answer[0] for answer in answers], shown)
@@ -252,7 +252,7 @@ def _repeats(policy: Policy, shown: Shown) -> Iterator[Finding]:
         yield note(
             "seed",
             "the same query got two different answers, and repeatable=False says so",
-            mistake="Measure how often Base flips by itself: --libero-max-noise-floor=16.",
+            mistake="Measure how often Base flips by itself: --libero-max-noise=floor:16.",
         )
     elif first.tobytes() == reseeded.tobytes():
         yield ok("seed", "deterministic: the same answer with another seed as well")

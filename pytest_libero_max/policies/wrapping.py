@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import AdapterError, OptionError
+from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.check import sees
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
-from pytest_libero_max.registry import Registry
 from pytest_libero_max.worlds.contract import Observation
-
-Wrap: TypeAlias = Callable[[Policy, str], "WrappedPolicy"]
-"""Puts a wrapper with a setting around a policy."""
-
-
-def _accept(name: str, wrap: Any) -> Wrap:
-    if not callable(wrap):
-        raise ValueError("an entry point of a wrapper is a class that is called with a policy and a setting")
-    checked: Wrap = wrap
-    return checked
-
-
-WRAPPERS: Registry[Wrap] = Registry("wrapper", "pytest_libero_max.wrappers", dict, _accept, OptionError)
-"""The wrappers that are installed, by name."""
 
 
 class WrappedPolicy:
@@ -46,6 +30,9 @@ class WrappedPolicy:
     Raises:
         AdapterError: The policy is shown every step.
     """
+
+    modes: ClassVar[tuple[str, ...]] = ()
+    """Settings that ``--libero-max-wrap=NAME:SETTING`` can name."""
 
     def __init__(self, policy: Policy, words: str) -> None:
         if sees(policy):

@@ -89,8 +89,8 @@ RULES = (
         "not_repeatable",
         lambda record: not record.policy.get("repeatable", True),
         "The policy draws noise of its own and cannot be given a seed, so that a pair may end otherwise when "
-        "it is played again: what changed holds this chance as well as the event. --libero-max-sham measures "
-        "flips by chance on a share of the pairs.",
+        "it is played again: what changed holds this chance as well as the event. "
+        "--libero-max-noise=sham:SHARE measures flips by chance on a share of the pairs.",
     ),
     Rule(
         "interrupted_server",
@@ -102,7 +102,8 @@ RULES = (
         "contaminated_prompt",
         lambda record: record.source == "plus" and _TOKENS.search(record.instruction) is not None,
         "The prompt names the variation, as in '... plate view 0 0 100 0 0 initstate 4': the authors read "
-        "it out of the task's name. --libero-max-instruction=clean gives the task's own words.",
+        "it out of the task's name. --libero-max-substrate=libero:instruction=clean gives the task's own "
+        "words.",
     ),
     Rule(
         "tumbled_insertions",
@@ -127,7 +128,8 @@ RULES = (
         "corrected_events",
         lambda record: _semantics(record) == "corrected",
         "Corrected events: what is brought in comes upright, each camera has noise of its own, observations "
-        "keep their age. Published numbers are not of these events, but of --libero-max-semantics=published.",
+        "keep their age. Published numbers are not of these events, but of those as published, without "
+        "semantics=corrected in --libero-max-substrate.",
     ),
     Rule(
         "own_variations",

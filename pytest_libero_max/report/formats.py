@@ -9,6 +9,7 @@ from decimal import ROUND_HALF_UP, Decimal
 from typing import Any, ClassVar, Protocol
 
 from pytest_libero_max.benchmark.documents import printable
+from pytest_libero_max.errors import counted as counted  # the report's modules take all their words from here
 from pytest_libero_max.stats.blocks import McNemar, ProbeMean, Result, TaskInterval
 
 NOT_AVAILABLE = "n/a"
@@ -389,17 +390,6 @@ _LATEX = {letter: f"\\{letter}" for letter in "&%$#_{}"} | {
 def latex_escaped(text: str) -> str:
     """Return a text as LaTeX prints it."""
     return "".join(_LATEX.get(letter, letter) for letter in printable(text))
-
-
-def counted(count: int, noun: str, plural: str = "") -> str:
-    """Return a number with its noun, for example ``1 run`` and ``2 runs``.
-
-    Args:
-        count: The number.
-        noun: For one.
-        plural: For other numbers; by default the noun with an s.
-    """
-    return f"{count} {noun if count == 1 else plural or f'{noun}s'}"
 
 
 def rate_text(rate: CountedEstimate) -> str:

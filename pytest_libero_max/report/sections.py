@@ -11,7 +11,7 @@ import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import OptionError, ReportError, did_you_mean
-from pytest_libero_max.registry import Registry, class_in
+from pytest_libero_max.registry import Registry, references
 from pytest_libero_max.report import probe_means
 from pytest_libero_max.report.document import Section, Table
 from pytest_libero_max.report.measures import UNITS, Rows, measures_of, rows_table
@@ -38,15 +38,10 @@ def _accept(name: str, kind: object) -> ReportSection:
     return section
 
 
-def _timing() -> ReportSection:
-    kind: type[ReportSection] = class_in("pytest_libero_max.report.timing", ReportSection)
-    return kind()
-
-
 SECTIONS: Registry[ReportSection] = Registry(
     "report section",
     "pytest_libero_max.sections",
-    lambda: {"timing": _timing},
+    references("pytest_libero_max.report", lambda: {"timing": "timing:Timing"}),
     _accept,
     OptionError,
     attribute="name",

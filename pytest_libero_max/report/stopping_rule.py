@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.registry import Registry, class_in, modules_in
+from pytest_libero_max.registry import Registry, classes_in
 from pytest_libero_max.report.gates import Gate, parse_gates
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.runs.plan import PlannedPair, Run
@@ -114,10 +113,6 @@ class StoppingRule(ABC):
         """
 
 
-def _own() -> Mapping[str, Callable[[], type[StoppingRule]]]:
-    return {name: partial(class_in, f"{RULES}.{name}", StoppingRule) for name in modules_in(RULES)}
-
-
 def _accept(name: str, rule: object) -> type[StoppingRule]:
     if not (isinstance(rule, type) and issubclass(rule, StoppingRule)):
         raise ValueError(f"{rule!r} is no subclass of StoppingRule")
@@ -125,7 +120,7 @@ def _accept(name: str, rule: object) -> type[StoppingRule]:
 
 
 STOPPING_RULES: Registry[type[StoppingRule]] = Registry(
-    "stopping rule", RULES_GROUP, _own, _accept, OptionError
+    "stopping rule", RULES_GROUP, classes_in(RULES, StoppingRule), _accept, OptionError
 )
 """Every stopping rule by name."""
 

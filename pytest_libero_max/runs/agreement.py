@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
@@ -14,7 +15,7 @@ from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairEr
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.protocol import played_settings
+from pytest_libero_max.runs.protocol import declared, played_settings
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
@@ -40,18 +41,15 @@ class Agreement:
     """
 
     def __init__(self, run: Run, cases: Mapping[str, Case] | None = None) -> None:
-        self._run, self._cases = run, cases or {}
+        self._cases = cases or {}
         self._planned = {pair.case_id: pair for pair in run.planned}
         self._measured: dict[str, str] = {}
         self._same_play = SamePlay()
+        self._header = _Header.of(run.provenance)
         self._of_arms: dict[str, tuple[Json | None, str]] = {}
 
     def add(self, pair: PairRecord | PairError, where: str) -> None:
         """Take in the next pair.
-
-        Args:
-            pair: A record or an error.
-            where: Names it when a later pair contradicts it.
 
         Raises:
             OtherRunError: It was played with another policy, other versions or another substrate.
@@ -77,7 +75,7 @@ class Agreement:
             )
         if isinstance(pair, PairRecord):
             if not self._measured:
-                _require_header(self._run, pair)
+                self._header.require(pair)
             if (case := self._cases.get(pair.case_id)) is not None:
                 require_of_case(pair, case)
             self._same_play.add(pair)
@@ -253,32 +251,42 @@ def identity_text(identity: Json | None) -> str:
     return " ".join(parts)
 
 
-_ONLY_BY_OPTION = ("latency", "strength")
-"""Fingerprints that a record has where the header has the setting, and nowhere else."""
+@dataclass(frozen=True)
+class _Header:
+    """What the records of a run have to say, by its first line."""
 
+    wanted: Mapping[tuple[str, str], Any]
+    """Contents by part of a record and field."""
+    exact: frozenset[tuple[str, str]]
+    """Those that have to be in a record where they are in the header, and nowhere else."""
 
-def _require_header(run: Run, record: Played) -> None:
-    """Check that a record agrees with the header of its run."""
-    asked, versions = run.provenance["policy"], run.provenance["versions"]
-    settings = played_settings(run.provenance["protocol"])
-    adaptive = asked.get("adaptive") is not None  # then the record holds H and Q of the wrapper
-    header = {
-        ("policy", "horizon"): None if adaptive else asked.get("horizon"),
-        ("policy", "query_interval"): None if adaptive else asked.get("query_interval"),
-        ("fingerprints", "adapter"): asked.get("code"),
-        ("fingerprints", "substrate"): run.provenance["substrate"]["name"],
-        **{("fingerprints", name): settings.get(name) for name in (*_ONLY_BY_OPTION, *settings)},
-        **{("fingerprints", name): version for name, version in versions.items()},
-    }
-    for (part, name), wanted in header.items():
-        values = getattr(record, part)
-        recorded = values.get(name)
-        always = name in settings or name in _ONLY_BY_OPTION
-        if recorded != wanted and (always or None not in (recorded, wanted)):
-            raise OtherRunError(
-                f"{record.item_id!r} was played with {part}.{name}={shown(recorded)}, but the first line of "
-                f"its run says {shown(wanted)}. Play it again."
-            )
+    @classmethod
+    def of(cls, provenance: Json) -> _Header:
+        asked, known = provenance["policy"], declared("policy")
+        hidden = {name for field in known if asked.get(field) is not None for name in known[field].hides}
+        of_spec = [name for name, field in known.items() if field.as_played and name not in hidden]
+        by_option = [name for name, field in declared("protocol").items() if field.in_fingerprints]
+        settings = played_settings(provenance["protocol"])
+        exact = {name: settings.get(name) for name in (*by_option, *settings)}
+        seen = {"adapter": asked.get("code"), "substrate": provenance["substrate"]["name"]}
+        fingerprints = {**seen, **exact, **provenance["versions"]}
+        return cls(
+            {
+                **{("policy", name): asked.get(name) for name in of_spec},
+                **{("fingerprints", name): value for name, value in fingerprints.items()},
+            },
+            frozenset(("fingerprints", name) for name in exact),
+        )
+
+    def require(self, record: Played) -> None:
+        """Check that a record agrees."""
+        for (part, name), wanted in self.wanted.items():
+            recorded = getattr(record, part).get(name)
+            if recorded != wanted and ((part, name) in self.exact or None not in (recorded, wanted)):
+                raise OtherRunError(
+                    f"{record.item_id!r} was played with {part}.{name}={shown(recorded)}, but the first line "
+                    f"of its run says {shown(wanted)}. Play it again."
+                )
 
 
 def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) -> list[str]:

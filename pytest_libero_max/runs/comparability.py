@@ -28,16 +28,18 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import shown
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import OptionError, counted, did_you_mean
 from pytest_libero_max.pairing.record import FILES, RESET_FILES, PairRecord
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.profile import declares_weights
 from pytest_libero_max.runs.agreement import OF_CASE, OF_MACHINE, differing_files, identity_text
-from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.plan import Run, Substrate
+from pytest_libero_max.runs.protocol import PARTS, declared
+from pytest_libero_max.runs.setting import ALWAYS, Recorded
 
 Kind = Literal["setting", "renderer", "added", "policy", "address", "place"]
 
@@ -59,27 +61,15 @@ _FILE = f"policy.{FILES}."
 _KINDS: Mapping[str, Kind] = {
     "case_set.path": "place",
     "case_set.program": "place",
-    "policy.profile": "place",
     "substrate.roots": "place",
     "substrate.assets": "place",
     "policy.reference": "address",
     "policy.servers": "address",
-    "protocol.noise_floor": "added",
-    "protocol.sham": "added",
 }
-"""Kinds of single fields of the provenance; other fields of ``policy`` are of the kind ``policy``."""
-
-PLACES = tuple(field for field, kind in _KINDS.items() if kind == "place")
-"""Fields of the provenance that hold places on a machine."""
-
-_USUAL = {"protocol.strength": 1.0}
-"""Values of fields that are left out of the provenance where they are the usual ones."""
+"""Kinds of single fields of the provenance that are no settings; settings declare theirs."""
 
 _AS_PLAYED: Json = {"horizon": None, "query_interval": None, "repeatable": True, "wrappers": []}
 """Declarations of a policy as it was played that a comparison looks at; values of records without them."""
-
-_SETTINGS_AS_ASKED = ("horizon", "query_interval", "restore", "adaptive")
-"""Options about a policy that :data:`_AS_PLAYED` repeats as they were played."""
 
 THERE, HERE = "there", "here"
 """Names of another run and of this one."""
@@ -89,13 +79,24 @@ SCENES, RENDERERS, MAX_STEPS = "scenes", "renderers", "max_steps"
 _GROUPS = ("versions", "case_set")
 """Parts whose fields are accepted together, by the name of the part."""
 
-NAMES = (
-    *("prefix", "strength", "latency", "study", "program"),
-    *("semantics", "instruction", "source_variations", "installations"),
-    *("horizon", "query_interval", "repeatable", "wrappers"),
-    *(SCENES, RENDERERS, MAX_STEPS, *_GROUPS),
-)
-"""Names by which a difference can be accepted; ``PART.FIELD`` names others, such as ``versions.numpy``."""
+
+def places() -> list[str]:
+    """Return the fields of the provenance that hold places on a machine, as ``PART.FIELD``."""
+    settings = {f"{part}.{name}": field.kind for part in PARTS for name, field in declared(part).items()}
+    return [place for place, kind in {**_KINDS, **settings}.items() if kind == "place"]
+
+
+def names() -> list[str]:
+    """Return the names by which a difference can be accepted; ``PART.FIELD`` names one beyond them."""
+    settings = [name for name, field in declared("protocol").items() if field.kind is None]
+    of_substrate = [
+        name for name in Substrate.__struct_fields__ if f"substrate.{name}" not in _KINDS and name != "name"
+    ]
+    return [*settings, *of_substrate, *_AS_PLAYED, SCENES, RENDERERS, MAX_STEPS, *_GROUPS]
+
+
+_Settings: TypeAlias = Mapping[tuple[str, str], Recorded]
+"""Declarations by part of the provenance and field."""
 
 
 @dataclass(frozen=True)
@@ -149,11 +150,15 @@ def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -
         sides: The runs by name. Scenes and budgets are compared on the cases that all of them have.
         tolerated: Kinds that are left out.
     """
-    by_run = {name: _fields(side) for name, side in sides.items()}
+    settings: _Settings = {(part, name): field for part in PARTS for name, field in declared(part).items()}
+    by_run = {name: _fields(side, settings) for name, side in sides.items()}
     found = []
     for key in sorted({key for fields in by_run.values() for key in fields}):
         place, kind = key
-        values = {name: fields.get(key, _USUAL.get(place)) for name, fields in by_run.items()}
+        part, _, name = place.partition(".")
+        setting = settings.get((part, name))
+        usual = None if setting is None or setting.usual is ALWAYS else setting.usual
+        values = {run: fields.get(key, usual) for run, fields in by_run.items()}
         if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
             found.append(Difference(place, kind, values))
     found += [*_file_differences(sides), *_instrument_differences(sides), *_budget_differences(sides)]
@@ -177,7 +182,8 @@ def policy_differences(sides: Mapping[str, Side]) -> list[Difference]:
     """
     names = {(side.policy or {}).get("name") for side in sides.values()}
     found = differences_between(sides, OF_POLICIES) if len(names) == 1 else []
-    return [one for one in found if one.name not in _SETTINGS_AS_ASKED]
+    as_played = {name for name, field in declared("policy").items() if field.as_played}
+    return [difference for difference in found if difference.name not in as_played]
 
 
 def is_file(field: str) -> bool:
@@ -194,22 +200,22 @@ def policies_text(fields: Iterable[str]) -> str | None:
     return f"The policies have one name, and differ in {', '.join(names)}." if names else None
 
 
-def _fields(side: Side) -> dict[tuple[str, Kind], Any]:
+def _fields(side: Side, settings: _Settings) -> dict[tuple[str, Kind], Any]:
     """Return what a run says of itself, by field and kind: as asked for, and of its policy as played."""
-    asked = {
-        f"{part}.{name}": value
+    fields: dict[tuple[str, Kind], Any] = {
+        (f"{part}.{name}", _kind_of(part, name, settings)): value
         for part in _PARTS
         for name, value in side.run.provenance.get(part, {}).items()
     }
-    fields: dict[tuple[str, Kind], Any] = {(place, _kind_of(place)): value for place, value in asked.items()}
     if side.policy is not None:
         for name, usual in _AS_PLAYED.items():
             fields[f"policy.{name}", "setting"] = side.policy.get(name, usual)
     return fields
 
 
-def _kind_of(place: str) -> Kind:
-    return _KINDS.get(place) or ("policy" if place.startswith("policy.") else "setting")
+def _kind_of(part: str, name: str, settings: _Settings) -> Kind:
+    declared_kind = settings[part, name].kind if (part, name) in settings else None
+    return declared_kind or _KINDS.get(f"{part}.{name}") or ("policy" if part == "policy" else "setting")
 
 
 def _file_differences(sides: Mapping[str, Side]) -> list[Difference]:
@@ -276,7 +282,7 @@ def _scene_differences(sides: Mapping[str, Side]) -> list[Difference]:
         if not any(scenes[case] for case in cases):
             values[name] = None
         elif other:
-            values[name] = f"{len(other)} of {len(cases)} cases differ from {first!r}: {named}"
+            values[name] = f"{len(other)} of {counted(len(cases), 'case')} differ from {first!r}: {named}"
         else:
             values[name] = "recorded"
     return [Difference(SCENES, "setting", values)] if len({*values.values()}) > 1 else []
@@ -289,17 +295,18 @@ def _renderer_differences(sides: Mapping[str, Side]) -> list[Difference]:
     return [Difference(RENDERERS, "renderer", values)] if different else []
 
 
-def require_names(names: Iterable[str]) -> None:
+def require_names(asked: Iterable[str]) -> None:
     """Check names by which differences are to be accepted.
 
     Raises:
         OptionError: One is unknown; says which are known.
     """
-    for name in names:
+    known = names()
+    for name in asked:
         part, dot, rest = name.partition(".")
-        if name not in NAMES and not (dot and rest and part in (*_PARTS, _FINGERPRINTS)):
+        if name not in known and not (dot and rest and part in (*_PARTS, _FINGERPRINTS)):
             raise OptionError(
-                f"{name!r} is no setting in which runs can differ. {did_you_mean(name, NAMES)} A single "
+                f"{name!r} is no setting in which runs can differ. {did_you_mean(name, known)} A single "
                 f"field is written PART.FIELD, with one of the parts {', '.join((*_PARTS, _FINGERPRINTS))}."
             )
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from pytest_libero_max.errors import counted
+
 DAMAGED_NAME = "pairs.damaged"
 """File of damaged lines, byte for byte, in the order in which they were found."""
 
@@ -51,7 +53,7 @@ def damage_said(damaged: Collection[DamagedLine]) -> list[str]:
     """Return the messages of a resumed run about damaged lines."""
     if not damaged:
         return []
-    count = f"{len(damaged)} damaged lines" if len(damaged) > 1 else "1 damaged line"
+    count = counted(len(damaged), "damaged line")
     some = "; ".join(str(line) for line in list(damaged)[:_MOST_SAID])
     more = f"; and {len(damaged) - _MOST_SAID} more" if len(damaged) > _MOST_SAID else ""
     return [
@@ -64,10 +66,6 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
     """Move lines, and a last line without its end, from a file to the end of ``pairs.damaged`` beside it.
 
     At every moment of it each line is on the disk, in one of the files or in both.
-
-    Args:
-        path: A file of lines.
-        numbers: Line numbers, from 1.
 
     Raises:
         OSError: A file cannot be read or written.

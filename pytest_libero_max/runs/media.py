@@ -70,12 +70,7 @@ def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world
 
 
 def films_in(folder: Path, view: str = "world") -> dict[str, str]:
-    """Path of the film of each pair that has one, relative to the folder of the run, by item id.
-
-    Args:
-        folder: Of the run.
-        view: One of :data:`VIEWS`.
-    """
+    """Path of the film of each pair that has one, relative to the folder of the run, by item id."""
     found = {}
     for path in _films(folder):
         of_policy = path.stem.endswith(_POLICY)

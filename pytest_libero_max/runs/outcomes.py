@@ -207,9 +207,6 @@ def read_outcomes(path: Path) -> RunOutcomes:
     Where every line says what a comparison expects of it, nothing else of the lines is read. Everything else
     (an older version, damage, pairs of another run) is left to :func:`.store.read_pairs`, which checks all of
     a line and names what is wrong.
-
-    Raises:
-        ReportError: See :func:`.store.read_pairs`.
     """
     pairs_path = pairs_file(path)
     if pairs_path.name == PAIRS_NAME:

@@ -16,12 +16,12 @@ from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.benchmark.tracks import load_cases, load_track
 from pytest_libero_max.errors import ManifestError, OptionError, ReportError
 from pytest_libero_max.policies.references import shipped_names
-from pytest_libero_max.runs.comparability import PLACES
+from pytest_libero_max.runs.comparability import places
 
 
 def outside_text(provenance: Json) -> str | None:
     """Return a sentence on the places that a run names and that are not opened; None where it names none."""
-    named = [f"{place}={shlex.quote(path)}" for place in PLACES for path in _paths(provenance, place)]
+    named = [f"{place}={shlex.quote(path)}" for place in places() for path in _paths(provenance, place)]
     if not named:
         return None
     return (

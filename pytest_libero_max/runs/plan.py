@@ -21,7 +21,6 @@ from pytest_libero_max.benchmark.structs import (
     Object,
     Positive,
     Sha256,
-    Share,
     SourceName,
     Text,
     Texts,
@@ -34,7 +33,8 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
-from pytest_libero_max.pairing.record import RECORD_VERSION, LatencyText, Version, require_version
+from pytest_libero_max.pairing.record import RECORD_VERSION, Version, require_version
+from pytest_libero_max.runs.protocol import require_settings
 
 Moment = Annotated[
     str,
@@ -137,6 +137,7 @@ class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False
     """The substrate of a run, as far as it is read again."""
 
     name: Text
+    installations: Texts = ()
     roots: Texts = ()
     assets: Text | None = None
     semantics: Text | None = None
@@ -157,28 +158,10 @@ class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
 
 
 class AskedPolicy(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
-    """The policy of a run as the user asked for it; None is the policy's own."""
+    """The policy of a run as the user asked for it, with settings of the part ``policy``."""
 
     reference: Text
-    horizon: Positive | None = None
-    query_interval: Positive | None = None
     code: Text | None = None
-    profile: Text | None = None
-    revision: Text | None = None
-    restore: Text | None = None
-    adaptive: Text | None = None
-
-
-class Protocol(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
-    """Options of a run that may change results."""
-
-    prefix: Text | None = None
-    noise_floor: Positive | None = None
-    sham: Share | None = None
-    strength: Share | None = None
-    latency: LatencyText | None = None
-    study: Object | None = None
-    program: Object | None = None
 
 
 class Scores(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):
@@ -205,7 +188,7 @@ class Provenance(Document, frozen=True, kw_only=True, forbid_unknown_fields=Fals
     substrate: Substrate
     case_set: CaseSet
     policy: AskedPolicy
-    protocol: Protocol
+    protocol: Object
     command: Texts
     started: Moment | None = None
     git: Git | None = None
@@ -255,6 +238,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
         run = convert(values, cls)
         require_plain(run.provenance, "provenance", _MOST_LEVELS)
         started = convert(run.provenance, Provenance).started
+        require_settings(run.provenance)
         try:
             datetime.fromisoformat(started or "2000-01-01")
         except ValueError as error:

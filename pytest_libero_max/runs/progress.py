@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.work_left import WorkLeft
@@ -130,7 +131,7 @@ def progress_text(progress: Progress, now: float | None = None) -> str:
         progress: The progress.
         now: Seconds since the epoch, for when the run will be ready; None: leave that out.
     """
-    done = f"{progress.done} of {progress.planned} pairs"
+    done = f"{progress.done} of {counted(progress.planned, 'pair')}"
     return ", ".join([done, letters_text(progress.counts), *pace_parts(progress, now)])
 
 

@@ -1,38 +1,308 @@
-"""What the provenance of a run says of its settings, by the names of the options that set them.
+"""Settings that may change a result, and what the provenance of a run says of them.
 
-``protocol`` and ``policy`` hold values under these names, so that headers, agreement and replay commands
-follow from what is there, and another setting needs no line here.
+``protocol`` and ``policy`` hold values by the names of fields, and a field's declaration says the rest. One
+that is not declared here, of a run of another version, is taken for a setting of its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from operator import methodcaller
+from typing import TYPE_CHECKING, Any, Literal
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
+from pytest_libero_max.benchmark.structs import Object, Positive, Share, Text, checked
+from pytest_libero_max.benchmark.text_values import fraction, known_in, named_values, positive, text
+from pytest_libero_max.errors import ReportError
+from pytest_libero_max.pairing.probes.registry import PROBES
+from pytest_libero_max.pairing.record import LatencyText
+from pytest_libero_max.policies.wrappers import WRAPPERS
+from pytest_libero_max.runs.setting import ALWAYS, Part, Recorded, options_of, setting
+from pytest_libero_max.studies.registry import FILES, STUDIES
 
-_USUAL = ("prefix", "noise_floor", "sham")
-"""Parts of a protocol that leave Base and Dynamic as they are."""
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.programs import Program
+    from pytest_libero_max.studies.study import Study
 
-_NO_OPTIONS = ("reference", "code", "servers", "profile", "study", "program", "noise_floor")
-"""Fields that are no value of an option, or one that depends on other fields."""
+RECORDED_RUN = "recorded:"
+"""Begins the text of a latency that is read from a run."""
+
+_HEADER = ("reference", "code", "servers")
+"""Fields of a policy in the provenance that say where it comes from and are no settings."""
+
+PARTS: tuple[Part, ...] = ("protocol", "policy")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Pairs that are played again to measure chance."""
+
+    sham: float | None = None
+    """Share of the pairs that also play a sham event; None for what the policy calls for."""
+    floor: int | None = None
+    """Number of pairs whose Base is played twice."""
+
+
+def _noise(text: str) -> Noise:
+    return Noise(**named_values(text, ":", {"sham": fraction, "floor": positive}))
+
+
+def _noise_recorded() -> Mapping[str, Recorded]:
+    return {
+        "noise_floor": Recorded(
+            "protocol",
+            Positive,
+            lambda noise: noise.floor,
+            usual=ALWAYS,
+            alters=False,
+            kind="added",
+            option="floor:{}".format,
+            of_selection=True,
+        ),
+        "sham": Recorded(
+            "protocol",
+            Share,
+            lambda noise: noise.sham,
+            alters=False,
+            kind="added",
+            option="sham:{}".format,
+        ),
+    }
+
+
+def _wrap(text: str) -> dict[str, str]:
+    """Parse wrappers with their settings."""
+
+    def reader(name: str) -> Any:
+        return lambda mode: known_in(WRAPPERS[name].modes)(mode)
+
+    return named_values(text, ":", {name: reader(name) for name in WRAPPERS})
+
+
+def _wrap_recorded() -> Mapping[str, Recorded]:
+    hidden = ("horizon", "query_interval")
+    return {
+        name: Recorded(
+            "policy",
+            Text,
+            methodcaller("get", name),
+            as_played=True,
+            hides=hidden,
+            option=f"{name}:{{}}".format,
+        )
+        for name in WRAPPERS
+    }
+
+
+def _latency(text: str) -> Latency | str:
+    """Parse the time that a query takes; the records of a run are read where settings are resolved."""
+    from pytest_libero_max.worlds.contract import CONTROL_HZ
+
+    return text if text.startswith(RECORDED_RUN) else Latency.parse(text, CONTROL_HZ)
+
+
+def _study(text: str) -> str:
+    """Check the name of a study, with settings behind a colon; a file is read later."""
+    if not text.endswith(FILES):
+        known_in(STUDIES)(text.partition(":")[0])
+    return text
+
+
+@dataclass(frozen=True)
+class ProtocolSettings:
+    """Settings that may change a result."""
+
+    profile: str | None = setting(
+        "NAME|PATH",
+        "Profile of the policy behind a server's address: one of this package, or a TOML file",
+        text,
+        recorded=Recorded("policy", Text, kind="place", option=None),
+    )
+    revision: str | None = setting(
+        "TEXT",
+        "Identity of the weights behind servers, for example a checkpoint's digest; runs over other "
+        "addresses that declare the same are one measurement",
+        text,
+        recorded=Recorded("policy", Text),
+    )
+    program: Program | None = setting(
+        "NAME|FILE",
+        "Lay a program over the cases that it fits: which arms are played and what happens in them. One of "
+        "`libero-max list programs`, or a JSON or TOML file",
+        text,
+        recorded=Recorded(
+            "protocol",
+            Object,
+            lambda program: program and {**program.to_dict(), "digest": program.digest},
+            option=None,
+        ),
+    )
+    prefix: Literal["fork", "replay"] = setting(
+        "MODE",
+        "Way of Dynamic to the event: fork (from a snapshot taken in Base) or "
+        "replay (the recorded actions, from reset)",
+        known_in(("fork", "replay")),
+        default="fork",
+        recorded=Recorded("protocol", Text, alters=False),
+    )
+    strength: float = setting(
+        "FRACTION",
+        "Let every event happen at this share of its change, 0 to 1; refused for events that happen whole or "
+        "not at all",
+        fraction,
+        default=1.0,
+        recorded=Recorded("protocol", Share, usual=1.0),
+    )
+    study: Study | None = setting(
+        "NAME[:SETTINGS]|FILE",
+        "Play the arms of a study as well, and report them: camera-timing, camera-strength (both of the "
+        "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
+        "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
+        "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
+        "smoke: each case 3 or so many times, with other seeds of the policy), one of another package, or a "
+        "JSON or TOML file that spells one",
+        _study,
+        recorded=Recorded("protocol", Object, lambda study: study and study.to_dict(), option=None),
+    )
+    probe: tuple[str, ...] = setting(
+        "NAME",
+        "Read this in every arm as well, and keep its columns in the records; may be repeated "
+        "(contact_timeline, or a probe of another package)",
+        known_in(PROBES),
+        many=True,
+        group="protocol",
+    )
+    latency: Latency = setting(
+        "TIME",
+        "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
+        "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
+        "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
+        "query from the query times of a run",
+        _latency,
+        recorded=Recorded(
+            "protocol",
+            LatencyText,
+            lambda latency: None if latency == NO_LATENCY else str(latency),
+        ),
+    )
+    horizon: int | None = setting(
+        "ACTIONS",
+        "Override H (chunk size), the most actions a query returns",
+        positive,
+        recorded=Recorded("policy", Positive, usual=ALWAYS, as_played=True),
+    )
+    query_interval: int | None = setting(
+        "ACTIONS",
+        "Override Q (execution horizon, replan steps), the actions executed before the next query",
+        positive,
+        recorded=Recorded("policy", Positive, usual=ALWAYS, as_played=True),
+    )
+    wrap: Mapping[str, str] = setting(
+        "restore:MODE,adaptive:WATCH",
+        "Put wrappers around the policy, the first one innermost: restore repairs images before the policy "
+        "sees them, by what they show alone, gated (those that look damaged) or always; adaptive executes "
+        "whole chunks and asks early where something changed, on average no oftener than every Q steps, "
+        "watching the fixed cameras (image) or the objects (privileged); or one of another package",
+        _wrap,
+        default={},
+        recorded=_wrap_recorded,
+    )
+    noise: Noise = setting(
+        "sham:SHARE,floor:PAIRS",
+        "Measure chance, by one or both of: sham, the share of the pairs, 0 to 1, that also play a sham "
+        "event, at whose moment the policy is given other seeds and nothing changes, and Dynamic with other "
+        "seeds as well, so that what is lost by the policy's own chance is known (default: 0.2 for a policy "
+        "that is not repeatable, else 0); floor, the number of pairs, a stratified subset, whose Base is "
+        "played twice, to report how often it flips",
+        _noise,
+        default=Noise(),
+        recorded=_noise_recorded,
+    )
+
+    def recorded(self, part: Part) -> Json:
+        """Return what the provenance of a run says in one of its parts, by field."""
+        contents = {
+            name: (recorded, recorded.value(getattr(self, option.field)))
+            for option in options_of(type(self))
+            for name, recorded in option.records.items()
+            if recorded.part == part
+        }
+        return {name: value for name, (recorded, value) in contents.items() if value != recorded.usual}
+
+    @property
+    def played(self) -> dict[str, str]:
+        """What each record says of the settings it was played with, among its fingerprints."""
+        return played_settings(self.recorded("protocol"))
+
+    @property
+    def extras(self) -> str:
+        """Words for pytest's header; empty for a plain run."""
+        return "".join(f", {words}" for words in protocol_words(self.recorded("protocol")).values())
+
+
+DECLARED = options_of(ProtocolSettings)
+"""The settings that may change a result, in the order of the help."""
+
+
+def declared(part: Part) -> dict[str, Recorded]:
+    """Return the fields of a part of the provenance that hold settings, by name."""
+    return {
+        name: recorded
+        for option in DECLARED
+        for name, recorded in option.records.items()
+        if recorded.part == part
+    }
+
+
+def require_settings(provenance: Json) -> None:
+    """Check the settings that a provenance names.
+
+    Raises:
+        ReportError: One is not of its type.
+    """
+    for part in PARTS:
+        for name, recorded in declared(part).items():
+            if provenance[part].get(name) is not None:
+                checked(provenance[part][name], recorded.holds, f"provenance: {part}.{name}", ReportError)
 
 
 def protocol_words(protocol: Json) -> dict[str, str]:
     """Return words for what makes a protocol another one than the usual, by the name of the setting."""
+    known = declared("protocol")
     return {
         name: f"{name.replace('_', ' ')} {_shown(value)}"
         for name, value in protocol.items()
-        if name not in _USUAL and value is not None
+        if value is not None and (name not in known or known[name].alters)
     }
 
 
-def option_values(provenance: Json) -> Iterator[tuple[str, object]]:
-    """Yield the options that a provenance names with their values."""
-    for part in ("protocol", "policy"):
-        for name, value in provenance[part].items():
-            if name not in _NO_OPTIONS:
+def option_values(provenance: Json) -> Iterator[tuple[str, str]]:
+    """Yield the options that a provenance names, but for places, with their texts."""
+    for part in PARTS:
+        fields = {name: value for name, value in provenance[part].items() if value is not None}
+        for option in DECLARED:
+            given = {name: fields.pop(name) for name in fields.keys() & option.records.keys()}
+            texts = [
+                field.option(given[name])
+                for name, field in option.records.items()
+                if name in given and field.option is not None
+            ]
+            if texts:
+                yield option.name, ",".join(texts)
+        for name, value in fields.items():
+            if name not in _HEADER:
                 yield name.replace("_", "-"), value
+
+
+def depends_on_selection(provenance: Json) -> bool:
+    """Return True if a setting's effect on a pair depends on the other pairs of the run."""
+    return any(
+        recorded.of_selection and provenance[part].get(name) is not None
+        for part in PARTS
+        for name, recorded in declared(part).items()
+    )
 
 
 def played_settings(protocol: Json) -> dict[str, str]:

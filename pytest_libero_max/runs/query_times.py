@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from pytest_libero_max.benchmark.latency import Latency, Runner
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.record_rules import QUERY_MS
 from pytest_libero_max.pairing.stage import WAITED
@@ -41,7 +41,7 @@ def recorded_latency(folder: Path, runner: Runner = "async") -> Latency:
     total: Counter[float] = sum(times.values(), Counter())
     if not total:
         raise ReportError(
-            f"{folder}: none of its {len(records)} pairs says how long its queries took. Play a few pairs "
-            "with the policy, with one worker, and name the folder of that run."
+            f"{folder}: none of its {counted(len(records), 'pair')} says how long its queries took. Play a "
+            "few pairs with the policy, with one worker, and name the folder of that run."
         )
     return Latency.of_times(total, CONTROL_HZ, runner)

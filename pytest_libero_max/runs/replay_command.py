@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.runs.protocol import option_values
+from pytest_libero_max.runs.protocol import depends_on_selection, option_values
+from pytest_libero_max.substrates.contract import ChosenSubstrate
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -28,13 +29,6 @@ OBJECT = "object"
 """The ``code`` of a policy that was an object of a program (:func:`pytest_libero_max.evaluate`)."""
 
 _IN_ITS_PROGRAM = "in the program of that run, in another folder: no command here can load its policy."
-
-_SUBSTRATE = {
-    "semantics": "semantics",
-    "instruction_source": "instruction",
-    "source_variations": "source-variations",
-}
-"""Options by the part of a substrate's description that holds their values."""
 
 
 @dataclass(frozen=True)
@@ -90,21 +84,19 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     if is_outside(provenance):
         return []
     places = places or Places.named_by(provenance)
-    substrate = provenance["substrate"]
     kind, _, name = provenance["case_set"]["name"].partition(" ")
     options: list[tuple[str, object]] = [("policy", places.policy), ("profile", places.profile)]
     if kind in ("track", "manifest") and name:
         options.append((kind, places.manifest or name))
     options.append(("program", places.program))
-    options.append(("substrate", substrate["name"]))
+    options.append(("substrate", ChosenSubstrate.described(provenance["substrate"])))
     options += [("libero", root) for root in places.installations]
-    options += [(option, substrate.get(part)) for part, option in _SUBSTRATE.items()]
     options.append(("libero-assets", places.assets))
     options += option_values(provenance)
     study = provenance["protocol"].get("study") or {}
     name = ":".join(filter(None, [study.get("name"), study.get("settings")])) or None
     options.append(("study", (places.study or f"{name}.json") if "document" in study else name))
-    options += _noise_floor(provenance)
+    options += _selection(provenance) if depends_on_selection(provenance) else []
     options.append(("output", OUTPUT))
     given = (f"--libero-max-{name}={value}" for name, value in options if value is not None)
     return ["pytest", *places.arguments, *given, "-k"]
@@ -137,15 +129,8 @@ def is_outside(provenance: Json) -> bool:
     return provenance["policy"].get("code") in (OUTSIDE, OBJECT)
 
 
-def _noise_floor(provenance: Json) -> list[tuple[str, object]]:
-    """Return options that select the same pairs to play Base twice: the number asked for, and omissions."""
-    noise_floor = provenance["protocol"].get("noise_floor")
-    if noise_floor is None:
-        return []
+def _selection(provenance: Json) -> list[tuple[str, object]]:
+    """Return options that select the same pairs as the run did, before ``-k``."""
     shards = (provenance.get("selection") or {}).get("shards")
     shard = f"{shards['present'][0]}/{shards['of']}" if shards and len(shards["present"]) == 1 else None
-    return [
-        ("noise-floor", noise_floor),
-        ("limit", provenance["case_set"].get("limit")),
-        ("shard", shard),
-    ]
+    return [("limit", provenance["case_set"].get("limit")), ("shard", shard)]

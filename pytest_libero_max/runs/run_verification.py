@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.programs import program_of_run
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.machine import WEIGHTS
 from pytest_libero_max.runs.fresh_place import fresh_place
 from pytest_libero_max.runs.replay_command import OUTPUT, Places, replay_command
@@ -156,21 +156,15 @@ def _difference(name: str, record: PairRecord, again: PairRecord) -> str:
 def verification_lines(
     found: Mapping[str, str], seconds: float, how: str = FRESH
 ) -> tuple[list[str], list[str]]:
-    """Return lines of the summary, and problems of the run.
-
-    Args:
-        found: Result of :func:`verified`.
-        seconds: Time that it took.
-        how: The way in which they were played.
-    """
+    """Return lines of the summary, and problems of the run."""
     other = {item: text for item, text in found.items() if text}
-    alike = f"{len(found) - len(other)} of {len(found)} pairs"
+    alike = f"{len(found) - len(other)} of {counted(len(found), 'pair')}"
     lines = [f"Played again: {alike} end alike {how}, with proofs ({seconds:.0f} s)."]
     if not other:
         return lines, []
     problem = (
-        f"NOT REPEATED: {len(other)} of {len(found)} pairs came out otherwise {how}, so that results depend "
-        "on what was played before, or cannot be repeated here: "
+        f"NOT REPEATED: {len(other)} of {counted(len(found), 'pair')} came out otherwise {how}, so that "
+        "results depend on what was played before, or cannot be repeated here: "
     )
     problem += ", ".join(f"{item} ({text})" for item, text in other.items())
     if how == FRESH:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from pytest_libero_max.benchmark.documents import Json, read_content
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.policies.clients.waiting import waiting_lines
 from pytest_libero_max.runs.lock import SeenMark, read_mark
 from pytest_libero_max.runs.plan import Run
@@ -98,7 +98,7 @@ class Seen:
             f"{self.folder}: {policy} on {self.run.provenance['case_set']['name']}, {self._state_text()}"
         ]
         pace = pace_parts(progress, now) if self._seems_to_play else []
-        lines.append(", ".join([f"{progress.done} of {progress.planned} pairs", *pace]))
+        lines.append(", ".join([f"{progress.done} of {counted(progress.planned, 'pair')}", *pace]))
         lines.append(letters_text(progress.counts))
         if self._seems_to_play:
             lines += [*playing_lines(progress), *self.waiting_lines]
@@ -156,7 +156,8 @@ def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
     pace = sum(progress.per_minute or 0.0 for progress in playing)
     left = max((progress.seconds_left or 0.0 for progress in playing), default=0.0)
     words = [
-        f"{len(together.letters)} of {sum(seen.progress.planned for seen in runs)} pairs of {len(runs)} runs"
+        f"{len(together.letters)} of {counted(sum(seen.progress.planned for seen in runs), 'pair')} of "
+        f"{counted(len(runs), 'run')}"
     ]
     words += pace_words(pace, left, now) if pace else []
     return [*lines, ", ".join([*words, letters_text(together)])]

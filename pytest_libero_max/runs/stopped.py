@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import Document, Positive, Text, convert, rule, shown, to_builtins
-from pytest_libero_max.errors import ReportError, did_you_mean
+from pytest_libero_max.errors import ReportError, counted, did_you_mean
 from pytest_libero_max.registry import modules_in
 from pytest_libero_max.runs.plan import PlannedPair, Run, unsupported_pairs
 
@@ -46,13 +46,13 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
             ReportError: It has another number of pairs, or there is no such rule.
         """
         if self.of != len(run.planned):
-            raise ReportError(f"of={self.of}, but the run has {len(run.planned)} planned pairs.")
+            raise ReportError(f"of={self.of}, but the run has {counted(len(run.planned), 'planned pair')}.")
         if (self.rule is None) != (self.at is None):
             raise ReportError(
                 f"rule={shown(self.rule)} and at={self.at} of a stop, but it has both or neither."
             )
         if self.at is not None and self.at > self.of:
-            raise ReportError(f"at={self.at} of a stop, but of={self.of} pairs.")
+            raise ReportError(f"at={self.at} of a stop, but of={counted(self.of, 'pair')}.")
         if self.rule is None or self.rule == run.provenance.get("stopping_rule"):
             return
         known = [*modules_in(RULES), *(point.name for point in entry_points(group=RULES_GROUP))]

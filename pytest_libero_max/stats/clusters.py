@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.stats.blocks import IntervalByTask
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 from pytest_libero_max.stats.measured import ends, number
@@ -229,7 +229,9 @@ def _codes(labels: ArrayLike, n: int, name: str) -> tuple[NDArray[np.int64], int
     """Labels as numbers in the labels' own order, so that the order of cases does not matter."""
     array = np.asarray(labels)
     if array.shape != (n,):
-        raise ReportError(f"{name} have shape {array.shape} for {n} values; give one label a case.")
+        raise ReportError(
+            f"{name} have shape {array.shape} for {counted(n, 'value')}; give one label a case."
+        )
     distinct, codes = np.unique(array, return_inverse=True)
     return codes.astype(np.int64), len(distinct)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from pytest_libero_max.errors import ReportError
+from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.stats.ratios import Ratio
 
 CONFIDENCE = 0.95
@@ -132,7 +132,9 @@ def mean_change(
         return None
     labels = np.zeros(len(values), dtype=np.int64) if strata is None else np.asarray(strata)
     if labels.shape != values.shape:
-        raise ReportError(f"{len(labels)} strata for {len(values)} differences; give one label a pair.")
+        raise ReportError(
+            f"{len(labels)} strata for {counted(len(values), 'difference')}; give one label a pair."
+        )
     total, degenerate = Distribution(0, np.ones(1)), True
     for label in np.unique(labels):
         members = values[labels == label]

@@ -89,8 +89,12 @@ def _own() -> dict[str, Callable[[], Callable[[str | None], Study]]]:
     files = (path.stem for path in sorted(FOLDER.glob("*.json")))
     sweeps: tuple[type[Sweep], ...] = (CadenceSweep, LatencySweep)
     return {name: partial(partial, _from_file, name) for name in files} | {
-        kind.name: partial(_accept, kind.name, kind) for kind in sweeps
+        kind.name: partial(_class, kind) for kind in sweeps
     }
+
+
+def _class(kind: type[Sweep]) -> type[Sweep]:
+    return kind
 
 
 def _accept(name: str, kind: object) -> Callable[[str | None], Study]:
@@ -99,6 +103,8 @@ def _accept(name: str, kind: object) -> Callable[[str | None], Study]:
     Raises:
         ValueError: It is none, or one of its attributes breaks a rule.
     """
+    if isinstance(kind, partial) and kind.func is _from_file:
+        return kind
     if not (isinstance(kind, type) and issubclass(kind, Study)):
         raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.Study")
     if not _NAME.fullmatch(name):

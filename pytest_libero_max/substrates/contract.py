@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 from pytest_libero_max.errors import SubstrateError
 
@@ -81,13 +81,48 @@ class SubstrateOptions:
     assets: Path | None = None
     """Models and textures for those that have none of their own."""
     semantics: Literal["published", "corrected"] = "published"
-    """One of :data:`.registry.SEMANTICS`."""
+    """``published`` keeps the defects of the authors' event code, since published numbers contain them."""
     instruction: Literal["published", "clean"] = "published"
-    """One of :data:`.registry.INSTRUCTIONS`."""
+    """``published`` prompts of LIBERO-Plus have the name of the variation in them; ``clean`` ones do not."""
     variations: Literal["installed", "own"] = "installed"
-    """One of :data:`.registry.SOURCE_VARIATIONS`."""
+    """``installed``: LIBERO-Plus's and LIBERO-PRO's own, from their installations; ``own``: in their place
+    this package's, which are changes at reset."""
     classification: Path | None = None
     """LIBERO-Plus's ``task_classification.json``, for catalogues; None for that of its checkout."""
+
+    CHOICES: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "semantics": ("published", "corrected"),
+        "instruction": ("published", "clean"),
+        "variations": ("installed", "own"),
+    }
+    """Values of the options that the text of a substrate names, see :class:`ChosenSubstrate`."""
+    DESCRIBED: ClassVar[Mapping[str, str]] = {
+        "semantics": "semantics",
+        "instruction": "instruction_source",
+        "variations": "source_variations",
+    }
+    """Their names in the description of a substrate (:attr:`SubstrateKind.describe`)."""
+
+
+@dataclass(frozen=True)
+class ChosenSubstrate:
+    """A substrate with the options that its text names, for example ``libero:semantics=corrected``."""
+
+    name: str
+    options: SubstrateOptions = SubstrateOptions()
+
+    @classmethod
+    def described(cls, description: Mapping[str, Any]) -> ChosenSubstrate:
+        """Return the substrate that the provenance of a run describes."""
+        names = SubstrateOptions.DESCRIBED.items()
+        chosen = {option: description[name] for option, name in names if description.get(name) is not None}
+        return cls(description["name"], SubstrateOptions(**chosen))
+
+    def __str__(self) -> str:
+        usual = SubstrateOptions()
+        chosen = {option: getattr(self.options, option) for option in SubstrateOptions.CHOICES}
+        words = [f"{option}={value}" for option, value in chosen.items() if value != getattr(usual, option)]
+        return f"{self.name}:{','.join(words)}" if words else self.name
 
 
 @dataclass(frozen=True)

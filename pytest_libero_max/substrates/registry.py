@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.benchmark.text_values import known_in, named_values
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.registry import Registry, modules_in
-from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.registry import Registry, modules_in, references
+from pytest_libero_max.substrates.contract import (
+    Catalogue,
+    ChosenSubstrate,
+    Substrate,
+    SubstrateKind,
+    SubstrateOptions,
+)
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -17,28 +21,14 @@ if TYPE_CHECKING:
 
 DEFAULT = "embedded"
 """The substrate that is used unless another is asked for. The source variations of its catalogue are this
-package's own; other substrates play them with ``--libero-max-source-variations=own``."""
-
-SEMANTICS = ("published", "corrected")
-"""``published`` keeps the defects of the authors' event code, since published numbers contain them."""
-
-INSTRUCTIONS = ("published", "clean")
-"""``published`` prompts of LIBERO-Plus have the name of the variation in them; ``clean`` ones do not."""
-
-SOURCE_VARIATIONS = ("installed", "own")
-"""``installed``: LIBERO-Plus's and LIBERO-PRO's own, from their installations; ``own``: in their place this
-package's, which are changes at reset."""
+package's own; libero plays them with ``variations=own``."""
 
 _SUBSTRATES = "pytest_libero_max.substrates"
 
 
-def _own() -> Mapping[str, Callable[[], SubstrateKind]]:
-    folders = [name for name in modules_in(_SUBSTRATES) if "kind" in modules_in(f"{_SUBSTRATES}.{name}")]
-    return {name: partial(_load, name) for name in folders}
-
-
-def _load(name: str) -> SubstrateKind:
-    return _accept(name, importlib.import_module(f"{_SUBSTRATES}.{name}.kind").KIND)
+def _folders() -> dict[str, str]:
+    folders = (name for name in modules_in(_SUBSTRATES) if "kind" in modules_in(f"{_SUBSTRATES}.{name}"))
+    return {name: f"{name}.kind:KIND" for name in folders}
 
 
 def _accept(name: str, value: object) -> SubstrateKind:
@@ -48,9 +38,32 @@ def _accept(name: str, value: object) -> SubstrateKind:
 
 
 SUBSTRATES: Registry[SubstrateKind] = Registry(
-    "substrate", "pytest_libero_max.substrates", _own, _accept, SubstrateError, attribute="name"
+    "substrate",
+    "pytest_libero_max.substrates",
+    references(_SUBSTRATES, _folders),
+    _accept,
+    SubstrateError,
+    attribute="name",
 )
 """Every substrate by name. A folder of this package is one if it has a module ``kind`` with a ``KIND``."""
+
+
+def chosen_substrate(text: str) -> ChosenSubstrate:
+    """Parse the name of a substrate, with options behind a colon: ``libero:semantics=corrected``.
+
+    Raises:
+        ValueError: There is no such substrate, or it has no such option or value.
+    """
+    name, colon, words = text.partition(":")
+    known_in(SUBSTRATES)(name)
+    if not colon:
+        return ChosenSubstrate(name)
+    choices = SubstrateOptions.CHOICES.items()
+    parsers = {option: known_in(values) for option, values in choices if option in SUBSTRATES[name].reads}
+    if not parsers:
+        readers = [kind.name for kind in SUBSTRATES.values() if kind.reads & {*SubstrateOptions.CHOICES}]
+        raise ValueError(f"the {name} substrate takes no options, but {' and '.join(readers)} does")
+    return ChosenSubstrate(name, SubstrateOptions(**named_values(words, "=", parsers)))
 
 
 def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:

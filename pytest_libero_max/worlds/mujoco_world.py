@@ -21,7 +21,14 @@ from typing import TYPE_CHECKING, Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ActionError, EntityError, SimulatorError, SubstrateError, did_you_mean
+from pytest_libero_max.errors import (
+    ActionError,
+    EntityError,
+    SimulatorError,
+    SubstrateError,
+    counted,
+    did_you_mean,
+)
 from pytest_libero_max.worlds.contract import (
     ACTION_DIM,
     CAMERAS,
@@ -490,7 +497,9 @@ class MujocoWorld(ABC):
 
     def remove_filter(self, index: int) -> None:
         if not 0 <= index < len(self._filters):
-            raise SubstrateError(f"index={index!r}, but the world has {len(self._filters)} pixel filters.")
+            raise SubstrateError(
+                f"index={index!r}, but the world has {counted(len(self._filters), 'pixel filter')}."
+            )
         self._filters = (*self._filters[:index], *self._filters[index + 1 :])
         self._after_alteration()
 

@@ -93,7 +93,7 @@ def entry(**fields: Any) -> dict[str, Any]:
         ({"arms": {}}, r"program\.arms={}, but must be a non-empty list"),
         ({"when": 3}, "program has the unknown field 'when'"),
         (arm(name="third-arm"), r"arms\[0\]\.name='third-arm', but must be"),
-        (arm(name="base_again"), "'base_again' is the arm that --libero-max-noise-floor adds"),
+        (arm(name="base_again"), "'base_again' is the arm that --libero-max-noise=floor adds"),
         (arm(name="base"), "but nothing happens in Base"),
         (arm(name="dynamic", schedule=[]), "but something happens in Dynamic"),
         (arm(name="dynamic", repetition=1), "Base and Dynamic share their prefix"),
@@ -158,7 +158,7 @@ def test_a_program_is_laid_over_the_cases_that_it_fits_alone() -> None:
         assert after == (before.playing(program) if fits else before)
     assert {case.event.name for case in laid if case.program is None} >= {"target_relocation"}
     nowhere = parse_program({**TRANSIENT, "only": {"suite": ["libero_90"]}, "because": "Reasons."})
-    with pytest.raises(ManifestError, match=r"'transient' fits none of the 800 cases: Reasons\."):
+    with pytest.raises(ManifestError, match=r"'transient' fits none of 800 cases: Reasons\."):
         track.playing(nowhere)
 
 

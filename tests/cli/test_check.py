@@ -155,9 +155,7 @@ def test_strictly_a_probable_mistake_is_exit_status_1(
     assert marked.startswith("note  gripper: closes at once")
     assert "Model of `libero-max init`" not in out
     assert "skip  inputs: orientation and colours of images, which camera is which" in out
-    assert out.endswith(
-        "0 wrong, 1 to look at, 1 could not be examined\n--strict counts 1 of the notes as wrong.\n"
-    )
+    assert out.endswith("0 wrong, 1 to look at, 1 could not be examined\n--strict counts 1 note as wrong.\n")
     assert main([*arguments, "--strict"]) == 1
     out = capsys.readouterr().out
     assert "wrong gripper: closes at once" in out

@@ -76,11 +76,11 @@ def numbers(result: dict[str, Any]) -> dict[str, Any]:
 def test_a_run_from_python_is_that_of_a_session(
     run: Callable[..., pytest.RunResult], folder: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    run("--libero-max-limit=4", "--libero-max-noise-floor=2", "--libero-max-strength=1.0").assert_outcomes(
+    run("--libero-max-limit=4", "--libero-max-noise=floor:2", "--libero-max-strength=1.0").assert_outcomes(
         passed=4
     )
     capfd.readouterr()
-    result = evaluate("adapter.py", limit=4, noise_floor=2, folder="python", gates=["missing == 0"], **HOW)
+    result = evaluate("adapter.py", limit=4, noise="floor:2", folder="python", gates=["missing == 0"], **HOW)
     assert capfd.readouterr() == ("", "")
     session = read_pairs(folder / "libero-max-results")
     assert played(read_pairs(folder / "python")) == played(session)

@@ -71,6 +71,6 @@ def test_what_broke_elsewhere_is_counted_with_the_way_to_find_it() -> None:
     named = [line.strip() for line in said if line.startswith("  ")]
     assert named == sorted(it.item_id for it in PLANNED[2:8])
     assert said[-2:] == [
-        "2 others were lost before it: with another --output, bisect with --bad step-1.",
-        "2 others are lost after it: with another --output, bisect with --good step-3.",
+        "Lost before it: 2 other cases. With another --output, bisect with --bad step-1.",
+        "Lost after it: 2 other cases. With another --output, bisect with --good step-3.",
     ]

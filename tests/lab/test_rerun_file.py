@@ -11,6 +11,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ProtocolError, ReportError
+from pytest_libero_max.films.recorded import Drawn
 from pytest_libero_max.films.replay import Tick, play_again
 from pytest_libero_max.lab.rerun_file import Scene, record_pair, scenes, write_recording
 from pytest_libero_max.worlds.contract import CAMERAS
@@ -97,7 +98,7 @@ def test_a_replay_that_is_not_what_was_recorded_leaves_no_recording(played: Play
     actions[BUDGET - 1, 0] += 1e-9
     traces["base"] = replace(traces["base"], actions=actions)
     with pytest.raises(ProtocolError):
-        record_pair(tmp_path / "a.rrd", played.case, played.world, played.record, traces, size=SIZE)
+        record_pair(tmp_path / "a.rrd", played.case, played.world, played.record, traces, Drawn(SIZE))
     assert not [path for path in tmp_path.iterdir() if "rrd" in path.name]
 
 

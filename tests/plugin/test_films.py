@@ -25,8 +25,7 @@ PAIR = "target_relocation and v0"
 @pytest.fixture(autouse=True)
 def fast(monkeypatch: pytest.MonkeyPatch) -> None:
     leave_out_shadows(monkeypatch)
-    defaults = {**(recorded.film_pair.__kwdefaults__ or {}), "size": 32, "every": 9}
-    monkeypatch.setattr(recorded.film_pair, "__kwdefaults__", defaults)
+    monkeypatch.setattr(recorded.film_pair, "__defaults__", (recorded.Drawn(size=32, every=9), None))
 
 
 def _folder(pytester: pytest.Pytester) -> Path:
@@ -67,7 +66,7 @@ def test_a_pair_that_is_not_asked_for_is_not_filmed(run: Run, pytester: pytest.P
 
 
 def test_films_are_made_at_the_end_up_to_a_limit(run: Run, pytester: pytest.Pytester) -> None:
-    result = run("-k", "target_relocation", "--libero-max-film=all", "--libero-max-film-limit=1")
+    result = run("-k", "target_relocation", "--libero-max-film=all:1")
     assert len(list((_folder(pytester) / "films").iterdir())) == 1
     (line,) = [line for line in result.outlines if line.startswith("Filmed: ")]
     assert line.startswith("Filmed: 1 of 2 all (")

@@ -160,7 +160,7 @@ def test_actions_within_one_are_not_warned_of(run: Run, results: Results) -> Non
 
 def test_a_noise_floor_that_was_asked_for_and_not_measured_is_said(run: Run) -> None:
     pytest.importorskip("pytest_libero_max.lab.sections.sham")
-    asked = "--libero-max-noise-floor=4"
+    asked = "--libero-max-noise=floor:4"
     run(asked, "-k", "camera_shift or illumination_switch or visual_theme_switch").stdout.fnmatch_lines(
         ["*asked for on 4 pairs, and measured on [0-3].*"]
     )
@@ -204,7 +204,7 @@ def test_an_interrupted_run_says_how_to_go_on(run: Run, pytester: pytest.Pyteste
     result = run("-k", "camera_shift", subprocess=True)
     assert result.ret == pytest.ExitCode.INTERRUPTED
     result.stdout.fnmatch_lines(
-        ["Interrupted: 1 of 2 pairs are measured and kept. Give the same command with --libero-max-resume to "
+        ["Interrupted. Measured and kept: 1 of 2 pairs. Give the same command with --libero-max-resume to "
          "play the others."]
     )  # fmt: skip
 

@@ -312,7 +312,7 @@ def test_shards_make_up_the_whole(run: Run, pytester: pytest.Pytester) -> None:
 
 def test_the_noise_floor_of_a_policy_that_repeats_itself_is_zero(run: Run, results: Results) -> None:
     pytest.importorskip("pytest_libero_max.lab.sections.sham")
-    result = run("-k", "v0", "--libero-max-noise-floor=4")
+    result = run("-k", "v0", "--libero-max-noise=floor:4")
     noise = measured(results()[1]["sections"][NOISE])
     assert noise["noise_floor.flips"]["count"] == 0
     assert noise["noise_floor.identical"]["count"] == noise["noise_floor.flips"]["of"] > 0
@@ -344,7 +344,7 @@ def test_the_noise_floor_shows_a_policy_that_does_not(
         policy = Noisy
         """
     )
-    run("-k", "camera_shift", "--libero-max-noise-floor=16", policy="noisy.py")
+    run("-k", "camera_shift", "--libero-max-noise=floor:16", policy="noisy.py")
     alike = measured(results()[1]["sections"][NOISE])["noise_floor.identical"]
     assert alike["count"] < alike["of"] == 2
 
@@ -372,14 +372,14 @@ def test_a_sham_event_shows_what_is_lost_by_chance(
         policy = Seeded
         """
     )
-    result = run("-k", "v0", "--libero-max-sham=1", policy="seeded.py")
+    result = run("-k", "v0", "--libero-max-noise=sham:1", policy="seeded.py")
     sham = results()[1]["sections"][SHAM]
     assert sham["Pairs"] == 8
     assert measured(sham)["sham.identical"]["count"] == 0
     result.stdout.fnmatch_lines(["Lost to other seeds *"])
-    run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=again", policy="seeded.py")
+    run("-k", "v0", "--libero-max-noise=sham:1", "--libero-max-output=again", policy="seeded.py")
     assert results("again")[1]["sections"][SHAM] == sham
-    run("-k", "v0", "--libero-max-sham=1", "--libero-max-output=fixed")
+    run("-k", "v0", "--libero-max-noise=sham:1", "--libero-max-output=fixed")
     fixed = measured(results("fixed")[1]["sections"][SHAM])
     assert (fixed["sham.identical"]["count"], fixed["sham.identical"]["of"]) == (8, 8)
     assert fixed["sham.floor"]["value"] == 0.0
@@ -431,6 +431,6 @@ def test_a_policy_that_draws_noise_of_its_own_is_called_so_and_measured(
     )
     for name in ("report.md", "report.html"):
         assert "NOT REPEATABLE" in (pytester.path / "libero-max-results" / name).read_text()
-    result = run("--libero-max-sham=0", "--libero-max-output=bare", policy="noisy.py")
-    result.stdout.fnmatch_lines(["*--libero-max-sham=1."])
+    result = run("--libero-max-noise=sham:0", "--libero-max-output=bare", policy="noisy.py")
+    result.stdout.fnmatch_lines(["*--libero-max-noise=sham:1."])
     assert SHAM not in results("bare")[1]["sections"]

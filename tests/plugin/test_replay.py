@@ -41,7 +41,7 @@ def test_the_replay_command_of_a_tiny_run_gives_the_same_record(pytester: pytest
         "--libero-max-prefix=replay",
         "--libero-max-horizon=9",
         "--libero-max-query-interval=3",
-        "--libero-max-noise-floor=1",
+        "--libero-max-noise=floor:1",
         "--libero-max-limit=1",
     )
     before, after = _replayed(pytester, pytester.runpytest_inprocess)

@@ -246,7 +246,7 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
             ("--libero-max-latency=200",),
             "*--libero-max-latency='200': expected a whole number with its unit*",
         ),
-        (("--libero-max-latency=4steps", "--libero-max-adaptive=image"), "*chooses when to ask*"),
+        (("--libero-max-latency=4steps", "--libero-max-wrap=adaptive:image"), "*chooses when to ask*"),
         (
             ("--libero-max-study=camera-strength", "--libero-max-strength=0.5"),
             "*plays the event at strengths of its own*",

@@ -80,7 +80,7 @@ def test_numbers_of_a_usual_shape_are_read_both_ways(value: Any) -> None:
         (None, "NoneType"),
         (0.5, "shape ()"),
         (ROWS[:, :6], "(4, 6)"),
-        (ROWS[:0], "0 action(s)"),
+        (ROWS[:0], "0 actions"),
         (np.full((4, 7), np.nan), "actions[0, 0]=nan"),
     ],
 )

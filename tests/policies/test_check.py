@@ -162,9 +162,9 @@ BROKEN_ACTIONS: list[tuple[str, Any, str]] = [
     (
         "no action",
         np.zeros((0, 7)),
-        "returned 0 action(s), but query_interval=2 are executed before the next",
+        "returned 0 actions, but query_interval=2 are executed before the next",
     ),
-    ("a single action where Q = 2", np.zeros(7), "returned 1 action(s), but query_interval=2 are executed"),
+    ("a single action where Q = 2", np.zeros(7), "returned 1 action, but query_interval=2 are executed"),
     ("more than H", np.zeros((5, 7)), "returned 5 actions > horizon=4, but a query returns at most H."),
     (
         "not a number",

@@ -6,10 +6,11 @@ import inspect
 from types import ModuleType
 from typing import get_args
 
-from pytest_libero_max.evaluation.settings import OPTIONS, Group, Option
+from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.plugin import hooks, hookspec, ray
 from pytest_libero_max.report import exit_status
 from pytest_libero_max.runs import progress
+from pytest_libero_max.runs.setting import Group, Option
 from tests.reference.docstrings import constants, description
 from tests.reference.markdown import code, one_line, prose, table
 

@@ -61,7 +61,7 @@ SEMANTICS = (
     ("Objects moved", "Keep their share of the solver's last forces.", "Start without."),
     ("Noise of sensors", "One stream for both cameras.", "One stream for each camera."),
 )
-"""Meaning of each value of ``--libero-max-semantics`` on the genuine substrate."""
+"""Meaning of each value of ``--libero-max-substrate=libero:semantics=WHICH`` on the genuine substrate."""
 
 
 def page() -> str:
@@ -105,9 +105,9 @@ error of the adapter.
 
 ## Published and corrected
 
-`--libero-max-semantics` chooses what a genuine scene reproduces: `published`, the authors' runner of
-8 August 2026, with the same states, observations and images bit for bit on the same MuJoCo; or `corrected`,
-without its known errors.
+`--libero-max-substrate=libero:semantics=WHICH` chooses what a genuine scene reproduces: `published`, the
+authors' runner of 8 August 2026, with the same states, observations and images bit for bit on the same
+MuJoCo; or `corrected`, without its known errors.
 
 {table(("", "Published", "Corrected"), SEMANTICS)}
 

@@ -12,7 +12,6 @@ from pytest_libero_max.runs import plan as plan_module
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
     HERE,
-    NAMES,
     ONE_MEASUREMENT,
     THERE,
     Kind,
@@ -20,11 +19,13 @@ from pytest_libero_max.runs.comparability import (
     differences_between,
     listed,
     measurement_differences,
+    names,
     policies_text,
     policy_differences,
     require_names,
 )
 from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.protocol import PARTS, declared
 from tests.report.made_up import POLICY, PROVENANCE, plan
 
 EVERYTHING: frozenset[Kind] = frozenset()
@@ -115,7 +116,7 @@ def test_differences_are_accepted_by_name_field_or_part() -> None:
 
 
 def test_every_name_is_that_of_a_difference_and_unknown_ones_are_refused() -> None:
-    require_names([*NAMES, "versions.numpy", "substrate.of_another_package"])
+    require_names([*names(), "versions.numpy", "substrate.of_another_package"])
     with pytest.raises(OptionError, match="Did you mean 'strength'"):
         require_names(["strenght"])
     with pytest.raises(OptionError, match="is no setting in which runs can differ"):
@@ -133,19 +134,14 @@ OPTIONS: dict[str, str] = {
     "substrate": "substrate",
     "libero": "roots",
     "libero_assets": "assets",
-    "semantics": "semantics",
-    "instruction": "instruction",
-    "source_variations": "source_variations",
     "prefix": "prefix",
     "strength": "strength",
     "study": "study",
     "latency": "latency",
     "horizon": "asked_horizon",
     "query_interval": "asked_query_interval",
-    "restore": "restore",
-    "adaptive": "adaptive",
-    "noise_floor": "noise_floor",
-    "sham": "sham",
+    "wrap": "restore",
+    "noise": "sham",
 }
 """The row of :data:`FIELDS` by which an option of a run is compared."""
 
@@ -156,7 +152,6 @@ NO_EPISODE = {
         "probe",
         "traces",
         "film",
-        "film_limit",
         "progress",
         "output",
     ),
@@ -183,8 +178,10 @@ def test_every_part_of_a_header_is_compared_or_alters_no_episode() -> None:
     aside = {"platform", "command", "started", "git", "gl_backend", "fingerprint"}
     aside |= {"order", "stopping_rule", "gates", "scores"}
     assert {*plan_module.Provenance.__struct_fields__} == compared | aside
-    protocol = {*plan_module.Protocol.__struct_fields__}
-    assert protocol <= {name for _, parts in FIELDS.values() for name in parts.get("protocol", ())}
+    tried = {
+        (part, name) for _, parts in FIELDS.values() for part, fields in parts.items() for name in fields
+    }
+    assert {(part, name) for part in PARTS for name in declared(part)} <= tried
 
 
 def test_budgets_and_instruments_of_records_are_settings() -> None:

@@ -47,11 +47,7 @@ class Activity:
 
 
 class CrashLog:
-    """File that a process writes while it lives, and another one reads after its death.
-
-    Args:
-        path: The file; made anew.
-    """
+    """File that a process writes while it lives, and another one reads after its death."""
 
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)

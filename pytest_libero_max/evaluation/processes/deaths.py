@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import is_refusal
+from pytest_libero_max.errors import counted, is_refusal
 from pytest_libero_max.evaluation.processes.crash_log import Death
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.stopping import Stop
@@ -84,26 +84,12 @@ class Deaths:
 
 
 def pair_error(case: Case, death: Death, plays: int) -> PairError:
-    """Error of a pair that is not played again.
-
-    Args:
-        case: The pair.
-        death: Of its last process.
-        plays: Number of processes that played it.
-    """
-    again = f"Played {plays} times" if plays > 1 else "Played once"
-    message = f"{death.error} {again}."
+    """Error of a pair that is not played again."""
+    more = f" Played {counted(plays, 'time')}."
     if death.text:
-        message += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
+        more += f" All that was said: {CRASHES_NAME}/{_name(case.item_id, plays)}."
     phase = POLICY_PHASE if death.phase == POLICY_PHASE else CRASH_PHASE
-    return PairError(
-        case_id=case.case_id,
-        item_id=case.item_id,
-        case_digest=case.digest,
-        kind=type(death.error).__name__,
-        message=message,
-        phase=phase,
-    )
+    return PairError.of(case, death.error, phase, more)
 
 
 def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:

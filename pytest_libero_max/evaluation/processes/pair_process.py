@@ -61,7 +61,7 @@ class PairProcess(Playing):
         super().__init__(Watchdog(settings.timeout, log, stderr))
         return_large_blocks()
         self._log = log
-        self._memory_gib = memory_gib(settings.memory, workers, SUBSTRATES[settings.substrate].limit_gib)
+        self._memory_gib = memory_gib(settings.memory, workers, SUBSTRATES[settings.substrate.name].limit_gib)
         if self._memory_gib is not None:
             limit_private_bytes(int(self._memory_gib * GIB))
 

@@ -61,9 +61,6 @@ class Timer:
     Python's own ``signal.setitimer`` has one timer for the whole process, which adapters and pytest-timeout
     use. Times are those of ``time.monotonic()``, which no change of the date moves. A fork inherits no timer.
 
-    Args:
-        number: The signal.
-
     Raises:
         OSError: The kernel gives no timer.
     """

@@ -193,16 +193,16 @@ def _outcome(
         )
     else:
         yield " ".join(["First bad revision:", revisions[high].name, revisions[high].note]).rstrip() + "."
-    yield f"It loses {len(broken)} of the {len(lost.case_ids)} lost cases:"
+    yield f"It loses {len(broken)} of {counted(len(lost.case_ids), 'lost case')}:"
     names = {pair.case_id: pair.item_id for pair in ends[high].run.planned}
     yield from (f"  {names[case_id]}" for case_id in broken)
     earlier = sum(not success for success in before.values())
     later = sum(after.values())
-    again = "with another --output, bisect with"
+    again = "With another --output, bisect with"
     if earlier:
-        yield f"{earlier} others were lost before it: {again} --bad {revisions[low].short}."
+        yield f"Lost before it: {counted(earlier, 'other case')}. {again} --bad {revisions[low].short}."
     if later:
-        yield f"{later} others are lost after it: {again} --good {revisions[high].short}."
+        yield f"Lost after it: {counted(later, 'other case')}. {again} --good {revisions[high].short}."
 
 
 def _checkpoints(options: argparse.Namespace) -> list[Revision]:

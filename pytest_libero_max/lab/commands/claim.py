@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import Commands, option
 from pytest_libero_max.cli.terminal import say
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.stats.ratios import Ratio
 
 if TYPE_CHECKING:
@@ -107,7 +107,8 @@ def _claim(options: argparse.Namespace) -> None:
     if many:
         shown = sum(10**p < _LEVEL for p in adjusted)
         lines.append(
-            f"{shown} of {len(verdicts)} differences are shown, at 5% for all of them together (Holm)."
+            f"Shown: {shown} of {counted(len(verdicts), 'difference')}, at 5% for all of them together "
+            "(Holm)."
         )
     say(lines)
     if options.output:
@@ -247,7 +248,9 @@ def _read(name: str, results: Sequence[str], n: int | None, only: tuple[int | No
             f"{first.count - second.count}, and neither is more than its successes."
         )
     if gains + losses > first.of:
-        raise OptionError(f"only-first={gains} and only-second={losses} are more than the {first.of} cases.")
+        raise OptionError(
+            f"only-first={gains} and only-second={losses} are more than the {counted(first.of, 'case')}."
+        )
     return Claim(name, first, second, (gains, losses))
 
 
@@ -282,8 +285,8 @@ def _count(percentage: Decimal, of: int, text: str) -> int:
         raise OptionError.seen(
             "RESULT",
             text,
-            f", but no number of successes of {of} episodes gives this percentage: {count}/{of} is "
-            f"{100 * count / of:.2f}%. Give the number of all episodes that it is the mean of.",
+            f", but no number of successes of {counted(of, 'episode')} gives this percentage: {count}/{of} "
+            f"is {100 * count / of:.2f}%. Give the number of all episodes that it is the mean of.",
         )
     return count
 

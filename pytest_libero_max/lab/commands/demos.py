@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
 from pytest_libero_max.cli.arguments import Commands, add_jobs, add_libero, number, option, whole_number
 from pytest_libero_max.cli.work import Work
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 
@@ -106,7 +106,9 @@ def _of_run(options: argparse.Namespace) -> list[Path]:
     with Work() as work:
 
         def tell(done: int, total: int) -> None:
-            work.show(f"{done} of {total} pairs written{work.left(done, total)}", last=done == total)
+            work.show(
+                f"{done} of {counted(total, 'pair')} written{work.left(done, total)}", last=done == total
+            )
 
         paths, left_out = collect_run(
             options.run_folder,
@@ -138,7 +140,7 @@ def _of_expert(options: argparse.Namespace) -> list[Path]:
         def tell(done: int, total: int) -> None:
             before.append(done)
             left = work.left(done - before[0], total - before[0])
-            work.show(f"{done} of {total} episodes played{left}", last=done == total)
+            work.show(f"{done} of {counted(total, 'episode')} played{left}", last=done == total)
 
         found = collect(plans, options.folder, settings, options.jobs, tell)
     paths = [item.path for item in found if item.path is not None]

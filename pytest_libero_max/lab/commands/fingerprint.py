@@ -48,10 +48,10 @@ def _fingerprint(options: argparse.Namespace) -> int:
         return int(first["hash"] != second["hash"])
     use_one_blas_thread()  # as in runs
     told = substrate_options(options)
-    with closing(open_substrate(options.substrate, told)) as substrate:
+    with closing(open_substrate(options.substrate.name, told)) as substrate:
         found = take(substrate)
     if options.output:
         write_text(options.output, json.dumps(found) + "\n")
-    keep(describe_substrate(options.substrate, told), found["hash"])
+    keep(describe_substrate(options.substrate.name, told), found["hash"])
     say(fingerprint_lines(found))
     return 0

@@ -19,7 +19,7 @@ def add_command(commands: Commands) -> None:
         type=Path,
         nargs="+",
         metavar="FOLDER",
-        help="The output folders of runs with --libero-max-restore=native, always and gated, in any order",
+        help="The output folders of runs without a wrapper, and with --libero-max-wrap=restore:MODE",
     )
     switch(recovery, "--restrict", "Compare on common cases where the runs have different ones")
     option(recovery, "--json FILE", "Also write the numbers here", type=Path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import percent
@@ -52,7 +53,7 @@ class NoiseFloor(ReportSection):
 
     name = "noise-floor"
     quantities = (_NOISE, _ALIKE)
-    option = "--libero-max-noise-floor=PAIRS"
+    option = "--libero-max-noise=floor:PAIRS"
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
         """Return how often the second Base ends otherwise."""
@@ -73,7 +74,7 @@ class NoiseFloor(ReportSection):
 
 
 class Sham(ReportSection):
-    """Pairs that played the sham event (``--libero-max-sham``)."""
+    """Pairs that played the sham event (``noise=sham:SHARE``)."""
 
     name = "sham"
     quantities = (
@@ -88,7 +89,7 @@ class Sham(ReportSection):
         _FLOOR,
         _BEYOND,
     )
-    option = "--libero-max-sham=SHARE"
+    option = "--libero-max-noise=sham:SHARE"
     notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
@@ -124,9 +125,9 @@ class Sham(ReportSection):
         flips, beyond = measures.get(_FLIPS.key), measures.get(_BEYOND.key)
         size = (
             "No pair of this run was played twice, so the size of this chance is not known: "
-            "--libero-max-sham=1."
+            "--libero-max-noise=sham:1."
             if flips is None
-            else f"{measures[_IDENTICAL.key].of} of {report.pairs.played} pairs measure it."
+            else f"{measures[_IDENTICAL.key].of} of {counted(report.pairs.played, 'pair')} measured it."
         )
         warnings.append(
             "NOT REPEATABLE: this policy draws noise that no seed of ours sets, so that a pair may end "
@@ -168,7 +169,7 @@ def _floor_texts(flips: Measure, floor: float, beyond: Measure) -> Iterator[str]
     if not (flips.count or floor) or beyond.lower is None or beyond.lower > 0.0:
         return
     observed = (
-        f"of {flips.of} pairs that were played twice, Base and Dynamic end differently in "
+        f"of {counted(flips.of or 0, 'pair')} that were played twice, Base and Dynamic end differently in "
         f"{percent(flips.value)}, and two plays of the same arm in {percent(floor)}."
     )
     reading = "read the paired change with its interval, and no single pair."

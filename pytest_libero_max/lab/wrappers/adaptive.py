@@ -65,6 +65,8 @@ class AdaptivePolicy(WrappedPolicy):
         AdapterError: There is nothing to watch: no fixed camera, or a policy that is not privileged.
     """
 
+    modes = ADAPTIVE_MODES
+
     def __init__(self, policy: Policy, mode: AdaptiveMode) -> None:
         if mode not in ADAPTIVE_MODES:
             raise AdapterError.seen(
@@ -85,12 +87,12 @@ class AdaptivePolicy(WrappedPolicy):
         if self._mode == "image" and not self._cameras:
             raise AdapterError(
                 f"adaptive='image' with policy {name!r}, which asks for no image of a fixed camera "
-                f"(cameras={self.inner.spec.cameras}). Leave --libero-max-adaptive out."
+                f"(cameras={self.inner.spec.cameras}). Leave adaptive out of --libero-max-wrap."
             )
         if self._mode == "privileged" and not self.inner.spec.privileged:
             raise AdapterError(
                 f"adaptive='privileged' with policy {name!r}, which is not privileged, so no world is handed "
-                "to it. Use --libero-max-adaptive=image."
+                "to it. Use --libero-max-wrap=adaptive:image."
             )
 
     def reset(self, episode: Episode) -> None:

@@ -19,9 +19,9 @@ from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Image, Observation
 
-RestoreMode = Literal["native", "always", "gated"]
+RestoreMode = Literal["always", "gated"]
 RESTORE_MODES: tuple[RestoreMode, ...] = get_args(RestoreMode)
-"""``native``: no image is restored. ``always``: every image is. ``gated``: those that look damaged are."""
+"""``always``: every image is restored. ``gated``: those that look damaged are."""
 
 INPAINT_RADIUS_PX = 3.0
 BILATERAL_DIAMETER_PX, BILATERAL_COLOUR, BILATERAL_SPACE_PX = 5, 45.0, 2.0
@@ -61,17 +61,19 @@ class RestoringPolicy(WrappedPolicy):
         AdapterError: The policy asks for no images, so there is nothing to restore.
     """
 
+    modes = RESTORE_MODES
+
     def __init__(self, policy: Policy, mode: RestoreMode = "gated") -> None:
-        if mode not in RESTORE_MODES or mode == "native":
+        if mode not in RESTORE_MODES:
             raise AdapterError.seen(
-                "mode", mode, f" of a RestoringPolicy. {did_you_mean(mode, ('always', 'gated'))}"
+                "mode", mode, f" of a RestoringPolicy. {did_you_mean(mode, RESTORE_MODES)}"
             )
         if not policy.spec.cameras:
             raise AdapterError.seen(
                 "restore",
                 mode,
                 f" with policy {policy.spec.name!r}, which asks for no images (cameras=()), so "
-                "nothing can be restored. Leave --libero-max-restore out.",
+                "nothing can be restored. Leave restore out of --libero-max-wrap.",
             )
         super().__init__(policy, f"restore={mode}")
         self._mode = mode

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.machine import GIB, memory_bytes
 from pytest_libero_max.makers.bench.images import (
     compare_images,
@@ -98,7 +98,8 @@ def _machine() -> Iterator[str]:
     """Yield lines about the machine: nothing that names it or its user."""
     yield f"- pytest-libero-max {version('pytest-libero-max')}, MuJoCo {version('mujoco')}"
     yield f"- Python {platform.python_version()}, {platform.system()} {platform.machine()}"
-    yield f"- {_processor()}, {len(os.sched_getaffinity(0))} cores, {memory_bytes() / GIB:.0f} GiB memory"
+    cores = counted(len(os.sched_getaffinity(0)), "core")
+    yield f"- {_processor()}, {cores}, {memory_bytes() / GIB:.0f} GiB memory"
     yield f"- load before: {os.getloadavg()[0]:.1f} (it should be near 0)"
     yield from (f"- {listed}{', the processor' if listed.software else ''}" for listed in egl.listed())
     for name in (gl.VARIABLE, egl.VARIABLE, egl.VISIBLE, "LP_NUM_THREADS"):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes.registry import change_from_dict
-from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.errors import SimulatorError, counted
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.makers.bench.clock import processor_seconds
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
@@ -68,7 +68,7 @@ class PairTimes:
         rows = [("pair runner, fork", self.fork), ("pair runner, replay", self.replay)]
         rows += [("plain loop, soft resets", self.plain), ("plain loop, hard resets", self.plain_hard)]
         return [
-            f"{self.item_id}: {self.steps} control steps, Q = {QUERY_INTERVAL}, "
+            f"{self.item_id}: {counted(self.steps, 'control step')}, Q = {QUERY_INTERVAL}, "
             f"two {IMAGE_SIZE} px images, medians",
             *(
                 f"  {name:<26}{seconds:8.2f} s  {60 / seconds:6.1f} pairs/min  "

@@ -14,7 +14,7 @@ from statistics import median
 
 import numpy as np
 
-from pytest_libero_max.errors import SimulatorError
+from pytest_libero_max.errors import SimulatorError, counted
 from pytest_libero_max.makers.bench.clock import processor_seconds
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
@@ -83,8 +83,8 @@ class StepTimes:
             rows.append((f"robosuite env.step, two {self.size} px images", self.robosuite_images, note))
         if self.image is not None:
             rows.append((f"one {self.size} px image", self.image, ""))
-        title = f"{self.scene}: {self.steps} control steps, {self.contacts} contacts at the end, "
-        title += "median processor times"
+        title = f"{self.scene}: {counted(self.steps, 'control step')}, "
+        title += f"{counted(self.contacts, 'contact')} at the end, median processor times"
         return [title, *(f"  {what:<42} {value:7.2f} ms  {note}".rstrip() for what, value, note in rows)]
 
 

@@ -136,7 +136,7 @@ def _bench_scenes(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.bench.scenes import SCENES, cost_lines, measure_scenes, scenes_of
     from pytest_libero_max.substrates.registry import open_substrate
 
-    open_scene = scenes_of(open_substrate(options.substrate, substrate_options(options)))
+    open_scene = scenes_of(open_substrate(options.substrate.name, substrate_options(options)))
     costs = []
     with Work() as work:
         work.show(f"0 of {SCENES} scenes measured")

@@ -67,11 +67,11 @@ def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.construction.verification import verify
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    whole = SUBSTRATES[options.substrate].plays_frozen
+    whole = SUBSTRATES[options.substrate.name].plays_frozen
     if whole and (options.tracks or options.plus_classification):
         raise OptionError(
-            f"The {options.substrate} tracks are built together, from the package's own catalogues. Give no "
-            "TRACK and no --plus-classification, or add --substrate libero."
+            f"The {options.substrate.name} tracks are built together, from the package's own catalogues. "
+            "Give no TRACK and no --plus-classification, or add --substrate libero."
         )
     catalogue = catalogue_of(options)
     with examining(options) as (work, examiner):
@@ -94,7 +94,7 @@ def _build_paper_lite(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.construction.verification import verify
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    whole = SUBSTRATES[options.substrate].plays_frozen
+    whole = SUBSTRATES[options.substrate.name].plays_frozen
     if options.draw is not None or options.tracks or whole:
         raise OptionError(
             "--paper-lite makes one track of the genuine scenes. Give no TRACK and no --draw, and add "
@@ -128,9 +128,9 @@ def _build_draw(options: argparse.Namespace) -> None:
     if options.commit:
         print(f"{bind(folder, name, seed_file)}\nPublish {folder / COMMITMENT}, and keep {seed_file} secret.")
         return
-    if not SUBSTRATES[options.substrate].plays_frozen:
+    if not SUBSTRATES[options.substrate.name].plays_frozen:
         raise OptionError(
-            f"A fresh draw is made on the embedded scenes, and --substrate {options.substrate} has others. "
+            f"A fresh draw is made on embedded scenes, and --substrate {options.substrate.name} has others. "
             "Leave --substrate out."
         )
     if len(options.tracks) > 1:

@@ -38,7 +38,7 @@ def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.construction.event_sheets import write_event_sheet, write_page_pictures
     from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 
-    kind, settings = SUBSTRATES[options.substrate], substrate_options(options)
+    kind, settings = SUBSTRATES[options.substrate.name], substrate_options(options)
     track = kind.tracks(settings).pictured
     sheets: dict[Path, Callable[[Path, Substrate], None]] = {
         **{options.folder / name: draw for name, draw in kind.sheets.items()},
@@ -46,7 +46,7 @@ def _gallery(options: argparse.Namespace) -> None:
     }
     if options.page_pictures is not None:
         sheets[options.page_pictures] = partial(write_page_pictures, track=track)
-    with closing(open_substrate(options.substrate, settings)) as substrate, Work() as work:
+    with closing(open_substrate(options.substrate.name, settings)) as substrate, Work() as work:
         for number, (path, write) in enumerate(sheets.items(), start=1):
             work.show(f"{path.name}, {number} of {len(sheets)}")
             write(path, substrate)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.identity import seed_of
-from pytest_libero_max.errors import ManifestError
+from pytest_libero_max.errors import ManifestError, counted
 from pytest_libero_max.events.configurations import OWN, PRO_STATES, Cell, Configuration
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.makers.construction.configurations import hosts
@@ -127,7 +127,8 @@ def _fill_plus(
     except Shortage as shortage:
         names = "; ".join(str(cells[number]) for number in shortage.cells)
         raise ManifestError(
-            f"The cells ({names}) need {shortage.needed} tasks between them, but only {shortage.there} can "
+            f"The cells ({names}) need {counted(shortage.needed, 'task')} between them, but only "
+            f"{shortage.there} can "
             "host any of these events: the others lack what they need or failed the preflight. Fewer cases "
             "a cell, or scenes in which more of them pass, would help."
         ) from shortage

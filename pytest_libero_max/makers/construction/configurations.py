@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.events.configurations import OWN
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.substrates.contract import Catalogue
@@ -55,7 +56,7 @@ def count_lines() -> list[str]:
         numbers = "".join(f"{number:>6}" for number in row)
         lines.append(f"{category or 'all':<24}{suite or 'all':<16}{numbers}{sum(row):>7}")
     pro = OWN.variations("pro")
-    lines.append(f"LIBERO-Plus: {len(plus)} variations, digest {digest_of(plus)}")
+    lines.append(f"LIBERO-Plus: {counted(len(plus), 'variation')}, digest {digest_of(plus)}")
     lines.append(
         f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"
     )

@@ -17,7 +17,7 @@ import msgspec
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.certificates import Certificate
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
-from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError
+from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError, counted
 from pytest_libero_max.machine import end_with_parent, return_large_blocks
 from pytest_libero_max.makers.construction.certificates import certify
 from pytest_libero_max.makers.construction.preflight import Preflight, Problem, preflight
@@ -65,7 +65,7 @@ class Progress:
 
     def __str__(self) -> str:
         good = "pass" if self.verb == EXAMINED else "solved"
-        words = [f"{self.done} of {self.total} cases {self.verb}", f"{self.good} {good}"]
+        words = [f"{self.done} of {counted(self.total, 'case')} {self.verb}", f"{self.good} {good}"]
         if self.per_minute is not None:
             words.append(f"{self.per_minute:.0f}/min")
             if not self.ended:

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.errors import counted
+
 Flags = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 
@@ -21,7 +23,7 @@ class Shortage(Exception):
     """
 
     def __init__(self, cells: tuple[int, ...], needed: int, there: int) -> None:
-        super().__init__(f"cells {cells} need {needed} tasks, and there are {there}")
+        super().__init__(f"cells {cells} need {counted(needed, 'task')}, and there are {there}")
         self.cells, self.needed, self.there = cells, needed, there
 
 

@@ -81,7 +81,8 @@ def _draw_checks(folder: Path) -> Iterator[str]:
             lambda proposed: [case.case_id for case in proposed if case.case_id in rejected], frozen, draw
         )
         _require_same(f"{draw.name}/{name}", manifest, redrawn)
-        yield f"{name}: {len(manifest)} cases, chosen again from the seed, digest {manifest.digest}"
+        size = counted(len(manifest), "case")
+        yield f"{name}: {size}, chosen again from the seed, digest {manifest.digest}"
         cases += manifest
     yield from _table_checks(folder, cases)
 
@@ -101,11 +102,11 @@ def _checks(folder: Path) -> Iterator[str]:
     rejected = read_rejected(folder)
     for case in whole:
         _require_identity(case)
-    yield f"max: {len(whole)} cases, each as its identity demands, digest {whole.digest}"
+    yield f"max: {counted(len(whole), 'case')}, each as its identity demands, digest {whole.digest}"
     yield _quotas(whole)
     yield _difficulties(whole)
     _require_same("original", original, build_original(rejected))
-    yield f"original: {len(original)} cases, digest {original.digest}"
+    yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
     for name, split in SPLITS.items():
         manifest = load_track(name, folder)
         _require_same(name, manifest, split(whole))
@@ -127,10 +128,10 @@ def _table_checks(folder: Path, cases: Iterable[Case]) -> Iterator[str]:
         raise ManifestError(f"case {name!r} is in a track or in {SIGHTS}, but not in both.")
     for name in sorted(certificates.keys() - playable.keys()):
         raise ManifestError(f"case {name!r} is in {CERTIFICATES}, but in no track.")
-    yield f"{len(rejected)} rejected cases are in no track"
+    yield f"{counted(len(rejected), 'rejected case')} in no track"
     if unexamined:
-        yield f"{len(unexamined)} of {len(used)} cases are not examined"
-    yield f"{len(certificates)} of {len(playable)} cases have a certificate"
+        yield f"{len(unexamined)} of {counted(len(used), 'case')} not examined"
+    yield f"{len(certificates)} of {counted(len(playable), 'case')} with a certificate"
 
 
 def _genuine_checks(folder: Path) -> Iterator[str]:
@@ -140,7 +141,8 @@ def _genuine_checks(folder: Path) -> Iterator[str]:
     for name, track in tracks.items():
         for case in track:
             _require_own_names(case)
-        yield f"{name}: {len(track)} cases, each with its identity's names and seeds, digest {track.digest}"
+        cases = counted(len(track), "case")
+        yield f"{name}: {cases}, each with its identity's names and seeds, digest {track.digest}"
     if "smoke" in tracks:
         cells = Counter((case.source, case.event.name, case.event.variant) for case in tracks["smoke"])
         if cells != dict.fromkeys(product(("plus", "pro"), BENCHMARK_EVENTS, (0, 1)), 1):
@@ -201,7 +203,9 @@ def _quotas(whole: Manifest) -> str:
         for cell in (cell for category in categories for cell in cells_of(category)):
             present = count.pop((cell, source), 0)
             if present != quota:
-                raise ManifestError(f"max: the cell ({cell}) has {present} cases, but must have {quota}.")
+                raise ManifestError(
+                    f"max: the cell ({cell}) has {counted(present, 'case')}, but must have {quota}."
+                )
     for cell, source in count:
         raise ManifestError(f"max: there is no cell ({cell}) of source {source}.")
     _require_unique(
@@ -257,5 +261,6 @@ def _require_same(name: str, manifest: Manifest, expected: Manifest) -> None:
         if one != other:
             raise ManifestError(f"{name}: {one.case_id!r} stands where {other.case_id!r} must.")
     raise ManifestError(
-        f"{name}: {len(manifest)} cases or its protocol differ from what must be ({len(expected)})."
+        f"{name}: {counted(len(manifest), 'case')} or its protocol differ from what must be "
+        f"({len(expected)})."
     )

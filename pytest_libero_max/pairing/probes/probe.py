@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import LARGEST, shown
-from pytest_libero_max.errors import ProbeError
+from pytest_libero_max.errors import ProbeError, counted
 from pytest_libero_max.pairing.trajectory import Trajectory
 from pytest_libero_max.worlds.contract import Control, World
 
@@ -89,8 +89,8 @@ def require_lists(schema: Iterable[Column], values: Mapping[str, Any]) -> None:
     for column in schema:
         if column.along is not None and len(values[column.name]) != len(values[column.along]):
             raise ValueError(
-                f"{column.name} has {len(values[column.name])} values, but must have one for each of the "
-                f"{len(values[column.along])} of {column.along}"
+                f"{column.name} has {counted(len(values[column.name]), 'value')}, but must have one for "
+                f"each of the {len(values[column.along])} of {column.along}"
             )
 
 

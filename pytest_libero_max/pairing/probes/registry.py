@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from functools import partial
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.registry import Registry, class_in, modules_in
+from pytest_libero_max.registry import Registry, class_in, classes_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.pairing.probes.probe import Column, Probe, Probes
 
 _MODULES = "pytest_libero_max.pairing.probes"
-_NOT_ASKED_FOR = ("monitor", "probe", "registry", "standard", "stages")
-
-
-def _own() -> Mapping[str, Callable[[], Probe[Any]]]:
-    return {name: partial(_load, name) for name in modules_in(_MODULES) if name not in _NOT_ASKED_FOR}
-
-
-def _load(name: str) -> Probe[Any]:
-    return _accept(name, _class_in(name))
-
-
-def _class_in(name: str) -> type[Probe[Any]]:
-    """Return the probe of a module of this folder."""
-    from pytest_libero_max.pairing.probes.probe import Probe
-
-    kind: type[Probe[Any]] = class_in(f"{_MODULES}.{name}", Probe)
-    return kind
+_BASE = "pytest_libero_max.pairing.probes.probe:Probe"
+_OWN = classes_in(_MODULES, _BASE, skip=("monitor", "probe", "registry", "standard", "stages"))
 
 
 def own_schema(name: str) -> tuple[Column, ...] | None:
     """Return the columns of a probe of this package; None of any other, which is not imported."""
-    if name == "stages":
-        return _class_in(name).schema
-    return PROBES[name].schema if PROBES.is_ours(name) else None
+    if name != "stages":
+        return PROBES[name].schema if PROBES.is_ours(name) else None
+    schema: tuple[Column, ...] = class_in(f"{_MODULES}.{name}", _BASE).schema
+    return schema
 
 
 def _accept(name: str, value: object) -> Probe[Any]:
@@ -48,7 +33,7 @@ def _accept(name: str, value: object) -> Probe[Any]:
     return check_probe(name, value)
 
 
-PROBES: Registry[Probe[Any]] = Registry("probe", "pytest_libero_max.probes", _own, _accept, OptionError)
+PROBES: Registry[Probe[Any]] = Registry("probe", "pytest_libero_max.probes", _OWN, _accept, OptionError)
 """Every probe that can be asked for, by name."""
 
 

@@ -33,14 +33,7 @@ _PATIENCE_S = 5.0
 
 
 class Workers:
-    """A plugin beside the controller of a run on xdist.
-
-    Args:
-        config: Of the session.
-        settings: Of the run.
-        cases: By item id.
-        stop: Of the run.
-    """
+    """A plugin beside the controller of a run on xdist."""
 
     def __init__(
         self, config: pytest.Config, settings: Settings, cases: dict[str, Case], stop: RunStop
@@ -108,12 +101,7 @@ def number_of_workers(config: pytest.Config) -> int:
 def started_again(
     setup_node: Callable[[Any, Any], Any], allocate_id: Callable[[Any], None]
 ) -> Callable[[Any, Any], Any]:
-    """Return ``setup_node`` with retries for a worker that dies before it is connected.
-
-    Args:
-        setup_node: Starts a worker of a specification.
-        allocate_id: Gives a specification without an id the next one.
-    """
+    """Return ``setup_node`` with retries for a worker that dies before it is connected."""
 
     def start(spec: Any, putevent: Any) -> Any:
         for _ in range(_STARTS - 1):

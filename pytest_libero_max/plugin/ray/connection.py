@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from pytest_libero_max.errors import CrashError, OptionError, install_extra
+from pytest_libero_max.errors import CrashError, OptionError, counted, install_extra
 from pytest_libero_max.evaluation.processes.crash_log import Death
 from pytest_libero_max.plugin.ray.actor import PairActor, actors_on
 
@@ -66,7 +66,8 @@ class Cluster:
         """Return a line about nodes, CPUs and GPUs of the cluster."""
         there = self._ray.cluster_resources()
         nodes = sum(node["Alive"] for node in self._ray.nodes())
-        return f"{nodes} nodes, {there.get('CPU', 0):g} CPUs, {there.get('GPU', 0):g} GPUs"
+        cpus, gpus = (counted(there.get(kind, 0), kind) for kind in ("CPU", "GPU"))
+        return f"{counted(nodes, 'node')}, {cpus}, {gpus}"
 
     def new_actor(self, plan: str) -> Any:
         """Request an actor, which Ray places on a node with room, now or later."""

@@ -140,11 +140,7 @@ def _own_pipes() -> tuple[BinaryIO, BinaryIO]:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Play pairs until the stdin ends.
-
-    Args:
-        arguments: The arguments of the pytest session.
-    """
+    """Play pairs until the stdin ends."""
     end_with_parent()
     commands, answers = _own_pipes()
     close_in_children([commands.fileno(), answers.fileno()])

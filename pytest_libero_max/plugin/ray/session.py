@@ -16,7 +16,7 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.evaluation.processes.crash_log import Death
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.work_queue import WorkQueue
@@ -68,13 +68,6 @@ class _Actor:
 class RayRun:
     """A plugin beside the controller of a run that plays on a Ray cluster.
 
-    Args:
-        config: Of the session.
-        settings: Of the run.
-        cases: By item id.
-        progress: Shows how far the run is.
-        stop: Of the run.
-
     Raises:
         pytest.UsageError: Other options hand out the tests as well, or no cluster answers.
     """
@@ -125,9 +118,9 @@ class RayRun:
             if asked.actors is None and not self._cluster.capacity():
                 raise OptionError(
                     f"--libero-max-ray={asked.address}: no actor has room in the cluster "
-                    f"({self._cluster.resources()}), which takes {asked.cpus:g} CPUs and "
-                    f"{asked.gpus:g} GPUs. Lower cpus= or gpus=, or "
-                    "name a number of actors with actors=N, which waits for room."
+                    f"({self._cluster.resources()}), which takes "
+                    f"{counted(asked.cpus, 'CPU')} and {counted(asked.gpus, 'GPU')}. Lower cpus= or gpus=, "
+                    "or name a number of actors with actors=N, which waits for room."
                 )
 
     def pytest_report_header(self) -> str | None:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.array_files import array_of
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, counted
 
 MOST_BYTES = 64 * 2**20
 """Size of the largest message that is read, bytes. A chunk of actions has some kilobytes."""
@@ -190,7 +190,7 @@ def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
         or math.prod(axes) * kind.itemsize != len(data)
     ):
         raise ServerError(
-            f"an array of shape {shortened(str(shape))} and dtype {kind} with {len(data)} bytes"
+            f"an array of shape {shortened(str(shape))} and dtype {kind} with {counted(len(data), 'byte')}"
         )
     return np.frombuffer(data, dtype=kind).reshape(axes).copy()
 

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, ServerError, counted
 from pytest_libero_max.policies.check import Actions, remembers, sees
 from pytest_libero_max.policies.clients.address import LEFT_OUT, PATIENCE_S
 from pytest_libero_max.policies.clients.opening import open_server, parse_address
@@ -115,7 +115,9 @@ class Pool:
         self._all_failed = True
         if len(errors) == 1:
             raise errors[0]
-        raise ServerError(f"none of {len(self._order)} servers answers: {'; '.join(map(str, errors))}")
+        raise ServerError(
+            f"none of {counted(len(self._order), 'server')} answers: {'; '.join(map(str, errors))}"
+        )
 
     def _open(self, address: str, last: bool) -> ServedPolicy:
         known = parse_address(address)

@@ -8,24 +8,13 @@ A protocol is one module of the folder ``protocols``, called like its scheme (wi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
-from functools import partial
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.protocol import ServerProtocol
-from pytest_libero_max.registry import Registry, class_in, modules_in
+from pytest_libero_max.registry import Registry, classes_in
 
 _MODULES = "pytest_libero_max.policies.clients.protocols"
 _SCHEME = re.compile(r"[a-z][a-z0-9+.-]*")
-
-
-def _own() -> Mapping[str, Callable[[], ServerProtocol]]:
-    schemes = (module.replace("_", "-") for module in modules_in(_MODULES))
-    return {scheme: partial(_load, scheme) for scheme in schemes}
-
-
-def _load(scheme: str) -> ServerProtocol:
-    return _accept(scheme, class_in(f"{_MODULES}.{scheme.replace('-', '_')}", ServerProtocol))
 
 
 def _accept(scheme: str, protocol: object) -> ServerProtocol:
@@ -43,6 +32,11 @@ def _accept(scheme: str, protocol: object) -> ServerProtocol:
 
 
 PROTOCOLS: Registry[ServerProtocol] = Registry(
-    "protocol", "pytest_libero_max.protocols", _own, _accept, AdapterError, attribute="scheme"
+    "protocol",
+    "pytest_libero_max.protocols",
+    lambda: {name.replace("_", "-"): load for name, load in classes_in(_MODULES, ServerProtocol)().items()},
+    _accept,
+    AdapterError,
+    attribute="scheme",
 )
 """Every protocol by the scheme of its addresses."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, ServerError, counted
 from pytest_libero_max.policies.answers import (
     Unplayable,
     is_array,
@@ -78,8 +78,8 @@ class Reply:
             )
         if len(actions) < least:
             raise ServerError(
-                f"the reply has {len(actions)} action(s), but {least} are executed before the next query; "
-                "lower --libero-max-query-interval"
+                f"the reply has {counted(len(actions), 'action')}, but Q={least} are executed before the "
+                "next query; lower --libero-max-query-interval"
             )
         self.returned = len(actions)
         return actions[:most]

@@ -7,7 +7,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, ServerError, counted
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
@@ -121,7 +121,7 @@ def _require_chunk(greeting: Any, spec: PolicySpec) -> None:
     size = greeting.get("action_chunk_size") if isinstance(greeting, Mapping) else None
     if isinstance(size, int) and size < spec.query_interval:
         raise AdapterError(
-            f"The server returns {size} actions (action_chunk_size), but "
+            f"The server returns {counted(size, 'action')} (action_chunk_size), but "
             f"query_interval={spec.query_interval} "
             "are executed before the next query. Lower --libero-max-query-interval."
         )

@@ -20,11 +20,12 @@ _WAITING = (408, 425, 429, 502, 503, 504, *range(520, 531))
 """Statuses of servers that start, and of balancers before them."""
 
 
-def status_error(status: int, reason: str, path: str, content: bytes) -> ServerError:
+def status_error(status: int, reason: str, path: str, content: bytes, usual: str = "") -> ServerError:
     """Return the error of an answer that is none.
 
     Args:
         content: The body, which is quoted unless it is a page.
+        usual: Path that an address without one stands for; empty for none.
     """
     words = content.strip()
     body = "" if not words or words[:1] == b"<" else f": {shortened(words.decode('utf-8', 'replace'))}"
@@ -38,6 +39,11 @@ def status_error(status: int, reason: str, path: str, content: bytes) -> ServerE
         )
         also = ", or the path of the address is another" if status == 403 else ""
         return Refused(f"{text}. {reason_shown}{also}")
+    if status in _NEVER and usual not in ("", path):
+        return Refused(
+            f"{text}. An address without a path stands for {usual}: leave {path} out, or give the path of "
+            "the policy or the port of its server"
+        )
     if status in _NEVER:
         return Refused(f"{text}. Give the path of the policy in the address, or the port of its server")
     if 300 <= status < 400:

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from threading import Event, Timer
 from typing import Any, Protocol, TypeVar
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, counted
 from pytest_libero_max.policies.clients.codecs import shortened
 from pytest_libero_max.policies.clients.waiting import Wait, waiting
 
@@ -205,8 +205,8 @@ class Client:
                         else "Look at the server's own output"
                     )
                     raise ServerError(
-                        f"{self._name}: {error}. It was tried {tries} time(s) in {took:.1f} s and given up. "
-                        f"{cure}."
+                        f"{self._name}: {error}. It was tried {counted(tries, 'time')} in {took:.1f} s and "
+                        f"given up. {cure}."
                     ) from error
                 wait.why = str(error)
                 LOG.warning("%s: %s; trying again in %.2f s", self._name, error, pause)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.documents import read_text
-from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.errors import AdapterError, counted, did_you_mean
 from pytest_libero_max.policies.transforms.states import Array
 
 Rule = Literal["quantiles", "bounds", "mean"]
@@ -39,7 +39,7 @@ def first_columns(actions: Array, count: int) -> Array:
         AdapterError: There are fewer.
     """
     if actions.ndim != 2 or actions.shape[1] < count:
-        raise AdapterError(f"Actions of shape {actions.shape} have no {count} columns.")
+        raise AdapterError(f"Actions of shape {actions.shape} have no {counted(count, 'column')}.")
     return actions[:, :count].copy()
 
 
@@ -133,8 +133,8 @@ def unnormalise(actions: Array, statistics: Statistics) -> Array:
     """
     if actions.ndim != 2 or actions.shape[1] != len(statistics.low):
         raise AdapterError(
-            f"Actions of shape {actions.shape} and statistics of {len(statistics.low)} columns do not go "
-            "together. Take the statistics that belong to these weights."
+            f"Actions of shape {actions.shape} and statistics of {counted(len(statistics.low), 'column')} "
+            "do not go together. Take the statistics that belong to these weights."
         )
     low, high = statistics.low, statistics.high
     if statistics.rule == "mean":

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.substrates.libero.installation import (
     ASSETS_INSTALL,
     INSTALL,
@@ -40,7 +40,7 @@ class Coverage:
     """Files or packages that the others lack, and their source; empty if nothing is missing."""
 
     def __str__(self) -> str:
-        tasks = f"{self.playable} of {self.total} tasks play" if self.total else "does not play"
+        tasks = f"{self.playable} of {counted(self.total, 'task')} play" if self.total else "does not play"
         return f"{self.source}: {tasks}{f'. {self.missing}' if self.missing else ''}"
 
 

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pytest_libero_max.benchmark.array_files import array_of, read_arrays, read_members
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.contract import Array
 
 
@@ -56,7 +56,7 @@ def read_states(path: Path) -> Array:
 def _pickle_of(path: Path) -> bytes:
     pickles = read_members(path, ("/data.pkl",))
     if len(pickles) != 1:
-        raise ValueError(f"it has {len(pickles)} pickles, but one is expected")
+        raise ValueError(f"it has {counted(len(pickles), 'pickle')}, but one is expected")
     return next(iter(pickles.values()))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import ManifestError, SubstrateError
+from pytest_libero_max.errors import ManifestError, SubstrateError, counted
 from pytest_libero_max.substrates.libero.descriptions import Description, describe
 from pytest_libero_max.substrates.libero.installation import Flavour, Installation
 from pytest_libero_max.substrates.libero.lacking import PlusNeeds, first_of, plus_category, pro_lacks
@@ -61,8 +61,8 @@ class InstalledCatalogue:
         names, rows = task_names(self._plus, suite), self._classified.get(suite, [])
         if [row.get("name") for row in rows] != list(names):
             raise ManifestError(
-                f"{str(self._classification)!r} lists {len(rows)} tasks of {suite}, and {self._plus} has "
-                f"{len(names)}: they are not the same. Give the file of that LIBERO-Plus."
+                f"{str(self._classification)!r} lists {counted(len(rows), 'task')} of {suite}, and "
+                f"{self._plus} has {len(names)}: they are not the same. Give the file of that LIBERO-Plus."
             )
         bases = {name: index for index, name in enumerate(self._libero_names(suite))}
         tasks = []

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.contract import Array
 
 
@@ -47,7 +47,7 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
     """
     if states.shape[1] != 1 + source.nq + source.nv:
         raise SubstrateError(
-            f"An initial state has {states.shape[1]} numbers, but its scene has "
+            f"An initial state has {counted(states.shape[1], 'number')}, but its scene has "
             f"{1 + source.nq + source.nv} (time, positions and velocities). Restore both from one release."
         )
     adapted = np.tile(start, (len(states), 1))

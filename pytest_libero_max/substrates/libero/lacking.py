@@ -49,16 +49,16 @@ PLUS_NAMES = (
 
 OTHER_VARIATIONS = (
     "they name variations that the installed LIBERO-Plus and LIBERO-PRO do not have, as the tracks of the "
-    "embedded scenes do; --libero-max-source-variations=own plays those of this package's own that change a "
-    "scene at reset alone"
+    "embedded scenes do; --libero-max-substrate=libero:variations=own plays those of this package's own that "
+    "change a scene at reset alone"
 )
 
 OTHER_TASKS = (
     "they name tasks of the genuine LIBERO-Plus or LIBERO-PRO, which are played without "
-    "--libero-max-source-variations=own"
+    "--libero-max-substrate=libero:variations=own"
 )
 
-_AT_RESET = "--libero-max-source-variations=own changes LIBERO's scenes at reset alone"
+_AT_RESET = "--libero-max-substrate=libero:variations=own changes LIBERO's scenes at reset alone"
 
 _ADDED_OBJECTS = re.compile(r"_add_\d+$")
 _MOTION_BLUR = range(1, 11)

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import EntityError, SubstrateError, did_you_mean
+from pytest_libero_max.errors import EntityError, SubstrateError, counted, did_you_mean
 from pytest_libero_max.substrates.libero.graspable_parts import graspable_parts_of
 from pytest_libero_max.substrates.libero.package_env import Built
 from pytest_libero_max.worlds.contract import (
@@ -88,8 +88,8 @@ class LiberoWorld(RobosuiteWorld):
         expected = 1 + self._model.nq + self._model.nv
         if states.shape[1] != expected:
             raise SubstrateError(
-                f"{scene}: an initial state has {states.shape[1]} numbers, but the scene has {expected} "
-                "(time, positions and velocities). They are not of the same task or installation."
+                f"{scene}: an initial state has {counted(states.shape[1], 'number')}, but the scene has "
+                f"{expected} (time, positions and velocities). They are not of the same task or installation."
             )
         self._kinematics = _kinematics(env.robots[0].controller)
         self._seen = {name: np.zeros(size) for name, size in _SEEN.items()}

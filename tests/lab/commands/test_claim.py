@@ -69,7 +69,7 @@ def test_a_table_is_judged_as_one_family(tmp_path: Path, capsys: pytest.CaptureF
     assert rows["A over D"]["shown"] == "yes"
     assert rows["A over C"]["shown"] == "no"
     assert float(rows["A over B"]["p"]) < 0.05 < float(rows["A over B"]["p_holm"])
-    assert "differences are shown, at 5% for all of them together (Holm)." in out
+    assert "differences, at 5% for all of them together (Holm)." in out
     table.write_text("claim,first,second\nA,30/100,x\n")
     assert "claims.csv, line 2: RESULT='x'" in said(capsys, f"--csv={table}")
     table.write_text("policy,success\nA,3\n")

@@ -97,8 +97,8 @@ def test_a_smaller_floor_is_compared_and_none_of_a_policy_that_repeats_itself() 
     assert texts(ended(ssss=10, sfff=8, fsss=2), repeatable=True) == []
     assert len(texts(ended(ssff=0, sfsf=30, ssss=10))) == 1
     (unknown,) = texts([])
-    assert unknown.endswith("size of this chance is not known: --libero-max-sham=1.")
-    assert "40 of 40 pairs measure it" in texts(ended(sfsf=30, ssss=10))[0]
+    assert unknown.endswith("size of this chance is not known: --libero-max-noise=sham:1.")
+    assert "40 of 40 pairs measured it" in texts(ended(sfsf=30, ssss=10))[0]
 
 
 def test_a_sham_event_that_was_asked_for_and_not_played_is_named() -> None:
@@ -141,6 +141,6 @@ def test_a_gate_asks_for_what_is_beyond_the_sham_event() -> None:
     assert evaluate_gate(parse_gate("beyond_sham >= -90%"), report).passed
     lack = evaluate_gate(parse_gate("beyond_sham >= -15%"), shammed([]))
     assert lack.verdict == "undecidable"
-    assert "--libero-max-sham=SHARE" in lack.reason
+    assert "--libero-max-noise=sham:SHARE" in lack.reason
     failing = replace(report.overall, base_success=replace(report.overall.base_success, value=0.1))
     assert evaluate_gate(parse_gate("beyond_sham >= -15%"), replace(report, overall=failing)).value is None

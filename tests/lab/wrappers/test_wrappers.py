@@ -32,7 +32,7 @@ def noise(pytester: pytest.Pytester, run: Run) -> Run:
 def test_the_mode_is_in_title_record_and_replay_command(
     pytester: pytest.Pytester, noise: Run, results: Results
 ) -> None:
-    assert noise("--libero-max-restore=gated").ret == 0
+    assert noise("--libero-max-wrap=restore:gated").ret == 0
     records, report = results()
     for record in records:
         base, dynamic = (record["arms"][name]["notes"] for name in ("base", "dynamic"))
@@ -43,26 +43,26 @@ def test_the_mode_is_in_title_record_and_replay_command(
     assert report["policy"]["wrappers"] == ["restore=gated"]
     folder = Path(pytester.path, "libero-max-results")
     assert "restore=gated" in (folder / "report.md").read_text().splitlines()[0]
-    assert "--libero-max-restore=gated" in replay_command(read_pairs(folder))
+    assert "--libero-max-wrap=restore:gated" in replay_command(read_pairs(folder))
 
 
 def test_a_run_is_not_continued_in_another_mode(noise: Run) -> None:
     assert noise("--libero-max-limit=1").ret == 0
-    result = noise("--libero-max-limit=1", "--libero-max-resume", "--libero-max-restore=always")
+    result = noise("--libero-max-limit=1", "--libero-max-resume", "--libero-max-wrap=restore:always")
     assert result.ret != 0
     result.stdout.fnmatch_lines(["*policy.restore: None, 'always'. Resume with the same*"])
 
 
 def test_a_policy_without_images_stops_the_run(run: Run) -> None:
-    result = run("--libero-max-restore=gated")
-    result.stdout.fnmatch_lines(["*asks for no images*Leave --libero-max-restore out.*"])
+    result = run("--libero-max-wrap=restore:gated")
+    result.stdout.fnmatch_lines(["*asks for no images*Leave restore out of --libero-max-wrap.*"])
     assert result.ret != 0
 
 
 def test_an_adaptive_run_has_its_words_in_title_record_and_replay_command(
     pytester: pytest.Pytester, noise: Run, results: Results
 ) -> None:
-    options = ("--libero-max-adaptive=image", "--libero-max-query-interval=2", "--libero-max-limit=1")
+    options = ("--libero-max-wrap=adaptive:image", "--libero-max-query-interval=2", "--libero-max-limit=1")
     assert noise(*options).ret == 0
     (record,), report = results()
     notes = record["arms"]["base"]["notes"]
@@ -70,18 +70,18 @@ def test_an_adaptive_run_has_its_words_in_title_record_and_replay_command(
     assert notes["looks"] == record["arms"]["base"]["queries"] == record["arms"]["base"]["steps"]
     assert notes["asked"] < notes["looks"]
     command = replay_command(read_pairs(Path(pytester.path, "libero-max-results")))
-    assert {"--libero-max-adaptive=image", "--libero-max-query-interval=2"} <= set(command)
+    assert {"--libero-max-wrap=adaptive:image", "--libero-max-query-interval=2"} <= set(command)
 
 
 def test_a_sweep_of_fixed_intervals_is_not_adaptive(run: Run) -> None:
-    result = run("--libero-max-study=cadence:2", "--libero-max-adaptive=image")
+    result = run("--libero-max-study=cadence:2", "--libero-max-wrap=adaptive:image")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["*plays fixed query intervals*Leave one of them out.*"])
 
 
 def test_an_unknown_mode_is_refused(run: Run) -> None:
-    result = run("--libero-max-restore=sometimes")
+    result = run("--libero-max-wrap=restore:sometimes")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(
-        ["*--libero-max-restore='sometimes': unknown value. Known: always, gated, native.*"]
+        ["*--libero-max-wrap='restore:sometimes': 'restore:sometimes': unknown value. Known: always, gated.*"]
     )

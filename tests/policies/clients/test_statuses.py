@@ -76,6 +76,14 @@ def test_a_wrong_path_is_told_at_once(scheme: str) -> None:
     assert took_s < 5.0
 
 
+def test_a_wrong_path_over_http_is_answered_with_the_usual_one() -> None:
+    with fakes.http(lambda request: (404, "no")) as port, pytest.raises(ServerError) as raised:
+        ask(EACH["http"].open(f"http://127.0.0.1:{port}/nothere?patience=0.2"))
+    assert "404" in str(raised.value)
+    assert "stands for /v1/infer: leave /nothere out" in str(raised.value)
+    assert "stands for" not in str(status_error(404, "", "/act", b"", "/act"))
+
+
 @pytest.mark.parametrize("scheme", OVER_HTTP)
 @pytest.mark.parametrize("status", ["302 Found", "308 Permanent Redirect"])
 def test_a_redirect_to_another_host_is_named_and_not_followed(scheme: str, status: str) -> None:

@@ -66,7 +66,7 @@ def test_a_query_that_makes_trouble_costs_its_company_nothing() -> None:
         good, raised, short = at_once(*(lambda index=index: outcome(index) for index in (0, 1, 7)))
     assert good == (8, 7)
     assert raised[0] is AdapterError
-    assert "RuntimeError in predict_batch, 1 item(s)" in raised[1]
+    assert "RuntimeError in predict_batch, 1 item" in raised[1]
     assert short[0] is ActionError
 
 
@@ -77,7 +77,7 @@ def test_another_number_of_answers_than_of_items_is_named() -> None:
 
     with (
         hosted(Losing(), batching=Batching(2)) as host,
-        pytest.raises(AdapterError, match=r"0 answer\(s\) from predict_batch for 1 item\(s\)"),
+        pytest.raises(AdapterError, match=r"0 answers from predict_batch for 1 item"),
     ):
         host.ask(request(0))
 

@@ -64,7 +64,7 @@ def test_fork_and_replay_give_the_same_records(pytester: pytest.Pytester) -> Non
 def test_semantics_are_part_of_the_record_and_of_what_happens(pytester: pytest.Pytester) -> None:
     only = ("--libero-max-track=original", "-k", "distractor_burst", "--libero-max-limit=8")
     _, [first] = play(pytester, "published", *only)
-    _, [second] = play(pytester, "corrected", "--libero-max-semantics=corrected", *only)
+    _, [second] = play(pytester, "corrected", "--libero-max-substrate=libero:semantics=corrected", *only)
     assert first["case_digest"] == second["case_digest"]
     assert first["fingerprints"]["semantics"] == "published"
     assert second["fingerprints"]["semantics"] == "corrected"
@@ -108,7 +108,7 @@ def test_own_variations_are_said_to_be_own(pytester: pytest.Pytester, tmp_path: 
         for v in (camera, background)
     ]
     manifest = manifest_of(tmp_path / "own.json", *cases)
-    own = (f"--libero-max-manifest={manifest}", "--libero-max-source-variations=own")
+    own = (f"--libero-max-manifest={manifest}", "--libero-max-substrate=libero:variations=own")
     refused, _ = play(pytester, "refused", *own)
     assert refused.ret == pytest.ExitCode.USAGE_ERROR
     refused.stderr.fnmatch_lines(
@@ -132,10 +132,13 @@ def test_own_variations_are_said_to_be_own(pytester: pytest.Pytester, tmp_path: 
 
 def test_options_of_the_substrate_need_the_substrate(pytester: pytest.Pytester) -> None:
     result = pytester.runpytest_subprocess(
-        f"--libero-max-policy={POLICY}", "--libero-max-semantics=corrected", "-p", "no:cacheprovider"
+        f"--libero-max-policy={POLICY}",
+        "--libero-max-substrate=embedded:semantics=corrected",
+        "-p",
+        "no:cacheprovider",
     )
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*--libero-max-semantics is for the libero substrate*"])
+    result.stderr.fnmatch_lines(["*the embedded substrate takes no options, but libero does*"])
 
 
 def test_a_folder_without_libero_is_refused_before_anything_is_played(pytester: pytest.Pytester) -> None:

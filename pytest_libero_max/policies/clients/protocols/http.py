@@ -16,7 +16,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, counted
 from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.codecs import (
     JSON_NUMPY,
@@ -74,6 +74,7 @@ class HttpLink:
 
     def __init__(self, address: Address, path: str, codec: str) -> None:
         self._first = self._target = replace(address, path=address.path or path)
+        self._usual = path
         self._encode = CODECS[codec]
         self._connection: http.client.HTTPConnection | None = None
         self._has_answered = False
@@ -127,7 +128,8 @@ class HttpLink:
             return response.status, response.getheader("Location"), content
         if response.status != 200:
             location = f" to {response.getheader('Location')}" if response.getheader("Location") else ""
-            raise status_error(response.status, f"{response.reason}{location}", self._target.path, content)
+            reason = f"{response.reason}{location}"
+            raise status_error(response.status, reason, self._target.path, content, self._usual)
         if response.will_close:
             self._connection.close()
         self._kept = self._has_answered = True
@@ -150,7 +152,9 @@ class HttpLink:
             content = response.read(MOST_BYTES + 1)
             # Given a size, http.client does not complain of an answer that ends early.
             if response.length and len(content) <= MOST_BYTES:
-                raise Unreachable(f"the connection was lost after {len(content)} bytes of the answer")
+                raise Unreachable(
+                    f"the connection was lost after {counted(len(content), 'byte')} of the answer"
+                )
             return response, unpacked(content, response.getheader("Content-Encoding"))
         except TimeoutError:
             raise late(self._target.timeout_s) from None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import ManifestError, SubstrateError, did_you_mean
+from pytest_libero_max.errors import ManifestError, SubstrateError, counted, did_you_mean
 from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import (
     plus_count,
     plus_suite,
@@ -66,7 +66,7 @@ def variation_of(case: Case) -> Variation:
         if case.task_index >= count:
             raise SubstrateError(
                 f"case {case.case_id!r}: task_index={case.task_index!r}, but the embedded catalogue of "
-                f"{case.suite} has {count} variations."
+                f"{case.suite} has {counted(count, 'variation')}."
             )
         variation = plus_variation(case.suite, case.task_index)
     elif case.source_category in PRO_CATEGORIES and 0 <= case.task_index < 10:
