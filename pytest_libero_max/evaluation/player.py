@@ -13,7 +13,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
 from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, RefusalError
-from pytest_libero_max.evaluation.policy_source import PolicySource
+from pytest_libero_max.evaluation.policy_source import PolicySource, close_policy
 from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
@@ -224,6 +224,11 @@ class PairPlayer:
         return tuple(
             arm for arm in arms if arm.policy is None or self._of_arms[arm.policy].spec.supports(case.suite)
         )
+
+    def close(self) -> None:
+        """Close the policies of arms, which are kept from pair to pair."""
+        while self._of_arms:
+            close_policy(self._of_arms.popitem()[1])
 
     def _measure_arms(
         self,

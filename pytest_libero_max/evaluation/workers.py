@@ -158,7 +158,8 @@ class CasePlayer:
         return {"record": played.record.to_dict(), "note": played.note}
 
     def close(self) -> None:
-        """Close policy and worlds."""
+        """Close policies and worlds."""
+        self._player.close()
         self._sources.close()
 
 

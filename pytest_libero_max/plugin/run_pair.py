@@ -89,7 +89,8 @@ def _player_of(config: pytest.Config) -> PairPlayer:
     """Return the player of this process."""
     if _PLAYER not in config.stash:
         source = PolicySource(settings_of(config))
-        config.stash[_PLAYER] = PairPlayer(source, cases_of_run(config).with_second_base)
+        player = config.stash[_PLAYER] = PairPlayer(source, cases_of_run(config).with_second_base)
+        config.add_cleanup(player.close)
     return config.stash[_PLAYER]
 
 

@@ -22,6 +22,7 @@ import pytest_libero_max
 from pytest_libero_max import Episode, Evaluation, PolicySpec, Query, evaluate, read_pairs
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.evaluation.keeper import RunKeeper
+from pytest_libero_max.policies import loading
 from pytest_libero_max.runs.lock import MARK_NAME
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -121,6 +122,24 @@ def test_a_factory_is_made_once_and_closed(folder: Path) -> None:
         return made[-1]
 
     assert evaluate(make, limit=2, **HOW).passed
+    assert [policy.closed for policy in made] == [True]
+
+
+def test_policies_of_arms_are_closed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Reacher] = []
+
+    def installed(name: str) -> Reacher:
+        made.append(Reacher())
+        return made[-1]
+
+    monkeypatch.setattr(loading, "installed_policy", installed)
+    schedule = [{"trigger": "event", "change": "event"}]
+    arm = {"name": "dynamic_other", "policy": "noop", "schedule": schedule}
+    (folder / "other.json").write_text(json.dumps({"name": "other", "title": "Another", "arms": [arm]}))
+    run = evaluate(Reacher(), **HOW, limit=2, study="other.json")
+    assert [set(record.arms) for record in read_pairs(run.folder).records] == [
+        {"base", "dynamic", "dynamic_other"}
+    ] * 2
     assert [policy.closed for policy in made] == [True]
 
 
