@@ -157,7 +157,7 @@ def test_answers_in_the_prefix_are_compared_and_not_executed(tmp_path: Path) -> 
         assert dynamic.differing == (2,)
         stored = read_pairs(tmp_path / str(repeatable))
         assert len(stored.records) == (not repeatable)
-        assert ["at 1 steps of the executed prefix, at step 2" in each.message for each in stored.errors] == (
+        assert ["at 1 step of the executed prefix, at step 2" in each.message for each in stored.errors] == (
             [True] * repeatable
         )
 

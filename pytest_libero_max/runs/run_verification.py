@@ -159,7 +159,7 @@ def verification_lines(
     """Return lines of the summary, and problems of the run."""
     other = {item: text for item, text in found.items() if text}
     alike = f"{len(found) - len(other)} of {counted(len(found), 'pair')}"
-    lines = [f"Played again: {alike} end alike {how}, with proofs ({seconds:.0f} s)."]
+    lines = [f"Played again: {alike} alike {how}, with proofs ({seconds:.0f} s)."]
     if not other:
         return lines, []
     problem = (

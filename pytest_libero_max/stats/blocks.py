@@ -5,11 +5,14 @@ The schemas of ``report.json`` and ``comparison.json`` are made from these class
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from msgspec import Meta, Struct, field, structs
 
-from pytest_libero_max.stats import intervals, ratios
+from pytest_libero_max.stats import ratios
+
+if TYPE_CHECKING:
+    from pytest_libero_max.stats.intervals import Interval
 
 _LARGEST = 2**63 - 1  # as in benchmark/structs.py, which statistics do not import
 
@@ -78,11 +81,13 @@ class IntervalByTask(Block, frozen=True, kw_only=True):
     """Upper end; None where too few tasks changed to decide."""
 
     @property
-    def interval(self) -> intervals.Interval | None:
+    def interval(self) -> Interval | None:
         """Both ends; None where it cannot be decided."""
         if self.lower is None or self.upper is None:
             return None
-        return intervals.Interval(self.lower, self.upper)
+        from pytest_libero_max.stats.intervals import Interval  # with NumPy
+
+        return Interval(self.lower, self.upper)
 
 
 class TaskInterval(IntervalByTask, frozen=True, kw_only=True):

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.worlds.privileged import Fact
 
@@ -70,7 +71,7 @@ def category_of(instance: str) -> str:
 
 @cache
 def _tables() -> dict[str, Any]:
-    return tomllib.loads(Path(__file__).with_name("libero_tasks.toml").read_text(encoding="utf-8"))
+    return tomllib.loads(read_text(Path(__file__).with_name("libero_tasks.toml")))
 
 
 SUITES = tuple(name for name in _tables() if name != "scenes")

@@ -275,7 +275,7 @@ def test_columns_that_belong_together_have_as_many_values(world: TinyWorld) -> N
         def columns(self, state: Any, view: View) -> Mapping[str, Any]:
             return {"step": [1, 2], "score": [0.5]}
 
-    with pytest.raises(ProbeError, match="score has 1 values, but must have one for each of the 2 of step"):
+    with pytest.raises(ProbeError, match="score has 1 value, but must have one for each of the 2 of step"):
         played(world, Probes(STANDARD.standard, (Uneven(),)))
 
 

@@ -152,7 +152,7 @@ def test_both_ways_of_playing_a_third_arm_agree(play: Run, results: Results) -> 
 
 
 def test_the_noise_floor_and_a_strength_go_with_a_program(play: Run, results: Results) -> None:
-    play(RESET, "--libero-max-noise-floor=16", "--libero-max-strength=0.5").assert_outcomes(passed=2)
+    play(RESET, "--libero-max-noise=floor:16", "--libero-max-strength=0.5").assert_outcomes(passed=2)
     lines, _ = results()
     assert [list(line["arms"]) for line in lines] == [["base", "dynamic", "reset", "base_again"]] * 2
     changes = [line["arms"][name]["schedule"][0]["change"] for line in lines for name in ("dynamic", "reset")]
@@ -209,7 +209,7 @@ def test_a_program_of_the_package_is_named_and_leaves_out_what_it_does_not_fit(
 def test_a_program_that_fits_no_case_is_refused(run: Run) -> None:
     done = run("--libero-max-program=instruction_switch")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    done.stderr.fnmatch_lines(["ERROR: *'instruction_switch' fits none of the 16 cases: the new task needs*"])
+    done.stderr.fnmatch_lines(["ERROR: *'instruction_switch' fits none of 16 cases: the new task needs*"])
 
 
 @pytest.mark.parametrize(

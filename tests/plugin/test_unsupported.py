@@ -47,7 +47,7 @@ def test_the_limit_chooses_among_the_suites_that_are_named(
 ) -> None:
     result = partial("--libero-max-limit=2", "--libero-max-output=before", *workers, subprocess=True)
     result.assert_outcomes(passed=1, skipped=1)
-    result.stdout.fnmatch_lines("*--libero-max-limit=2 chose*1 pairs*--libero-max-suites=libero_goal")
+    result.stdout.fnmatch_lines("*--libero-max-limit=2 chose*1 pair*--libero-max-suites=libero_goal")
     suites = "--libero-max-suites=libero_goal"
     result = partial("--libero-max-limit=2", suites, *workers, subprocess=True)
     result.assert_outcomes(passed=2)

@@ -383,7 +383,7 @@ def _never_triggered(values: Json) -> None:
         (lambda values: _motion(values, step_m=["x"]), "probe 'motion': step_m='x', but must be finite"),
         (lambda values: _motion(values, path_m=-1.0), "probe 'motion': path_m=-1.0, .* at least 0"),
         (lambda values: _motion(values, pathm=1.0), "probe 'motion': the unknown column 'pathm'"),
-        (lambda values: _watched(values, [5, 10], [0.5]), "score has 1 values, but must have one for each"),
+        (lambda values: _watched(values, [5, 10], [0.5]), "score has 1 value, but must have one for each"),
         (lambda values: _watched(values, [5, 91], [0.5, 1.0]), "step 91, but the arm took 90 steps"),
         (lambda values: values["fingerprints"].update(mujoco="3.4"), "fingerprints.mujoco: None, '3.4'"),
     ],

@@ -193,7 +193,7 @@ def _outcome(
         )
     else:
         yield " ".join(["First bad revision:", revisions[high].name, revisions[high].note]).rstrip() + "."
-    yield f"It loses {len(broken)} of {counted(len(lost.case_ids), 'lost case')}:"
+    yield f"It loses {len(broken)} of the {counted(len(lost.case_ids), 'lost case')}:"
     names = {pair.case_id: pair.item_id for pair in ends[high].run.planned}
     yield from (f"  {names[case_id]}" for case_id in broken)
     earlier = sum(not success for success in before.values())

@@ -49,7 +49,7 @@ _BEYOND = Measured("sham.flips.beyond", "... beyond chance", "change", line="...
 
 
 class NoiseFloor(ReportSection):
-    """Pairs that played Base twice (``--libero-max-noise-floor``)."""
+    """Pairs that played Base twice (``--libero-max-noise=floor:PAIRS``)."""
 
     name = "noise-floor"
     quantities = (_NOISE, _ALIKE)

@@ -30,7 +30,7 @@ def test_a_draw_is_bound_first(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     for more, said in (
         (["--commit"], "has a seed already"),
         (["smoke", "lite"], "a draw is of one track"),
-        (["--substrate", "libero"], "A fresh draw is made on the embedded scenes"),
+        (["--substrate", "libero"], "A fresh draw is made on embedded scenes"),
     ):
         assert main([*arguments, *more]) != 0
         assert said in capsys.readouterr().err

@@ -194,7 +194,7 @@ def test_images_come_as_files_as_well(kind: str) -> None:
         ({"format": "gif", "data": b""}, "format 'gif'"),
         ({"format": "png", "data": b"GIF89a"}, "cannot be read"),
         ({"format": "png", "data": "text"}, "format 'png'"),
-        ({"format": "raw", "data": b"x", "dtype": "|u1", "shape": [9]}, "1 bytes"),
+        ({"format": "raw", "data": b"x", "dtype": "|u1", "shape": [9]}, "1 byte"),
     ],
 )
 def test_files_that_are_no_images_are_refused(sent: Any, message: str) -> None:

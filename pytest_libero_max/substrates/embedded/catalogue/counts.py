@@ -9,10 +9,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from pytest_libero_max.benchmark.documents import read_text
+
 
 @cache
 def _tables() -> dict[str, Any]:
-    return tomllib.loads(Path(__file__).with_name("plus_counts.toml").read_text(encoding="utf-8"))
+    return tomllib.loads(read_text(Path(__file__).with_name("plus_counts.toml")))
 
 
 def _frozen(rows: Mapping[str, list[int]]) -> Mapping[str, tuple[int, ...]]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.documents import Json, read_text
 from pytest_libero_max.changes.camera import PlaceCamera
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
@@ -63,9 +63,7 @@ def _read(table: Mapping[str, Any]) -> _Row:
 _ROWS = MappingProxyType(
     {
         suite: tuple(map(_read, rows))
-        for suite, rows in tomllib.loads(
-            Path(__file__).with_name("pro_tasks.toml").read_text(encoding="utf-8")
-        ).items()
+        for suite, rows in tomllib.loads(read_text(Path(__file__).with_name("pro_tasks.toml"))).items()
     }
 )
 
