@@ -9,7 +9,6 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.broken import LETTERS, groups_of
 from pytest_libero_max.report.diagnosis import diagnose
-from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import ChangedPair, Report
 
 PREFIX = "libero_max_"
@@ -63,6 +62,7 @@ def headline_properties(report: Report) -> list[tuple[str, str]]:
 
     A run that is incomplete has counts, and no rates.
     """
+    from pytest_libero_max.report.numbers import main_numbers  # with NumPy, which pytest's start does without
     from pytest_libero_max.report.writers.summary import clipping_text, note_texts
 
     numbers: dict[str, float | str | None] = {"status": report.headline.status, **main_numbers(report)}
