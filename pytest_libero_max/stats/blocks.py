@@ -12,7 +12,7 @@ from msgspec import Meta, Struct, field, structs
 from pytest_libero_max.stats import ratios
 
 if TYPE_CHECKING:
-    from pytest_libero_max.stats.intervals import Interval
+    from pytest_libero_max.stats import intervals
 
 _LARGEST = 2**63 - 1  # as in benchmark/structs.py, which statistics do not import
 
@@ -81,13 +81,13 @@ class IntervalByTask(Block, frozen=True, kw_only=True):
     """Upper end; None where too few tasks changed to decide."""
 
     @property
-    def interval(self) -> Interval | None:
+    def interval(self) -> intervals.Interval | None:
         """Both ends; None where it cannot be decided."""
         if self.lower is None or self.upper is None:
             return None
-        from pytest_libero_max.stats.intervals import Interval  # with NumPy
+        from pytest_libero_max.stats import intervals  # with NumPy, which pytest's start does without
 
-        return Interval(self.lower, self.upper)
+        return intervals.Interval(self.lower, self.upper)
 
 
 class TaskInterval(IntervalByTask, frozen=True, kw_only=True):
