@@ -81,6 +81,7 @@ def test_sizes_of_use_tell_a_loss_from_none() -> None:
     [
         ("delta == 0", "cannot be planned"),
         ("stale_mean <= 2", "cannot be planned"),
+        ("trigger_coverage >= 90%", "cannot be planned"),
         ("delta.clustered.lower >= -5%", "give --track"),
     ],
 )
