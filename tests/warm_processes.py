@@ -138,7 +138,9 @@ def _ends(number: int, stream: Any) -> tuple[IO[bytes] | None, int]:
 @cache
 def _server() -> str:
     """Start the server of this process, and return its address; empty where there can be none."""
-    if not hasattr(os, "pidfd_open"):
+    try:
+        os.close(os.pidfd_open(os.getpid()))
+    except (AttributeError, OSError):  # not Linux, or a container that does not allow it
         return ""
     folder = tempfile.mkdtemp(prefix="warm-")  # the path of a socket has to be short
     path = Path(folder, "socket")
