@@ -13,6 +13,7 @@ import importlib
 import os
 import runpy
 import selectors
+import shutil
 import signal
 import socket
 import sys
@@ -63,6 +64,7 @@ def requests(path: str, before: Mapping[str, str]) -> Request:
         while True:
             for key, _ in events.select():
                 if key.fd == 0:
+                    shutil.rmtree(os.path.dirname(path))
                     raise SystemExit
                 if key.fd in running:
                     events.unregister(key.fd)
