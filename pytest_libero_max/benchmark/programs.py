@@ -280,7 +280,11 @@ def _check_arm(value: Json, where: str) -> str:
     """Return the name of an arm that is spelled as it must be."""
     arm: _Arm = checked(value, _Arm, where, ManifestError)
     name, schedule = arm.name, arm.schedule
-    for taken, option in ((BASE_AGAIN, "noise=floor"), (SHAM, "noise=sham"), (SHAM_DYNAMIC, "noise=sham")):
+    for taken, option in (
+        (BASE_AGAIN, "noise=floor:PAIRS"),
+        (SHAM, "noise=sham:SHARE"),
+        (SHAM_DYNAMIC, "noise=sham:SHARE"),
+    ):
         if name == taken:
             raise ManifestError.seen(
                 f"{where}.name",

@@ -101,13 +101,15 @@ def known_in(known: Collection[str]) -> Callable[[str], str]:
 
 
 def named_values(text: str, mark: str, parsers: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
-    """Parse values by name, with commas between."""
+    """Parse values by name, with commas between; ``none`` for no value."""
     values: dict[str, Any] = {}
-    for part in text.split(","):
-        name, found, value = part.partition(mark)
-        if name not in parsers or not found or name in values:
-            form = f"NAME{mark}VALUE"
-            raise ValueError(f"{part!r}: expected {form}, each name once. {did_you_mean(name, parsers)}")
+    for part in [] if text.strip() == "none" else map(str.strip, text.split(",")):
+        name, separator, value = part.partition(mark)
+        if name not in parsers:
+            raise ValueError(f"{part!r}: expected NAME{mark}VALUE. {did_you_mean(name, parsers)}")
+        if not separator or name in values:
+            fault = "given twice" if name in values else "without its value"
+            raise ValueError(f"{part!r}: {name} is {fault}; expected NAME{mark}VALUE, each name once")
         try:
             values[name] = parsers[name](value)
         except ValueError as error:

@@ -116,8 +116,9 @@ def _rates(seen: Seen) -> tuple[str, str, str]:
         return ("", "", "")
     pairs = read_outcomes(seen.folder).pairs
     base, dynamic = float(pairs.base.mean()), float(pairs.dynamic.mean())
+    change = int(pairs.dynamic.sum() - pairs.base.sum()) / len(pairs.base)  # as reports round it
     floor = _FLOOR if base < FLOOR_BASE_RATE else ""
-    return percent(base), percent(dynamic), f"{points(dynamic - base)} pp{floor}"
+    return percent(base), percent(dynamic), f"{points(change)} pp{floor}"
 
 
 def _status(seen: Seen) -> str:

@@ -6,7 +6,7 @@ import logging
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -133,10 +133,17 @@ def evaluate(
     Raises:
         LiberoMaxError: The run cannot be played as asked for, or what it measured cannot be stored.
     """
+    for name, own in _OWN.items():
+        if name in settings:
+            raise OptionError(f"evaluate() has no argument {name!r}. It is spelled {own}.")
     asked = {"policy": policy, "track": track, "limit": limit, "resume": resume, **settings}
     with _named_as_arguments():
         source = _source({**asked, "output": folder, "gate": tuple(gates)})
         return _Run(source, workers).play()
+
+
+_OWN = {"output": "folder", "gate": "gates"}
+"""Arguments that have another name than their option."""
 
 
 class _Run:
@@ -302,15 +309,25 @@ def _settings(asked: dict[str, Any]) -> Settings:
     options = {option.field: option for option in OPTIONS if not option.session}
     for name in asked:
         if name not in options:
-            instead = GONE.get(name.replace("_", "-"))
-            rest = did_you_mean(name, options) if instead is None else f"It is spelled {instead}."
-            raise OptionError(f"evaluate() has no argument {name!r}. {rest}")
+            raise OptionError(f"evaluate() has no argument {name!r}. {_instead(name, options)}")
     given = {name for name, value in asked.items() if value is not None and value is not False}
     values = {
         option.field: _value(option, asked[option.field]) if option.field in given else option.default
         for option in OPTIONS
     }
     return resolve(values, Path.cwd(), given)
+
+
+def _instead(name: str, known: Collection[str]) -> str:
+    """Return what to write in the place of an argument that there is not."""
+    word = name.replace("_", "-")
+    session = {option.name for option in OPTIONS if option.session}
+    spelled = GONE.get(word, word if word in session else None)
+    if spelled is None:
+        return did_you_mean(name, sorted({*known, *_OWN.values()} - {*_OWN}))
+    if spelled.partition("=")[0].replace("-", "_") in known:
+        return f"It is spelled {spelled}."
+    return f"Only a session of pytest has it, as --libero-max-{spelled}."
 
 
 def _value(option: Option, value: Any) -> Any:
@@ -320,7 +337,9 @@ def _value(option: Option, value: Any) -> Any:
     if option.many:
         texts = [value] if isinstance(value, str | Path) else value
         return tuple(option.read(str(text), where) for text in texts)
-    return option.read(",".join(value) if isinstance(value, list | tuple) else str(value), where)
+    if isinstance(value, Mapping):
+        value = [f"{name}:{setting}" for name, setting in value.items()]
+    return option.read(",".join(map(str, value)) if isinstance(value, list | tuple) else str(value), where)
 
 
 def _reference(thing: Any) -> str | None:

@@ -40,11 +40,11 @@ class Cluster:
 
 def cluster(value: str) -> Cluster:
     """Parse the address of a Ray cluster with what its actors take."""
-    address, *words = text(value).split(",")
+    address, *words = map(str.strip, value.split(","))
     ship = "ship" in words
     named = ",".join(word for word in words if word != "ship")
     rest = named_values(named, "=", {"actors": positive, "cpus": amount, "gpus": amount}) if named else {}
-    parsed = Cluster(address, **rest, ship=ship)
+    parsed = Cluster(text(address), **rest, ship=ship)
     if parsed.actors is None and not parsed.cpus and not parsed.gpus:
         raise ValueError("with cpus=0 nothing says how many actors have room; add actors=N")
     return parsed

@@ -129,7 +129,7 @@ def _study(values: dict[str, Any], here: Path) -> Study | None:
     varies = {key for arm in study.spelled for key in arm}
     if varies & {"cadence", "latency"} and "adaptive" in values["wrap"]:
         raise OptionError(
-            f"--libero-max-study={study.name} plays fixed query intervals, but "
+            f"--libero-max-study={study.name} varies when the policy is asked or answers, but "
             f"--libero-max-wrap=adaptive:{values['wrap']['adaptive']} chooses when to ask. Leave one of them "
             "out."
         )

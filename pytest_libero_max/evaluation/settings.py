@@ -136,7 +136,7 @@ class Settings(ProtocolSettings):
         "WHICH[:PAIRS]",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all; at most PAIRS regressions and so many gains, at "
-        f"first one of each cause and event (default: {MOST_FILMS}; with all, all pairs)",
+        f"first one of each cause and event. PAIRS is {MOST_FILMS} unless given, and with all no limit",
         read.films,
         default=read.Films("none"),
         session=True,

@@ -204,8 +204,8 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
         specs.append(spec)
     if NATIVE not in found or len(found) < 2:
         raise ReportError(
-            f"The runs have restore={', '.join(map(repr, found))}, but one must be native and another "
-            "not. Play the track without --libero-max-wrap=restore:MODE as well, or with it."
+            f"The runs have restore={', '.join(map(repr, found))}, but one must have none and another "
+            "must. Play the track without --libero-max-wrap=restore:MODE as well, or with it."
         )
     if any(policy_differences(specs[0], spec) for spec in specs):
         raise ReportError(

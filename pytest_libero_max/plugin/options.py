@@ -184,6 +184,7 @@ _OF_FILES = (
     "libero_max_manifest",
     "libero_max_program",
     "libero_max_latency",
+    "libero_max_study",
 )
 """Options whose value may be a file, or the folder of a run; from the ini file it is one beside that file."""
 

@@ -196,19 +196,20 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
         report: The report.
         films: Address of the film of each pair that has one, by item id.
     """
-    sections = []
+    sections, unknown = [], without_causes(report)
     for part in parts_of(report, films):
-        head = ["", "Pair", "Event", "Cause (pairs)", "What happened", *(["Film"] if films else [])]
+        why = ["Pairs like it"] if unknown else ["Cause (pairs)", "What happened"]
+        head = ["", "Pair", "Event", *why, *(["Film"] if films else [])]
         rows = []
         for group in part.groups:
             cause = f"{group.cause} ({group.number})".strip()
             for pair in group.named:
                 film = Link("film", quote(films[pair.item_id])) if pair.item_id in films else ""
-                cells = (part.letter, Code(pair.item_id), group.what, cause, pair.sentence)
-                rows.append([*cells, *([film] if films else [])])
+                said = [str(group.number)] if unknown else [cause, pair.sentence]
+                rows.append([part.letter, Code(pair.item_id), group.what, *said, *([film] if films else [])])
         texts = [f"{part.more} more: `changed_pairs` of report.json, and report.html."] if part.more else []
         sections.append(Section(part.title, [Table("", head, rows)], texts, lead=part.note))
-    if sections and without_causes(report):
+    if sections and unknown:
         sections.append(Section(texts=[NO_CAUSES]))
     return sections
 

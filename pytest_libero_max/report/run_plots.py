@@ -31,7 +31,12 @@ def forest(report: Report) -> Plot:
         change_row(_name(name, row), _pairs(row), row.paired_change, _change(row.paired_change))
         for name, row in [("all pairs", report.overall), *shown]
     ]
-    return Plot("Paired change by event", ("Event (pairs)", "pp [95%]"), rows, note=_floor_note(report))
+    return Plot(
+        "Paired change in percentage points by event",
+        ("Event (pairs)", "pp [95%]"),
+        rows,
+        note=_floor_note(report),
+    )
 
 
 def base_to_dynamic(report: Report) -> Plot:
@@ -66,7 +71,7 @@ def stale_actions(report: Report) -> Histogram:
     """Return the number of pairs by number of stale actions."""
     return Histogram.of(
         "Stale-action exposure, pairs by actions",
-        "number of stale actions before the next query",
+        "stale actions before the next query",
         report.overall.stale_actions.histogram,
     )
 

@@ -44,6 +44,10 @@ class Noise:
     floor: int | None = None
     """Number of pairs whose Base is played twice."""
 
+    def __str__(self) -> str:
+        given = {"sham": self.sham, "floor": self.floor}
+        return ",".join(f"{name}:{value}" for name, value in given.items() if value is not None) or "none"
+
 
 def _noise(text: str) -> Noise:
     return Noise(**named_values(text, ":", {"sham": fraction, "floor": positive}))
@@ -73,12 +77,13 @@ def _noise_recorded() -> Mapping[str, Recorded]:
 
 
 def _wrap(text: str) -> dict[str, str]:
-    """Parse wrappers with their settings."""
+    """Parse wrappers with their settings, in the order in which they are put on, which is not the text's."""
 
     def reader(name: str) -> Any:
         return lambda mode: known_in(WRAPPERS[name].modes)(mode)
 
-    return named_values(text, ":", {name: reader(name) for name in WRAPPERS})
+    modes = named_values(text, ":", {name: reader(name) for name in WRAPPERS})
+    return dict(sorted(modes.items(), reverse=True))
 
 
 def _wrap_recorded() -> Mapping[str, Recorded]:
@@ -201,10 +206,11 @@ class ProtocolSettings:
     )
     wrap: Mapping[str, str] = setting(
         "restore:MODE,adaptive:WATCH",
-        "Put wrappers around the policy, the first one innermost: restore repairs images before the policy "
-        "sees them, by what they show alone, gated (those that look damaged) or always; adaptive executes "
-        "whole chunks and asks early where something changed, on average no oftener than every Q steps, "
-        "watching the fixed cameras (image) or the objects (privileged); or one of another package",
+        "Put wrappers around the policy, in the order of their names, the last one innermost: restore "
+        "repairs images before the policy sees them, by what they show alone, gated (those that look "
+        "damaged) or always; adaptive executes whole chunks and asks early where something changed, on "
+        "average no oftener than every Q steps, watching the fixed cameras (image) or the objects "
+        "(privileged); or one of another package; none for none",
         _wrap,
         default={},
         recorded=_wrap_recorded,

@@ -98,7 +98,11 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     options.append(("study", (places.study or f"{name}.json") if "document" in study else name))
     options += _selection(provenance) if depends_on_selection(provenance) else []
     options.append(("output", OUTPUT))
-    given = (f"--libero-max-{name}={value}" for name, value in options if value is not None)
+    given = (
+        f"--libero-max-{name}" if value is True else f"--libero-max-{name}={value}"
+        for name, value in options
+        if value is not None
+    )
     return ["pytest", *places.arguments, *given, "-k"]
 
 
@@ -131,6 +135,15 @@ def is_outside(provenance: Json) -> bool:
 
 def _selection(provenance: Json) -> list[tuple[str, object]]:
     """Return options that select the same pairs as the run did, before ``-k``."""
-    shards = (provenance.get("selection") or {}).get("shards")
+    selection = provenance.get("selection") or {}
+    words = dict(
+        text.removeprefix("--libero-max-").partition("=")[::2] for text in selection.get("asked", ())
+    )
+    shards = selection.get("shards")
     shard = f"{shards['present'][0]}/{shards['of']}" if shards and len(shards["present"]) == 1 else None
-    return [("limit", provenance["case_set"].get("limit")), ("shard", shard)]
+    return [
+        ("suites", words.get("suites")),
+        ("only-installed", True if "only-installed" in words else None),
+        ("limit", provenance["case_set"].get("limit")),
+        ("shard", shard),
+    ]

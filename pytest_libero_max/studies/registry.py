@@ -70,6 +70,11 @@ def find_study(text: str, folder: Path = Path()) -> Study:
     if text.endswith(FILES):
         path = folder / Path(text).expanduser()
         study = read_document(path, "study", spelled_study)
+        if study.name in STUDIES:
+            raise OptionError(
+                f"The study in {path} is called {study.name!r}, as one that is installed. "
+                "Give it another name."
+            )
         study.source = str(path)
         return study
     name, _, settings = text.partition(":")

@@ -93,7 +93,7 @@ def entry(**fields: Any) -> dict[str, Any]:
         ({"arms": {}}, r"program\.arms={}, but must be a non-empty list"),
         ({"when": 3}, "program has the unknown field 'when'"),
         (arm(name="third-arm"), r"arms\[0\]\.name='third-arm', but must be"),
-        (arm(name="base_again"), "'base_again' is the arm that --libero-max-noise=floor adds"),
+        (arm(name="base_again"), "'base_again' is the arm that --libero-max-noise=floor:PAIRS adds"),
         (arm(name="base"), "but nothing happens in Base"),
         (arm(name="dynamic", schedule=[]), "but something happens in Dynamic"),
         (arm(name="dynamic", repetition=1), "Base and Dynamic share their prefix"),

@@ -142,9 +142,42 @@ def test_an_option_is_its_field() -> None:
 
 
 def test_arguments_of_before_are_answered_with_those_of_now() -> None:
-    for name in ("noise_floor", "sham", "restore", "adaptive", "semantics", "film_limit", "ray_gpus"):
-        with pytest.raises(OptionError, match=f"spelled {GONE[name.replace('_', '-')]}"):
+    gone = {name: f"spelled {GONE[name.replace('_', '-')]}" for name in ("noise_floor", "sham", "restore")}
+    others = {"gate": "spelled gates", "output": "spelled folder"}
+    session = dict.fromkeys(("film", "film_limit", "ray_gpus"), "a session of pytest")
+    for name, words in {**gone, **others, **session}.items():
+        with pytest.raises(OptionError, match=words):
             evaluate("noop", **cast("Any", {name: 1}))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sham", "without its value"),
+        ("sham:0.5,sham:0.2", "given twice"),
+        ("floor:0", "at least 1"),
+        ("flor:2", "Did you mean 'floor'"),
+    ],
+)
+def test_values_by_name_say_what_is_wrong_with_them(text: str, words: str) -> None:
+    (noise,) = (option for option in OPTIONS if option.field == "noise")
+    with pytest.raises(OptionError, match=words):
+        noise.read(text, "noise")
+    assert noise.read("sham:0.5, floor:2", "noise") == Noise(0.5, 2)
+    assert noise.read("none", "noise") == Noise()
+
+
+def test_a_replay_selects_from_what_the_run_selected_from() -> None:
+    run = read_pairs(Path(__file__).parents[2] / "reports" / "smoke" / "stale_expert").run
+    asked = [
+        "--libero-max-only-installed",
+        "--libero-max-suites=libero_goal,libero_10",
+        "--libero-max-limit=2",
+    ]
+    chosen = {**run.provenance["selection"], "asked": asked}
+    protocol = {**run.provenance["protocol"], "noise_floor": 1}
+    words = replay_of({**run.provenance, "selection": chosen, "protocol": protocol})
+    assert {*asked[:2]} <= {*words}
 
 
 def test_what_is_needed_every_day_fits_on_a_screen_and_all_in_a_hand() -> None:
@@ -152,3 +185,9 @@ def test_what_is_needed_every_day_fits_on_a_screen_and_all_in_a_hand() -> None:
     assert by_group["everyday"] <= 14
     assert len(OPTIONS) <= 38
     assert {option.group for option in OPTIONS if option.recorded} == {"protocol"}
+
+
+def test_wrappers_are_put_on_in_one_order_whatever_that_of_the_option() -> None:
+    (wrap,) = (option for option in OPTIONS if option.field == "wrap")
+    both = [wrap.read(text, "") for text in ("restore:gated,adaptive:image", "adaptive:image,restore:gated")]
+    assert [[*wrappers.items()] for wrappers in both] == [[("restore", "gated"), ("adaptive", "image")]] * 2

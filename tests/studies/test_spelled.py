@@ -240,3 +240,10 @@ def test_a_name_alone_stands_for_a_study_of_the_package() -> None:
     case, spec = make_case(), Approaching(horizon=8, interval=4).spec
     assert [arm.name for arm in find_study("cadence:2,4").arms(case, spec)] == ["base_q2", "dynamic_q2"]
     assert all(isinstance(arm, Arm) for arm in find_study("event-timing").arms(case, spec))
+
+
+def test_a_file_does_not_take_the_name_of_an_installed_study(tmp_path: Path) -> None:
+    arm = {"name": "a", "schedule": [{"trigger": "event", "change": "event"}]}
+    (tmp_path / "mine.json").write_text(json.dumps({"name": "cadence", "title": "Mine", "arms": [arm]}))
+    with pytest.raises(OptionError, match="'cadence', as one that is installed"):
+        find_study("mine.json", tmp_path)

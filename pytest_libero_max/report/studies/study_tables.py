@@ -44,7 +44,8 @@ def study_tables(study: Study) -> list[Table]:
     tables = [] if study.camera is None else camera_tables(study.camera)
     if study.settings:
         tables.append(_settings(study.settings))
-        tables += [_best(part, study.best[f"{part.lower()}_success"]) for part in ("Base", "Dynamic")]
+        best = {part: study.best[f"{part.lower()}_success"] for part in ("Base", "Dynamic")}
+        tables += [_best(part, setting) for part, setting in best.items() if setting.differences]
     return [*tables, *_arms(study)]
 
 
@@ -220,7 +221,11 @@ def _best(what: str, best: BestSetting) -> Table:
         (
             name,
             Cell(_turned(difference), Change()),
-            "not shown to be worse" if name in best.not_worse else "worse",
+            "n/a"
+            if difference.lower is None
+            else "not shown to be worse"
+            if name in best.not_worse
+            else "worse",
         )
         for name, difference in best.differences.items()
     ]

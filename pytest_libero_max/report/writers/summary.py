@@ -59,7 +59,7 @@ def summary_lines(
     if pairs.played == 0:
         return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]
     if not pairs.complete:
-        lines.append(f"Over the {pairs.played} played pairs only:")
+        lines.append(f"Over {counted(pairs.played, 'played pair')} only:")
     lines += wrap(warning_of(overall) or "", 100)
     lines += [line for text in section_warnings(report) for line in wrap(text, 100)]
     lines += [*_overall_lines(overall), *_section_lines(report), "", *_event_lines(report)]

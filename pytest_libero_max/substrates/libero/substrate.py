@@ -131,7 +131,7 @@ class LiberoSubstrate:
             raise SubstrateError(
                 f"{variation.key} needs a scene of its own ({', '.join(sorted(variation.scene))}), and this "
                 "package's own variations only change LIBERO's scenes at reset. Play it on the embedded "
-                "substrate, or with --libero-max-substrate=libero."
+                "substrate, or with --libero-max-substrate=libero:variations=installed."
             )
         return self.task_world(variation.suite, variation.base_index, seed).varied(variation.apply)
 

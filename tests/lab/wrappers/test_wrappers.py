@@ -76,7 +76,7 @@ def test_an_adaptive_run_has_its_words_in_title_record_and_replay_command(
 def test_a_sweep_of_fixed_intervals_is_not_adaptive(run: Run) -> None:
     result = run("--libero-max-study=cadence:2", "--libero-max-wrap=adaptive:image")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*plays fixed query intervals*Leave one of them out.*"])
+    result.stderr.fnmatch_lines(["*chooses when to ask*Leave one of them out.*"])
 
 
 def test_an_unknown_mode_is_refused(run: Run) -> None:

@@ -90,7 +90,7 @@ scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded
 30 of 32 planned pairs played
 Scores on the embedded substrate are not comparable with published ones.
 
-Over the 30 played pairs only:
+Over 30 played pairs only:
 Base success                    66.7% [47.2, 82.7]  20/30
 Dynamic success                 50.0% [31.3, 68.7]  15/30
 Paired change                   -16.7 pp [-42.8, +12.0]   McNemar p = 0.302
