@@ -113,8 +113,8 @@ def test_the_text_names_modes_effects_and_limits() -> None:
     ("runs", "message"),
     [
         ([NATIVE, NATIVE], "Two runs have restore='native'"),
-        ([ALWAYS, GATED], "one must be native"),
-        ([NATIVE], "one must be native"),
+        ([ALWAYS, GATED], "one must have none"),
+        ([NATIVE], "one must have none"),
         ([NATIVE, run_of("gated", flags(), flags(), horizon=20)], "different policies or settings"),
     ],
 )

@@ -223,10 +223,11 @@ def test_its_stopping_rule_ends_a_run(installed: pytest.Pytester, results: Resul
 
 
 STRATEGY = """
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from pytest_libero_max import strategies
 from pytest_libero_max.changes import change_from_dict
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(strategies.events(names=["push"]))
 def test_drawn(event):
     assert event.name == "push"
