@@ -111,7 +111,7 @@ def test_the_revision_that_broke_cases_is_found_with_a_part_of_the_pairs(
     assert rows[names[3][:12]][1:5] == [str(len(lost)), str(len(lost)), "of", str(len(lost))]
     assert rows[names[4][:12]][1:5] == [str(len(lost)), "0", "of", str(len(lost))]
     assert not (runs / names[5][:12]).exists() or "bad" in rows[names[5][:12]]
-    assert f"It loses {len(lost)} of {len(lost)} lost cases:" in said
+    assert f"It loses {len(lost)} of the {len(lost)} lost cases:" in said
 
     before = {path: path.stat().st_mtime_ns for path in runs.rglob("pairs.jsonl")}
     assert main(command) == 0
