@@ -143,7 +143,9 @@ def test_an_unused_plugin_imports_no_simulator_and_prints_nothing(pytester: pyte
             assert [name for name in {HEAVY!r} if name in sys.modules] == []
         """
     )
-    result = pytester.runpytest_subprocess("-p", "no:xdist")
+    result = pytester.run(
+        sys.executable, "-I", "-m", "pytest", "-p", "no:xdist"
+    )  # a process that is not warm
     result.assert_outcomes(passed=1)
     assert "libero" not in result.stdout.str().lower().replace(str(pytester.path).lower(), "").replace(
         "plugins: ", ""
