@@ -34,10 +34,9 @@ address = ""
 
 @dataclass(frozen=True)
 class Request:
-    """How an interpreter is started: with ``code`` or, where there is none, with ``module``."""
+    """How an interpreter is started: with ``code`` or, where there is none, with pytest."""
 
     code: str
-    module: str
     arguments: list[str]
     folder: str
     environment: dict[str, str]
@@ -122,7 +121,7 @@ def _request(
         return None
     env = dict(os.environ if environment is None else environment)
     code, arguments = (rest[1], rest[2:]) if rest[0] == "-c" else ("", rest[1:])
-    return Request(code, "" if code else "pytest", arguments, os.getcwd(), env)
+    return Request(code, arguments, os.getcwd(), env)
 
 
 def _ends(number: int, stream: Any) -> tuple[IO[bytes] | None, int]:

@@ -132,7 +132,7 @@ def go_on(request: Request, installed: list[str]) -> None:
         main = sys.modules["__main__"] = types.ModuleType("__main__")
         exec(request.code, vars(main))
     else:
-        runpy.run_module(request.module, run_name="__main__", alter_sys=True)
+        runpy.run_module("pytest", run_name="__main__", alter_sys=True)
 
 
 def main() -> None:

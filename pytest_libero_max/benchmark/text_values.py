@@ -101,9 +101,9 @@ def known_in(known: Collection[str]) -> Callable[[str], str]:
 
 
 def named_values(text: str, mark: str, parsers: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
-    """Parse values by name, with commas between; ``none`` for no value."""
+    """Parse values by name, with commas between."""
     values: dict[str, Any] = {}
-    for part in [] if text.strip() == "none" else map(str.strip, text.split(",")):
+    for part in map(str.strip, text.split(",")):
         name, separator, value = part.partition(mark)
         if name not in parsers:
             raise ValueError(f"{part!r}: expected NAME{mark}VALUE. {did_you_mean(name, parsers)}")

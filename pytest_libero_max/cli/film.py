@@ -148,9 +148,9 @@ def write_each(
             if path.exists() and not options.overwrite:
                 work.say(f"{place} {path} is there already; --overwrite makes it again")
                 continue
-            told = replace(how, on_step=partial(_tell, work, number - 1, len(records), record))
+            reporting = replace(how, on_step=partial(_tell, work, number - 1, len(records), record))
             try:
-                run.again(record, partial(_write, write, path, record, told))
+                run.again(record, partial(_write, write, path, record, reporting))
             except LiberoMaxError as error:
                 refused += 1
                 work.say(f"{place} refused: {error}")

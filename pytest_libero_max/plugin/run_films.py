@@ -29,12 +29,12 @@ def chosen_for_films(
     settings: Settings, records: Sequence[PairRecord], changed: Sequence[ChangedPair]
 ) -> tuple[list[PairRecord], int]:
     """Return the pairs to film, and the number of all that the option selects."""
-    asked = {record.item_id: record for record in records if is_selected(record, settings.film.which)}
+    selected = {record.item_id: record for record in records if is_selected(record, settings.film.which)}
     limit = settings.film.most or (len(records) if settings.film.which == "all" else MOST_FILMS)
     named = named_of(changed, limit)
     if settings.film.which == "all":
-        named = list(dict.fromkeys([*named, *asked]))[:limit]
-    return [asked[name] for name in named if name in asked], len(asked)
+        named = list(dict.fromkeys([*named, *selected]))[:limit]
+    return [selected[name] for name in named if name in selected], len(selected)
 
 
 def make_films(

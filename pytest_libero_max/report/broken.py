@@ -70,6 +70,11 @@ class Part(NamedTuple):
     """Large ones first."""
 
     @property
+    def has_causes(self) -> bool:
+        """True if the cause of a pair was recorded."""
+        return any(group.cause for group in self.groups)
+
+    @property
     def more(self) -> int:
         """Number of pairs that are not named."""
         return sum(group.number - len(group.named) for group in self.groups)
@@ -196,20 +201,22 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
         report: The report.
         films: Address of the film of each pair that has one, by item id.
     """
-    sections, unknown = [], without_causes(report)
+    sections = []
     for part in parts_of(report, films):
-        why = ["Pairs like it"] if unknown else ["Cause (pairs)", "What happened"]
+        why = ["Cause (pairs)", "What happened"] if part.has_causes else ["Pairs like it"]
         head = ["", "Pair", "Event", *why, *(["Film"] if films else [])]
         rows = []
         for group in part.groups:
             cause = f"{group.cause} ({group.number})".strip()
             for pair in group.named:
                 film = Link("film", quote(films[pair.item_id])) if pair.item_id in films else ""
-                said = [str(group.number)] if unknown else [cause, pair.sentence]
-                rows.append([part.letter, Code(pair.item_id), group.what, *said, *([film] if films else [])])
+                reason = [cause, pair.sentence] if part.has_causes else [str(group.number)]
+                rows.append(
+                    [part.letter, Code(pair.item_id), group.what, *reason, *([film] if films else [])]
+                )
         texts = [f"{part.more} more: `changed_pairs` of report.json, and report.html."] if part.more else []
         sections.append(Section(part.title, [Table("", head, rows)], texts, lead=part.note))
-    if sections and unknown:
+    if sections and without_causes(report):
         sections.append(Section(texts=[NO_CAUSES]))
     return sections
 
@@ -240,7 +247,7 @@ def broken_lines(
                 filmed = "  filmed" if pair.item_id in films else ""
                 lines.append(f"{part.letter}   {printable(pair.item_id)}{filmed}")
         if part.more:
-            by = "outcome and cause" if any(group.cause for group in part.groups) else "outcome"
+            by = "outcome and cause" if part.has_causes else "outcome"
             lines.append(f"{part.more} more: in the table of cases of report.html, by {by}.")
     lines += [NO_CAUSES] if without_causes(report) else []
     if lines and films:

@@ -85,12 +85,12 @@ def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
     cases, succeeded = len(earlier), sum(earlier)
     if not cases:
         return
-    found = [
+    extremes_there = [
         versus_value(gate, _contrast(succeeded, losses, gains, cases))
         for losses in (0, succeeded)
         for gains in (0, cases - succeeded)
     ]
-    values = [value for value in found if value is not None]
+    values = [value for value in extremes_there if value is not None]
     there = f", of which Dynamic succeeded in {succeeded} of the {cases} there"
     _require_open(gate, values, counted(cases, "pair"), there, exact=True)
 

@@ -49,8 +49,13 @@ class Noise:
         return ",".join(f"{name}:{value}" for name, value in given.items() if value is not None) or "none"
 
 
+def _named_or_none(text: str, parsers: Mapping[str, Any]) -> dict[str, Any]:
+    """Parse values by name; ``none`` takes back those of an ini file."""
+    return {} if text.strip() == "none" else named_values(text, ":", parsers)
+
+
 def _noise(text: str) -> Noise:
-    return Noise(**named_values(text, ":", {"sham": fraction, "floor": positive}))
+    return Noise(**_named_or_none(text, {"sham": fraction, "floor": positive}))
 
 
 def _noise_recorded() -> Mapping[str, Recorded]:
@@ -82,7 +87,7 @@ def _wrap(text: str) -> dict[str, str]:
     def reader(name: str) -> Any:
         return lambda mode: known_in(WRAPPERS[name].modes)(mode)
 
-    modes = named_values(text, ":", {name: reader(name) for name in WRAPPERS})
+    modes = _named_or_none(text, {name: reader(name) for name in WRAPPERS})
     return dict(sorted(modes.items(), reverse=True))
 
 

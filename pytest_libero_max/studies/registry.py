@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -13,10 +13,10 @@ from msgspec import Struct
 from pytest_libero_max.benchmark.programs import BASE, DYNAMIC, parse_program, read_document
 from pytest_libero_max.benchmark.structs import Object, Text, checked
 from pytest_libero_max.errors import ManifestError, OptionError, ReportError
-from pytest_libero_max.registry import Registry
+from pytest_libero_max.registry import Registry, given
 from pytest_libero_max.studies.camera_study import CameraStudy
 from pytest_libero_max.studies.study import Study
-from pytest_libero_max.studies.sweeps import CadenceSweep, LatencySweep, Sweep
+from pytest_libero_max.studies.sweeps import CadenceSweep, LatencySweep
 
 FOLDER = Path(__file__).parent
 """Folder of the studies of this package that are data, a file each."""
@@ -90,16 +90,10 @@ def _from_file(name: str, settings: str | None) -> Study:
     return study
 
 
-def _own() -> dict[str, Callable[[], Callable[[str | None], Study]]]:
+def _own() -> Mapping[str, Callable[[], object]]:
     files = (path.stem for path in sorted(FOLDER.glob("*.json")))
-    sweeps: tuple[type[Sweep], ...] = (CadenceSweep, LatencySweep)
-    return {name: partial(partial, _from_file, name) for name in files} | {
-        kind.name: partial(_class, kind) for kind in sweeps
-    }
-
-
-def _class(kind: type[Sweep]) -> type[Sweep]:
-    return kind
+    sweeps = given("name", CadenceSweep, LatencySweep)()
+    return {**{name: partial(partial, _from_file, name) for name in files}, **sweeps}
 
 
 def _accept(name: str, kind: object) -> Callable[[str | None], Study]:

@@ -167,6 +167,15 @@ def test_values_by_name_say_what_is_wrong_with_them(text: str, words: str) -> No
     assert noise.read("none", "noise") == Noise()
 
 
+@pytest.mark.parametrize(
+    ("field", "text"), [("timeout", "none"), ("ray", "auto,none"), ("substrate", "libero:none")]
+)
+def test_none_is_a_value_of_what_an_ini_file_can_add_alone(field: str, text: str) -> None:
+    (option,) = (option for option in OPTIONS if option.field == field)
+    with pytest.raises(OptionError, match="'none'"):
+        option.read(text, field)
+
+
 def test_a_replay_selects_from_what_the_run_selected_from() -> None:
     run = read_pairs(Path(__file__).parents[2] / "reports" / "smoke" / "stale_expert").run
     asked = [

@@ -198,11 +198,11 @@ def _outcome(
     yield from (f"  {names[case_id]}" for case_id in broken)
     earlier = sum(not success for success in before.values())
     later = sum(after.values())
-    again = "With another --output, bisect with"
+    next_step = "With another --output, bisect with"
     if earlier:
-        yield f"Lost before it: {counted(earlier, 'other case')}. {again} --bad {revisions[low].short}."
+        yield f"Lost before it: {counted(earlier, 'other case')}. {next_step} --bad {revisions[low].short}."
     if later:
-        yield f"Lost after it: {counted(later, 'other case')}. {again} --good {revisions[high].short}."
+        yield f"Lost after it: {counted(later, 'other case')}. {next_step} --good {revisions[high].short}."
 
 
 def _checkpoints(options: argparse.Namespace) -> list[Revision]:

@@ -80,17 +80,17 @@ def _ask(address: str, spec: PolicySpec, seconds: float) -> NDArray[np.float64]:
     policy.reset(_EPISODE)
     random = np.random.default_rng(0)
     shape = (*height_and_width(spec.image_size), 3)
-    seen: dict[str, NDArray[np.generic]] = {
+    observation: dict[str, NDArray[np.generic]] = {
         f"{camera}_image": random.integers(0, 256, shape, np.uint8) for camera in spec.cameras
     }
-    seen |= {f"robot0_{name}": np.zeros(length) for name, length in _STATE.items()}
+    observation |= {f"robot0_{name}": np.zeros(length) for name, length in _STATE.items()}
     query = Query(0, 0, _EPISODE.instruction, 0)
     for _ in range(_WARM_UP):
-        policy.predict(seen, query)
+        policy.predict(observation, query)
     wait_for_others()
     times, end = [], time.perf_counter() + seconds
     while (begin := time.perf_counter()) < end:
-        policy.predict(seen, query)
+        policy.predict(observation, query)
         times.append(time.perf_counter() - begin)
     return np.array(times)
 

@@ -84,7 +84,7 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     return Release(
         tracks=tracks,
         rejected={
-            name: variation.problems for name, variation in sorted(preflights.items()) if variation.problems
+            name: preflight.problems for name, preflight in sorted(preflights.items()) if preflight.problems
         },
         sights={name: preflights[name].sights for name in sorted(used & preflights.keys())},
         unexamined={name: unexamined[name] for name in sorted(used & unexamined.keys())},

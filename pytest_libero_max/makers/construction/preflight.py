@@ -121,9 +121,9 @@ def preflight(world: World, case: Case) -> Preflight:
         touched = _touching(world, case)
         if touched:
             begin(world, case)
-            problems_found = _try_here(world, case, touched, _HOLD_AT_START)
-            if problems_found.problems:
-                return problems_found
+            preflight = _try_here(world, case, touched, _HOLD_AT_START)
+            if preflight.problems:
+                return preflight
         if approach(world, case) is None:
             trigger = proximity_of(case)
             detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
@@ -181,30 +181,30 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
     places = _positions(world)
     change.apply(alterable(world))
     moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
-    problems_found = [
+    problems = [
         problem for name in entities for problem in _too_close(alterable(world), name, touching[name])
     ]
-    problems_found += _out_of_reach(alterable(world), change)
+    problems += _out_of_reach(alterable(world), change)
     if world.succeeded():
-        problems_found.append(Problem("solved", "the event solves the task"))
-    if problems_found:
-        return Preflight(tuple(problems_found))
-    found_sights: tuple[Sight, ...] = ()
+        problems.append(Problem("solved", "the event solves the task"))
+    if problems:
+        return Preflight(tuple(problems))
+    seen_by: tuple[Sight, ...] = ()
     if steps == _HOLD_AT_TRIGGER:
         seen_after, image_after = look(world), _image(world)
         world.restore(here)
-        found_sights = sights(world, case, look(world), seen_after)
-        problems_found += _hidden(change, entities, seen_after, found_sights)
+        seen_by = sights(world, case, look(world), seen_after)
+        problems += _hidden(change, entities, seen_after, seen_by)
         if not moving:
-            problems_found += _image_problems(_image(world), image_after)
+            problems += _image_problems(_image(world), image_after)
     if entities:
         world.restore(here)
-        problems_found += _motion_problems(world, case, change, touching, steps, moving)
-    return Preflight(tuple(dict.fromkeys(problems_found)), found_sights)
+        problems += _motion_problems(world, case, change, touching, steps, moving)
+    return Preflight(tuple(dict.fromkeys(problems)), seen_by)
 
 
 def _hidden(
-    change: Change, entities: Iterable[str], seen: Pixels, problems_found: Iterable[Sight]
+    change: Change, entities: Iterable[str], seen: Pixels, seen_by: Iterable[Sight]
 ) -> Iterable[Problem]:
     """Entities that no camera shows after the event: those it moves or brings in, and those seen before it.
 
@@ -212,7 +212,7 @@ def _hidden(
     """
     if change.operation == "shift_camera":
         return
-    lost = {sight.entity for sight in problems_found if sight.seen_before and not sight.seen_after}
+    lost = {sight.entity for sight in seen_by if sight.seen_before and not sight.seen_after}
     for name in sorted({*lost, *(name for name in entities if max(pixels_of(name, seen)) < MIN_PIXELS)}):
         pixels = ", ".join(map(str, pixels_of(name, seen)))
         yield Problem("view", f"{name} has {pixels} pixels in the cameras after the event")

@@ -79,9 +79,7 @@ def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) 
             **{name: split(whole) for name, split in SPLITS.items()},
         },
         rejected={
-            name: preflights.problems
-            for name, preflights in sorted(examinations.items())
-            if preflights.problems
+            name: preflight.problems for name, preflight in sorted(examinations.items()) if preflight.problems
         },
         sights={name: examinations[name].sights for name in sorted(_ids(original, whole))},
     )
@@ -138,11 +136,11 @@ def add_certificates(
         ManifestError: A file is missing or is not the one that was frozen.
         OptionError: There is no such track.
     """
-    certificates_kept = read_certificates(folder)
+    certificates = read_certificates(folder)
     cases = {case.case_id: case for name in names for case in load_track(name, folder)}
-    done = certificates_kept.keys() | read_unexamined(folder).keys()
+    done = certificates.keys() | read_unexamined(folder).keys()
     new = certify([case for case_id, case in sorted(cases.items()) if case_id not in done])
-    _write_certificates(folder, {**certificates_kept, **new})
+    _write_certificates(folder, {**certificates, **new})
     listed = read_checksums(folder)
     write_checksums(
         folder, [file.name for file in frozen_files(folder) if file.name.removesuffix(".gz") in listed]
