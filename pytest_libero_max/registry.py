@@ -110,6 +110,13 @@ class Registry(Generic[T]):
         points = entry_points(group=self.group, name=name)
         return name in self._own() or any(point.value.startswith(f"{__package__}.") for point in points)
 
+    def none_called(self, name: str) -> str:
+        """Return sentences for the name of no entry: a package that is not installed may have it."""
+        return (
+            f"{did_you_mean(name, self)} If another package offers this {self.noun} (entry-point group "
+            f"{self.group}), install that package."
+        )
+
     def items(self) -> Iterator[tuple[str, T]]:
         """Names with their entries, each of which is loaded."""
         return ((name, self[name]) for name in self)

@@ -12,6 +12,7 @@ from typing import Any
 from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.registry import Registry
 
 LONGEST_S = 10_000_000
 MOST_GIB = 1_000_000
@@ -94,19 +95,32 @@ def known_in(known: Collection[str]) -> Callable[[str], str]:
 
     def parse(text: str) -> str:
         if text not in known:
-            raise ValueError(f"unknown value. {did_you_mean(text, known)}")
+            raise ValueError(f"unknown value. {_none_called(text, known)}")
         return text
 
     return parse
 
 
-def named_values(text: str, mark: str, parsers: Mapping[str, Callable[[str], Any]]) -> dict[str, Any]:
-    """Parse values by name, with commas between."""
+def named_values(
+    text: str,
+    mark: str,
+    parsers: Mapping[str, Callable[[str], Any]],
+    known: Collection[str] | None = None,
+) -> dict[str, Any]:
+    """Parse values by name, with commas between.
+
+    Args:
+        text: The text.
+        mark: Stands between name and value.
+        parsers: Parsers of the values, by name.
+        known: The names, where they are those of a registry.
+    """
     values: dict[str, Any] = {}
     for part in map(str.strip, text.split(",")):
         name, separator, value = part.partition(mark)
         if name not in parsers:
-            raise ValueError(f"{part!r}: expected NAME{mark}VALUE. {did_you_mean(name, parsers)}")
+            rule = f"{name} is unknown" if separator else f"expected NAME{mark}VALUE"
+            raise ValueError(f"{part!r}: {rule}. {_none_called(name, known or parsers)}")
         if not separator or name in values:
             fault = "given twice" if name in values else "without its value"
             raise ValueError(f"{part!r}: {name} is {fault}; expected NAME{mark}VALUE, each name once")
@@ -115,6 +129,10 @@ def named_values(text: str, mark: str, parsers: Mapping[str, Callable[[str], Any
         except ValueError as error:
             raise ValueError(f"{part!r}: {error}") from None
     return values
+
+
+def _none_called(name: str, known: Collection[str]) -> str:
+    return known.none_called(name) if isinstance(known, Registry) else did_you_mean(name, known)
 
 
 def _number(text: str) -> float:

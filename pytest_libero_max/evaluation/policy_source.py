@@ -163,11 +163,31 @@ class GivenPolicy(PolicySource):
 
 
 def wrapped(policy: Policy, settings: Settings) -> Policy:
-    """Return a policy behind the wrappers that the settings ask for."""
-    from pytest_libero_max.policies.wrappers import WRAPPERS
+    """Return a policy behind the wrappers that the settings ask for, which alone the run names.
 
+    Raises:
+        AdapterError: It has one that is installed already, or a wrapper does not say in the spec what it is.
+    """
+    from pytest_libero_max.policies.wrappers import WRAPPERS, setting_of
+
+    for words in policy.spec.wrappers:
+        name, mode = setting_of(words)
+        if name in WRAPPERS:
+            raise AdapterError.seen(
+                "wrappers",
+                words,
+                f" of policy {policy.spec.name!r} is put on by the policy itself, where the run cannot name "
+                f"it. Take it off there, and give --libero-max-wrap={name}:{mode}.",
+            )
     for name, mode in settings.wrap.items():
         policy = WRAPPERS[name](policy, mode)
+        if [setting_of(words) for words in policy.spec.wrappers[-1:]] != [(name, mode)]:
+            raise AdapterError.seen(
+                "wrappers",
+                policy.spec.wrappers,
+                f", but the last one has to begin with {name}={mode}. Let the wrapper call "
+                f'super().__init__(policy, "{name}={mode}"), with more words behind it if it likes.',
+            )
     return policy
 
 

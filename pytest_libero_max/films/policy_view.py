@@ -148,8 +148,7 @@ def caption(record: PairRecord, shown: Shown) -> str:
     """Return the caption of a film of a policy's view."""
     words = f"What the policy saw: {shown.words}"
     for wrapper in record.policy.get("wrappers", ()):
-        restores = wrapper.startswith(_RESTORE)
-        words += f"; after {wrapper}" if restores else f"; what {wrapper} does to them is not known"
+        words += f"; after {wrapper}" if _restores(wrapper) else f"; what {wrapper} does to them is not known"
     return words
 
 
@@ -159,8 +158,13 @@ def _wrapped(record: PairRecord) -> list[WrappedPolicy]:
     return [
         WRAPPERS[_RESTORE[:-1]](_Recorded(spec), wrapper.removeprefix(_RESTORE))
         for wrapper in reversed(record.policy.get("wrappers", ()))
-        if wrapper.startswith(_RESTORE)
+        if _restores(wrapper)
     ]
+
+
+def _restores(wrapper: str) -> bool:
+    """Return True for words of the wrapper whose images can be shown, where it is installed."""
+    return wrapper.startswith(_RESTORE) and _RESTORE[:-1] in WRAPPERS
 
 
 @dataclass

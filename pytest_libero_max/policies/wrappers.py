@@ -23,3 +23,9 @@ WRAPPERS: Registry[type[WrappedPolicy]] = Registry(
     "wrapper", "pytest_libero_max.wrappers", dict, _accept, OptionError
 )
 """Each is called with a policy and one of its ``modes``."""
+
+
+def setting_of(words: str) -> tuple[str, str]:
+    """Return name and setting of a wrapper by its words in a spec, for example ``restore=gated``."""
+    name, _, setting = words.partition(" ")[0].partition("=")
+    return name, setting

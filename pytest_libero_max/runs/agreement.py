@@ -16,6 +16,8 @@ from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.protocol import declared, played_settings
+from pytest_libero_max.runs.replay_command import OUTSIDE
+from pytest_libero_max.runs.setting import ALWAYS
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 _IDENTITY = tuple(name for name in PlannedPair.__struct_fields__ if name in PairRecord.__struct_fields__)
@@ -265,6 +267,10 @@ class _Header:
         asked, known = provenance["policy"], declared("policy")
         hidden = {name for field in known if asked.get(field) is not None for name in known[field].hides}
         of_spec = [name for name, field in known.items() if field.as_played and name not in hidden]
+        # A loop of others declares itself what is around its policy.
+        always = [
+            name for name in of_spec if known[name].usual is not ALWAYS and asked.get("code") != OUTSIDE
+        ]
         by_option = [name for name, field in declared("protocol").items() if field.in_fingerprints]
         settings = played_settings(provenance["protocol"])
         exact = {name: settings.get(name) for name in (*by_option, *settings)}
@@ -272,16 +278,17 @@ class _Header:
         fingerprints = {**seen, **exact, **provenance["versions"]}
         return cls(
             {
-                **{("policy", name): asked.get(name) for name in of_spec},
+                **{("policy", name): asked.get(name) for name in (*always, *of_spec)},
                 **{("fingerprints", name): value for name, value in fingerprints.items()},
             },
-            frozenset(("fingerprints", name) for name in exact),
+            frozenset({("policy", name) for name in always} | {("fingerprints", name) for name in exact}),
         )
 
     def require(self, record: Played) -> None:
         """Check that a record agrees."""
         for (part, name), wanted in self.wanted.items():
-            recorded = getattr(record, part).get(name)
+            as_played = declared("policy")[name].as_played if part == "policy" else None
+            recorded = as_played(record.policy, wanted) if as_played else getattr(record, part).get(name)
             if recorded != wanted and ((part, name) in self.exact or None not in (recorded, wanted)):
                 raise OtherRunError(
                     f"{record.item_id!r} was played with {part}.{name}={shown(recorded)}, but the first line "

@@ -34,7 +34,7 @@ from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, Version, require_version
-from pytest_libero_max.runs.protocol import require_settings
+from pytest_libero_max.runs.protocol import renamed, require_settings
 
 Moment = Annotated[
     str,
@@ -238,6 +238,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
         run = convert(values, cls)
         require_plain(run.provenance, "provenance", _MOST_LEVELS)
         started = convert(run.provenance, Provenance).started
+        run.provenance["policy"] = renamed(run.provenance["policy"])
         require_settings(run.provenance)
         try:
             datetime.fromisoformat(started or "2000-01-01")

@@ -6,19 +6,18 @@ that is not declared here, of a run of another version, is taken for a setting o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from operator import methodcaller
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
-from pytest_libero_max.benchmark.structs import Object, Positive, Share, Text, checked
+from pytest_libero_max.benchmark.structs import Object, Positive, Share, Text, checked, rule
 from pytest_libero_max.benchmark.text_values import fraction, known_in, named_values, positive, text
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.pairing.record import LatencyText
-from pytest_libero_max.policies.wrappers import WRAPPERS
+from pytest_libero_max.policies.wrappers import WRAPPERS, setting_of
 from pytest_libero_max.runs.setting import ALWAYS, Part, Recorded, options_of, setting
 from pytest_libero_max.studies.registry import FILES, STUDIES
 
@@ -32,7 +31,12 @@ RECORDED_RUN = "recorded:"
 _HEADER = ("reference", "code", "servers")
 """Fields of a policy in the provenance that say where it comes from and are no settings."""
 
+_WRAPPERS_BEFORE = ("restore", "adaptive")
+"""Fields of a policy in the provenance of earlier runs, each the setting of one wrapper."""
+
 PARTS: tuple[Part, ...] = ("protocol", "policy")
+
+Texts = Annotated[dict[Text, Text], rule("an object of texts")]
 
 
 @dataclass(frozen=True)
@@ -49,9 +53,11 @@ class Noise:
         return ",".join(f"{name}:{value}" for name, value in given.items() if value is not None) or "none"
 
 
-def _named_or_none(text: str, parsers: Mapping[str, Any]) -> dict[str, Any]:
+def _named_or_none(
+    text: str, parsers: Mapping[str, Any], known: Collection[str] | None = None
+) -> dict[str, Any]:
     """Parse values by name; ``none`` takes back those of an ini file."""
-    return {} if text.strip() == "none" else named_values(text, ":", parsers)
+    return {} if text.strip() == "none" else named_values(text, ":", parsers, known)
 
 
 def _noise(text: str) -> Noise:
@@ -87,23 +93,18 @@ def _wrap(text: str) -> dict[str, str]:
     def reader(name: str) -> Any:
         return lambda mode: known_in(WRAPPERS[name].modes)(mode)
 
-    modes = _named_or_none(text, {name: reader(name) for name in WRAPPERS})
+    modes = _named_or_none(text, {name: reader(name) for name in WRAPPERS}, WRAPPERS)
     return dict(sorted(modes.items(), reverse=True))
 
 
-def _wrap_recorded() -> Mapping[str, Recorded]:
-    hidden = ("horizon", "query_interval")
-    return {
-        name: Recorded(
-            "policy",
-            Text,
-            methodcaller("get", name),
-            as_played=True,
-            hides=hidden,
-            option=f"{name}:{{}}".format,
-        )
-        for name in WRAPPERS
-    }
+def _wrap_played(spec: Json, asked: Mapping[str, str] | None) -> dict[str, str] | None:
+    """Return the wrappers around a policy, without those of an adapter's own that no package offers."""
+    played = dict(map(setting_of, spec.get("wrappers", ())))
+    return {name: played[name] for name in played if name in WRAPPERS or name in (asked or {})} or None
+
+
+def _of_spec(name: str) -> Callable[[Json, Any], Any]:
+    return lambda spec, _: spec.get(name)
 
 
 def _latency(text: str) -> Latency | str:
@@ -201,13 +202,13 @@ class ProtocolSettings:
         "ACTIONS",
         "Override H (chunk size), the most actions a query returns",
         positive,
-        recorded=Recorded("policy", Positive, usual=ALWAYS, as_played=True),
+        recorded=Recorded("policy", Positive, usual=ALWAYS, as_played=_of_spec("horizon")),
     )
     query_interval: int | None = setting(
         "ACTIONS",
         "Override Q (execution horizon, replan steps), the actions executed before the next query",
         positive,
-        recorded=Recorded("policy", Positive, usual=ALWAYS, as_played=True),
+        recorded=Recorded("policy", Positive, usual=ALWAYS, as_played=_of_spec("query_interval")),
     )
     wrap: Mapping[str, str] = setting(
         "restore:MODE,adaptive:WATCH",
@@ -218,7 +219,14 @@ class ProtocolSettings:
         "(privileged); or one of another package; none for none",
         _wrap,
         default={},
-        recorded=_wrap_recorded,
+        recorded=Recorded(
+            "policy",
+            Texts,
+            lambda modes: dict(modes) or None,
+            as_played=_wrap_played,
+            hides=("horizon", "query_interval"),
+            option=lambda modes: ",".join(map(":".join, modes.items())),
+        ),
     )
     noise: Noise = setting(
         "sham:SHARE,floor:PAIRS",
@@ -250,7 +258,15 @@ class ProtocolSettings:
     @property
     def extras(self) -> str:
         """Words for pytest's header; empty for a plain run."""
-        return "".join(f", {words}" for words in protocol_words(self.recorded("protocol")).values())
+        policy = self.recorded("policy")
+        asked = [
+            f"{name.replace('_', ' ')} {field.option(policy[name])}"
+            for name, field in declared("policy").items()
+            if field.as_played and field.option and policy.get(name) is not None
+        ]
+        return "".join(
+            f", {words}" for words in (*protocol_words(self.recorded("protocol")).values(), *asked)
+        )
 
 
 DECLARED = options_of(ProtocolSettings)
@@ -265,6 +281,13 @@ def declared(part: Part) -> dict[str, Recorded]:
         for name, recorded in option.records.items()
         if recorded.part == part
     }
+
+
+def renamed(policy: Json) -> Json:
+    """Return a policy's part of a provenance with the fields of earlier runs as they are written now."""
+    modes = {name: policy[name] for name in _WRAPPERS_BEFORE if isinstance(policy.get(name), str)}
+    kept = {name: value for name, value in policy.items() if name not in _WRAPPERS_BEFORE}
+    return {**kept, "wrap": modes} if modes else kept
 
 
 def require_settings(provenance: Json) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
+from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import Object
 from pytest_libero_max.errors import LiberoMaxError, OptionError
 
@@ -38,8 +39,9 @@ class Recorded:
     record among its fingerprints, unless it is an object."""
     kind: Literal["setting", "added", "policy", "place"] | None = None
     """Kind of a difference between runs, see :mod:`.comparability`; None for that of the part."""
-    as_played: bool = False
-    """True if the policy's spec says as well how it was played."""
+    as_played: Callable[[Json, Any], Any] | None = None
+    """Returns what the policy's spec says of it, as played, of that and of the field's content; None where it
+    says nothing."""
     hides: tuple[str, ...] = ()
     """Fields of a policy's spec that are not those asked for, where this one is."""
     option: Callable[[Any], str] | None = str

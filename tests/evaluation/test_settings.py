@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -61,6 +61,13 @@ def windy(speed: float) -> Windy:
 def run_with(published: StoredRun, **settings: object) -> Run:
     changed = {**published.run.provenance["protocol"], **settings}
     return Run(published.run.planned, {**published.run.provenance, "protocol": changed})
+
+
+def test_the_header_names_how_the_policy_is_asked_and_what_is_around_it() -> None:
+    plain = resolve({**USUAL, "policy": "noop", "manifest": "cases.json"}, Path.cwd())
+    wrappers = {"restore": "gated", "adaptive": "image"}
+    asked = replace(plain, horizon=8, query_interval=4, wrap=wrappers)
+    assert asked.extras == ", horizon 8, query interval 4, wrap restore:gated,adaptive:image"
 
 
 def test_a_new_setting_is_said_by_header_record_and_provenance_unless_it_is_the_usual() -> None:
@@ -122,7 +129,7 @@ def test_substrates_are_spelled_as_they_are_read() -> None:
     assert option.parse(str(own)) == own
     for text, words in (
         ("libero:semantics=right", "Known: corrected, published"),
-        ("libero:colour=red", "expected NAME=VALUE"),
+        ("libero:colour=red", "colour is unknown"),
         ("embedded:semantics=corrected", "takes no options, but libero does"),
     ):
         with pytest.raises(OptionError, match=words):

@@ -48,8 +48,7 @@ FIELDS: dict[str, tuple[str, Json]] = {
     "weights": ("policy", {"policy": {"weights": "0" * 64}}),
     "reference": ("address", {"policy": {"reference": "other.py"}}),
     "profile": ("place", {"policy": {"profile": "there.toml"}}),
-    "restore": ("policy", {"policy": {"restore": "gated"}}),
-    "adaptive": ("policy", {"policy": {"adaptive": "image"}}),
+    "wrap": ("policy", {"policy": {"wrap": {"restore": "gated"}}}),
     "asked_horizon": ("policy", {"policy": {"horizon": 4}}),
     "asked_query_interval": ("policy", {"policy": {"query_interval": 2}}),
     "program": ("setting", {"protocol": {"program": {"name": "twice", "digest": "a" * 64}}}),
@@ -140,7 +139,7 @@ OPTIONS: dict[str, str] = {
     "latency": "latency",
     "horizon": "asked_horizon",
     "query_interval": "asked_query_interval",
-    "wrap": "restore",
+    "wrap": "wrap",
     "noise": "sham",
 }
 """The row of :data:`FIELDS` by which an option of a run is compared."""
@@ -215,7 +214,7 @@ def test_files_that_policies_read_are_named_and_tolerated_in_comparisons(part: s
     assert differences_between(sides | {HERE: side()}, EVERYTHING) == []  # not recorded
     assert bool(differences_between(sides | {HERE: side(None, **{part: {}})}, EVERYTHING)) is only
     assert policy_differences(sides | {HERE: side(None, **{part: other, "name": "another"})}) == []
-    asked = side({"policy": {"horizon": 4, "restore": "gated"}}, **{part: one})
+    asked = side({"policy": {"horizon": 4, "wrap": {"restore": "gated"}}}, **{part: one})
     assert policy_differences(sides | {HERE: asked}) == []
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,12 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
+from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.policies.wrappers import WRAPPERS
 from pytest_libero_max.runs import store as store_module
 from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.replay_command import replay_of
 from pytest_libero_max.runs.store import PairStore, read_pairs, read_to_resume
 from tests.report.made_up import POLICY, PROVENANCE, error_of, plan, record_of
 
@@ -493,6 +497,51 @@ def test_records_agree_with_the_header(tmp_path: Path, run: Run, header: Json, m
     with pytest.raises(OtherRunError, match=message):
         store.append(record_of(run.planned[0], True, True, fingerprints=prints))
     store.close()
+
+
+ABSENT = {"flicker": "low"}
+"""A wrapper of a package that is not installed."""
+
+
+@pytest.mark.parametrize(
+    ("header", "words", "message"),
+    [
+        ({}, [], None),
+        ({}, ["mine=1"], None),  # an adapter's own
+        ({"wrap": {"restore": "gated"}}, ["mine=1", "restore=gated"], None),
+        ({"restore": "gated"}, ["restore=gated"], None),  # of an earlier run
+        ({"wrap": ABSENT, "horizon": 30}, ["flicker=low H=30 Q=2"], None),
+        ({"code": "outside"}, ["restore=gated"], None),
+        ({}, ["restore=gated"], r"policy\.wrap=.*'gated'.* says None"),
+        ({"wrap": {"restore": "gated"}}, [], r"policy\.wrap=None.* says .*'gated'"),
+        ({"restore": "always"}, ["restore=gated"], r"policy\.wrap=.*'gated'.* says .*'always'"),
+        ({"wrap": ABSENT}, [], r"policy\.wrap=None.* says .*'low'"),
+    ],
+)
+def test_wrappers_of_records_are_those_of_the_header_installed_or_not(
+    tmp_path: Path,
+    run: Run,
+    header: Json,
+    words: list[str],
+    message: str | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(WRAPPERS, "_loaders", {"restore": lambda: None})
+    provenance = {**PROVENANCE, "policy": {**PROVENANCE["policy"], **header}}
+    asked = Run.from_dict({**run.to_dict(), "provenance": provenance})
+    policy = {**POLICY, **({"wrappers": words} if words else {})}
+    store = PairStore(tmp_path, asked)
+    with nullcontext() if message is None else pytest.raises(OtherRunError, match=message):
+        store.append(record_of(run.planned[0], True, True, policy=policy))
+    store.close()
+
+
+def test_a_replay_names_a_wrapper_that_is_not_installed() -> None:
+    policy = {**PROVENANCE["policy"], "wrap": {"restore": "gated", **ABSENT}}
+    command = replay_of({**PROVENANCE, "policy": policy})
+    assert "--libero-max-wrap=restore:gated,flicker:low" in command
+    with pytest.raises(OptionError, match=r"flicker is unknown.*install that package"):
+        next(option for option in OPTIONS if option.name == "wrap").read("flicker:low", "wrap")
 
 
 DIFFERENCES: list[tuple[Json, str]] = [

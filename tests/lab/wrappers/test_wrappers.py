@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.evaluation.policy_source import wrapped
+from pytest_libero_max.evaluation.resolving import resolve
+from pytest_libero_max.evaluation.settings import OPTIONS
+from pytest_libero_max.lab.wrappers.restoration import RestoringPolicy
+from pytest_libero_max.policies.wrappers import WRAPPERS
+from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import read_pairs
+from tests.pairing.actors import Approaching
 from tests.plugin.conftest import REACHER, results, run, short_sessions, tiny_manifest
 
 __all__ = ["results", "run", "short_sessions"]  # fixtures
@@ -50,7 +59,20 @@ def test_a_run_is_not_continued_in_another_mode(noise: Run) -> None:
     assert noise("--libero-max-limit=1").ret == 0
     result = noise("--libero-max-limit=1", "--libero-max-resume", "--libero-max-wrap=restore:always")
     assert result.ret != 0
-    result.stdout.fnmatch_lines(["*policy.restore: None, 'always'. Resume with the same*"])
+    result.stdout.fnmatch_lines(["*policy.wrap: None, {'restore': 'always'}. Resume with the same*"])
+
+
+def test_a_wrapper_is_put_on_by_the_run_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = {option.field: option.default for option in OPTIONS} | {"policy": "noop"}
+    plain = resolve(values, Path.cwd())
+    own = RestoringPolicy(Approaching(cameras=("agentview",)), "gated")
+    with pytest.raises(AdapterError, match=r"Take it off there.*wrap=restore:gated"):
+        wrapped(own, plain)
+    asked = replace(plain, wrap={"restore": "always"})
+    assert wrapped(own.inner, asked).spec.wrappers == ("restore=always",)
+    monkeypatch.setattr(WRAPPERS, "_loaded", {"restore": lambda policy, mode: WrappedPolicy(policy, "x")})
+    with pytest.raises(AdapterError, match="has to begin with restore=always"):
+        wrapped(own.inner, asked)
 
 
 def test_a_policy_without_images_stops_the_run(run: Run) -> None:
