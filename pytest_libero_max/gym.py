@@ -87,9 +87,8 @@ class PairedRun:
         cases: The cases that are to be played, in the order of play.
 
     Raises:
-        ReportError: The folder holds another run.
-        OptionError: The folder cannot be written to, another run is in progress in it, or the track or
-            a case is unknown.
+        OptionError: The folder holds another run, or one of another policy, or cannot be written to, another
+            run is in progress in it, or the track or a case is unknown.
         ManifestError: The manifest cannot be read.
     """
 
@@ -111,7 +110,7 @@ class PairedRun:
         settings = _settings(Path(folder), policy, ChosenSubstrate(substrate, options or SubstrateOptions()))
         of_run = _CasesOfLoop(settings, manifest, _named(cases, manifest), limit, only)
         self._keeper = RunKeeper(
-            settings, of_run, _PolicyOfLoop(settings), Stop(settings), Path.cwd(), by_hand=True
+            settings, of_run, _PolicyOfLoop(settings, policy), Stop(settings), Path.cwd(), by_hand=True
         )
         self._keeper.read_before()
         self._keeper.check_folder()
@@ -208,7 +207,15 @@ class PairedRun:
 
     def _failed(self, case: Case, error: LiberoMaxError, phase: str) -> None:
         if case.case_id in self._left:
-            self._keeper.add(PairError.of(case, error, phase))
+            self._keep(PairError.of(case, error, phase))
+
+    def _keep(self, result: PairRecord | PairError) -> None:
+        """Store a pair; where it cannot be stored, no later one could be, and the run is over."""
+        try:
+            self._keeper.add(result)
+        except LiberoMaxError:
+            self.close()
+            raise
 
     def _end(self, env: ArmOfRun, result: RolloutResult) -> None:
         """Take in an arm that has ended; write the record when it was the last one of its pair."""
@@ -226,7 +233,7 @@ class PairedRun:
             record = PairRecord.of(case, instruction, played, self.policy, fingerprints, {})
             if is_selected(record, self._traced):
                 write_trace(self._traces, Pair(record, rollouts))
-            self._keeper.add(self._keeper.checked(record))
+            self._keep(self._keeper.checked(record))
         else:
             return
         del self._ended[case.case_id]
@@ -413,13 +420,20 @@ class _CasesOfLoop(RunCases):
 
 
 class _PolicyOfLoop(PolicySource):
-    """A policy that only the loop has, known by its name."""
+    """A policy that only the loop has, known by its spec."""
+
+    def __init__(self, settings: Settings, spec: PolicySpec) -> None:
+        super().__init__(settings)
+        self._spec = spec
 
     def check(self) -> None:
         """Look at nothing: there is nothing to load."""
 
     def identity(self) -> str:
         return OUTSIDE
+
+    def spec(self) -> Json:
+        return self._spec.to_dict()
 
 
 def _settings(folder: Path, policy: PolicySpec, substrate: ChosenSubstrate) -> Settings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +15,15 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.cli import main
-from pytest_libero_max.errors import OptionError, ProtocolError
+from pytest_libero_max.errors import OptionError, OtherRunError, ProtocolError
+from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.report.page.case_table import run_cases
+from pytest_libero_max.runs.lock import require_free
 from pytest_libero_max.runs.replay_command import replay_command, replay_text
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.substrates.registry import open_substrate
@@ -93,6 +96,37 @@ def test_a_loop_of_ones_own_writes_the_records_of_the_runner(
     assert (tmp_path / "report.html").exists()
     assert not PairedRun(tmp_path, policy.spec, CASES, substrate="tiny").cases
     capsys.readouterr()
+
+
+def test_a_run_is_resumed_with_its_own_policy_alone_and_a_refusal_leaves_the_folder_free(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    policy = Approaching(wait=2, horizon=5, interval=4)
+    run = PairedRun(tmp_path, policy.spec, CASES, substrate="tiny")
+    for arm in (BASE, DYNAMIC):
+        play(run.env(run.cases[0], arm), policy)
+    run.close()
+    other = replace(policy.spec, query_interval=2)
+    with pytest.raises(OptionError, match=r"policy\.query_interval: 4, 2.*another output folder"):
+        PairedRun(tmp_path, other, CASES, substrate="tiny")
+    require_free(tmp_path)
+    before = (tmp_path / "pairs.jsonl").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(Stop, "begin", _broken)
+        with pytest.raises(OSError, match="broken"):
+            PairedRun(tmp_path, policy.spec, CASES, substrate="tiny")
+    require_free(tmp_path)
+    assert (tmp_path / "pairs.jsonl").read_bytes() == before
+    again = PairedRun(tmp_path, policy.spec, CASES, substrate="tiny")
+    again.policy = other  # found by nothing but the record
+    play(again.env(again.cases[0]), policy)
+    with pytest.raises(OtherRunError):
+        play(again.env(again.cases[0], DYNAMIC), policy)
+    require_free(tmp_path)
+
+
+def _broken(*_: object) -> None:
+    raise OSError("broken")
 
 
 def test_a_case_is_selected_by_either_of_its_ids(tmp_path: Path) -> None:

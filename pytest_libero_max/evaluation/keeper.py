@@ -239,18 +239,22 @@ class RunKeeper:
         stored = None
         if settings.resume:
             with about("--libero-max-resume: "):
-                store, stored = PairStore.resume(settings.output, run, self.before)
+                store, stored = PairStore.resume(settings.output, run, self.before, self.source.spec())
                 self.before = None  # the records of a long run take memory
                 store.begin()
         else:
             store = PairStore(settings.output, run)
             store.begin()
-        self.store = store
         settled: list[PairRecord | PairError] = []
         if stored is not None:
             settled += [*stored.records, *stored.refused]
             self.changed += changed_pairs(stored.records)
-        self.stop.begin(run, settled)
+        try:
+            self.stop.begin(run, settled)
+        except BaseException:
+            store.abandon()
+            raise
+        self.store = store
         return settled
 
     def _provenance(self, selection: Selection, command: Sequence[str], folder: Path) -> Json:

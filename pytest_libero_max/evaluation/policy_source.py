@@ -100,6 +100,10 @@ class PolicySource:
         close_policy(policy)
         forget_adapter()
 
+    def spec(self) -> Json | None:
+        """Return the policy's spec as it will be played, where that is known before it is loaded."""
+        return None
+
     def provenance(self) -> Json:
         """Return the policy as it was asked for."""
         several = self.several_servers
@@ -143,6 +147,15 @@ class GivenPolicy(PolicySource):
 
     def identity(self) -> str:
         return OBJECT
+
+    def spec(self) -> Json | None:
+        from pytest_libero_max.policies.contract import PolicySpec
+
+        settings, spec = self.settings, getattr(self.thing, "spec", None)
+        if self.is_made or settings.wrap or not isinstance(spec, PolicySpec):
+            return None
+        asked = {"horizon": settings.horizon, "query_interval": settings.query_interval}
+        return spec.to_dict() | {name: value for name, value in asked.items() if value is not None}
 
     def load(self, seat: int, run_begun_s: float | None) -> Policy:
         """Return the policy; one that was given has its spec back in :meth:`release`."""

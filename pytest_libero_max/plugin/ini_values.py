@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.runs.setting import Option
+
 
 def in_file(config: pytest.Config) -> Mapping[str, Any]:
     """Return the entries of the ini file and of ``-o``, by key."""
@@ -16,23 +18,48 @@ def in_file(config: pytest.Config) -> Mapping[str, Any]:
     return entries
 
 
-def native_value(key: str, value: object, *, many: bool, switch: bool) -> Any:
+def native_value(option: Option, value: object) -> Any:
     """Return a value of a TOML table as another ini file writes it: text, a list of texts, True or False.
 
     pytest reads there only the one type that is declared, and a limit, a share or a shard is a number in one
-    project and text in the next.
+    project and text in the next. Where an option's text has parts, a list is several of them and a table has
+    them by name: ``{cadence = [2, 4]}`` is ``cadence:2,4``.
+
+    Returns:
+        None for an empty list or table.
 
     Raises:
         pytest.UsageError: It has a type that the option does not have.
     """
-    values = value if many and isinstance(value, list) else [value]
-    kinds = (bool,) if switch else (str, int, float)
-    expected = "true or false" if switch else "text or a number"
-    for entry in values:
-        if not isinstance(entry, kinds) or isinstance(entry, bool) != switch:
-            choice = f"{expected}, or a list of these" if many else expected
-            raise pytest.UsageError(f"ini option {key}={entry!r}: expected {choice}")
-    if not many:
-        return value if switch else str(value)
-    texts = [line.strip() for entry in values for line in str(entry).splitlines()]
-    return [text for text in texts if text]
+    if option.switch:
+        if not isinstance(value, bool):
+            raise _unexpected(option, value, "true or false")
+        return value
+    if option.many:
+        values = value if isinstance(value, list) else [value]
+        lines = [line.strip() for entry in values for line in _single(option, entry).splitlines()]
+        return [line for line in lines if line]
+    return (_spelled(option, value, ":") or None) if option.has_parts else _single(option, value)
+
+
+def _spelled(option: Option, value: object, mark: str) -> str:
+    """Return the text of a list or table; ``mark`` stands between name and value, inside a table of them ``=``."""
+    if isinstance(value, list):
+        return ",".join(_spelled(option, entry, mark) for entry in value)
+    if isinstance(value, dict):
+        return ",".join(f"{name}{mark}{_spelled(option, entry, '=')}" for name, entry in value.items())
+    return _single(option, value)
+
+
+def _single(option: Option, value: object) -> str:
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        one = "text or a number"
+        expected = f"{one}, or a list of these" if option.many else one
+        if option.has_parts:
+            expected = f"{one}, a list of these or a table of them by name, as in {option.metavar}"
+        raise _unexpected(option, value, expected)
+    return str(value)
+
+
+def _unexpected(option: Option, value: object, expected: str) -> pytest.UsageError:
+    return pytest.UsageError(f"ini option {option.key}={value!r}: expected {expected}")

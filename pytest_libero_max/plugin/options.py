@@ -219,7 +219,7 @@ def ini_value(config: pytest.Config, key: str) -> Any:
     """
     entry = in_file(config).get(key)
     if entry is not None and getattr(entry, "mode", "ini") == "toml":
-        return native_value(key, entry.value, many=_OPTION_OF[key].many, switch=_OPTION_OF[key].switch)
+        return native_value(_OPTION_OF[key], entry.value)
     try:
         return config.getini(key)
     except (ValueError, pytest.UsageError) as error:  # which one depends on pytest's version

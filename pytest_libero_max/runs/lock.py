@@ -42,12 +42,11 @@ class Mark:
         self._owner = f"{_OWNER} {os.getpid()} on {socket.gethostname()}\n".encode()
         try:
             self._descriptor = self._locked()
+            self._left_by_a_run = os.fstat(self._descriptor).st_size > 0
             try:
                 self._write(b"")
             except OSError:
-                if not os.fstat(self._descriptor).st_size:  # no earlier run has left it
-                    self.path.unlink()
-                os.close(self._descriptor)
+                self.abandon()
                 raise
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
@@ -67,6 +66,13 @@ class Mark:
         with suppress(OSError):  # the folder may be gone
             self.path.unlink()
         os.close(self._descriptor)
+
+    def abandon(self) -> None:
+        """Release the lock; the mark stays where a run before this one was killed and has left it."""
+        if self._left_by_a_run:
+            os.close(self._descriptor)
+        else:
+            self.remove()
 
     def _locked(self) -> int:
         while True:

@@ -92,6 +92,11 @@ class Option:
         return f"libero_max_{self.field}"
 
     @property
+    def has_parts(self) -> bool:
+        """True if its text has parts with commas or colons between, which the metavar shows."""
+        return not {*",:"}.isdisjoint(self.metavar)
+
+    @property
     def records(self) -> Mapping[str, Recorded]:
         """The fields of the provenance in which it is recorded, by name."""
         if isinstance(self.recorded, Recorded):

@@ -30,7 +30,7 @@ from pytest_libero_max.benchmark.order import SORTED_NAME
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
-from pytest_libero_max.runs.agreement import Agreement
+from pytest_libero_max.runs.agreement import Agreement, policy_differences
 from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
 from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
@@ -124,7 +124,7 @@ class PairStore:
 
     @classmethod
     def resume(
-        cls, folder: Path, run: Run, stored: StoredRun | None = None
+        cls, folder: Path, run: Run, stored: StoredRun | None = None, policy: Json | None = None
     ) -> tuple[PairStore, StoredRun | None]:
         """Continue the run in ``folder``, or begin it where there is none.
 
@@ -135,6 +135,7 @@ class PairStore:
             folder: Output folder.
             run: The run to resume.
             stored: Result of :func:`read_to_resume`; None to read it now.
+            policy: The policy's spec, where it is known before it plays.
 
         Returns:
             The store and what it already holds, None for a new run.
@@ -149,7 +150,7 @@ class PairStore:
         stored = stored or read_to_resume(folder)
         if stored is None:
             return store, None
-        _require_same_run(stored, run, store.path)
+        _require_same_run(stored, run, store.path, policy)
         for record in stored.records:
             store._agreement.add(record, str(store.path))
         store._refused = {error.case_id: error for error in stored.refused}
@@ -166,6 +167,20 @@ class PairStore:
         """
         if self._mark is None:
             self._mark = Mark(self.path.parent)
+        try:
+            self._open()
+        except BaseException:
+            self.abandon()
+            raise
+
+    def abandon(self) -> None:
+        """Let go of a folder in which nothing could be played: it is as if this run had not begun."""
+        self._shut()
+        if self._mark is not None:
+            self._mark.abandon()
+        self._mark = None
+
+    def _open(self) -> None:
         try:
             if self._append_to_existing:
                 self._repair()
@@ -239,16 +254,19 @@ class PairStore:
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}.") from error
         finally:
-            with self._lock:
-                if self._sync is not None:
-                    self._sync.cancel()
-                if self._file is not None:
-                    self._file.close()
-                self._file = self._sync = None
+            self._shut()
             if self._mark is not None:
                 self._mark.remove()
             self._mark = None
             self._append_to_existing = True
+
+    def _shut(self) -> None:
+        with self._lock:
+            if self._sync is not None:
+                self._sync.cancel()
+            if self._file is not None:
+                self._file.close()
+            self._file = self._sync = None
 
     def _write_line(self, line: bytes) -> None:
         if self._file is None:
@@ -521,7 +539,7 @@ def _kind_of(line: bytes) -> object:
     return _HEAD.decode(line).line
 
 
-def _require_same_run(stored: StoredRun, wanted: Run, path: Path) -> None:
+def _require_same_run(stored: StoredRun, wanted: Run, path: Path, policy: Json | None) -> None:
     before = stored.run
     then, now = (run.provenance.get("order", SORTED_NAME) for run in (before, wanted))
     if then != now:
@@ -535,6 +553,8 @@ def _require_same_run(stored: StoredRun, wanted: Run, path: Path) -> None:
             "Resume with the same track, manifest, program and selection, or choose another output folder."
         )
     different = measurement_differences(before, wanted, declared=declare_weights(stored.records))
+    if not different and policy is not None and stored.records:
+        different = policy_differences(stored.records[0].policy, policy)
     if different:
         raise ReportError(
             f"{path} was played with something else than now (then, now): {'; '.join(different)}. Resume "

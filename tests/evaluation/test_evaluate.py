@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +201,10 @@ def test_an_interrupted_run_goes_on(folder: Path) -> None:
         evaluate(policy, limit=4, **HOW)
     before = read_pairs(folder / "libero-max-results").records
     assert len(before) == 2
+    own, policy.spec = policy.spec, replace(policy.spec, query_interval=1)
+    with pytest.raises(OptionError, match=r"policy\.query_interval: .* 1\. Resume with the same"):
+        evaluate(policy, limit=4, resume=True, **HOW)
+    policy.spec = own
     result = evaluate(policy, limit=4, resume=True, **HOW)
     assert result.passed
     assert read_pairs(folder / "libero-max-results").records[:2] == before

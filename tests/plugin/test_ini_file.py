@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.evaluation.settings import OPTIONS
+from pytest_libero_max.plugin.ini_values import native_value
 from tests.plugin.conftest import REACHER, tiny_manifest
 
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
@@ -35,6 +37,47 @@ def project(pytester: pytest.Pytester, short_sessions: None) -> pytest.Pytester:
     pytester.path.joinpath("tests/test_mine.py").write_text("def test_mine(): pass\n")
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     return pytester
+
+
+_OPTIONS = {option.name: option for option in OPTIONS}
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("limit", 8, "8"),
+        ("resume", True, True),
+        ("gate", ["delta > 0", "missing == 0"], ["delta > 0", "missing == 0"]),
+        ("noise", {"sham": 0.2, "floor": 4}, "sham:0.2,floor:4"),
+        ("wrap", ["restore:gated", {"adaptive": "image"}], "restore:gated,adaptive:image"),
+        ("wrap", [], None),
+        (
+            "substrate",
+            {"libero": {"semantics": "corrected", "variations": "own"}},
+            "libero:semantics=corrected,variations=own",
+        ),
+        ("study", {"cadence": [2, 4]}, "cadence:2,4"),
+        ("timeout", {"query": 20, "pair": 600}, "query:20,pair:600"),
+    ],
+)
+def test_lists_and_tables_are_read_as_the_option_spells_them(name: str, value: object, text: object) -> None:
+    assert native_value(_OPTIONS[name], value) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("horizon", [4], r"libero_max_horizon=\[4\]: expected text or a number$"),
+        ("gate", {"delta": 0}, "or a list of these$"),
+        ("noise", {"sham": True}, "libero_max_noise=True: .* table of them by name, as in sham:SHARE"),
+        ("resume", 1, "libero_max_resume=1: expected true or false"),
+    ],
+)
+def test_another_type_is_refused_with_the_key_and_what_it_takes(
+    name: str, value: object, message: str
+) -> None:
+    with pytest.raises(pytest.UsageError, match=message):
+        native_value(_OPTIONS[name], value)
 
 
 def set_testpaths(project: pytest.Pytester, *paths: str) -> None:

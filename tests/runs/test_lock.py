@@ -12,7 +12,7 @@ from pytest_libero_max.errors import DiskError, OptionError, ReportError
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.writers.report_files import read_report, write_reports
-from pytest_libero_max.runs.lock import MARK_NAME
+from pytest_libero_max.runs.lock import MARK_NAME, require_ended, require_free
 from pytest_libero_max.runs.merge import merge_folders
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, read_pairs
@@ -48,6 +48,21 @@ def test_no_reader_takes_a_run_in_progress_or_a_killed_one_for_a_result(tmp_path
             kill(store)
     (folder / MARK_NAME).unlink()
     assert len(read_pairs(folder).records) == 2
+
+
+def test_a_folder_that_is_let_go_is_as_it_was(tmp_path: Path) -> None:
+    new = PairStore(tmp_path, RUN)
+    new.begin()
+    new.abandon()
+    assert not (tmp_path / MARK_NAME).exists()
+    kill(_played(tmp_path, 2))
+    resumed, _ = PairStore.resume(tmp_path, RUN)
+    (tmp_path / "pairs.jsonl").write_bytes(b"")  # another process, meanwhile
+    with pytest.raises(OptionError, match="was written by another run"):
+        resumed.begin()
+    require_free(tmp_path)
+    with pytest.raises(ReportError, match="was killed before it ended"):
+        require_ended(tmp_path)
 
 
 def test_a_run_that_begins_takes_away_the_reports_of_the_one_before(tmp_path: Path) -> None:
