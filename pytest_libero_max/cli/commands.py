@@ -76,6 +76,8 @@ FORMERLY = {
     "bench-images": "dev bench device",
     "bench-device": "dev bench device",
     "bench-genuine": "dev bench genuine",
+    "dev bench images": "dev bench device",
+    "dev bench serving": "dev bench device",
 }
 """New names of commands; of a group, with its dot, what it did itself. Those in a group are found there."""
 
@@ -152,14 +154,13 @@ class CommandPlace(_Action):
         return (*self.choices, *self.waiting())
 
     def hint(self, name: str) -> str:
-        """Return the new name of a command that does not belong here, or the one that was probably meant."""
+        """Return the group of a command that does not belong here, or the name that was probably meant."""
         closest = did_you_mean(name, self.names())
         if self.prefix:
             alone = FORMERLY.get(self.prefix)
             return f"{closest} Without a part it was what is now libero-max {alone}" if alone else closest
         grouped = [key.replace(".", " ") for key in COMMANDS if key.endswith(f".{name}")]
-        new = [FORMERLY[name]] if name in FORMERLY else grouped
-        return f"It is now libero-max {new[0]}" if new else closest
+        return f"It is now libero-max {grouped[0]}" if grouped else closest
 
     def require(self, name: str) -> None:
         """Add a command if it belongs here.

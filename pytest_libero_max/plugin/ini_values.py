@@ -43,7 +43,7 @@ def native_value(option: Option, value: object) -> Any:
 
 
 def _spelled(option: Option, value: object, mark: str) -> str:
-    """Return the text of a list or table; ``mark`` stands between name and value, inside a table of them ``=``."""
+    """Return the text of a value; ``mark`` stands between name and value, and ``=`` in a table inside."""
     if isinstance(value, list):
         return ",".join(_spelled(option, entry, mark) for entry in value)
     if isinstance(value, dict):

@@ -67,6 +67,26 @@ def test_a_command_that_went_into_a_group_names_it(
 
 
 @pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        ("watch", "now libero-max runs --follow"),
+        ("dev bench images", "now libero-max dev bench device"),
+        ("dev bench serving", "now libero-max dev bench device"),
+        ("dev bench speed", "choose from 'pairs'"),
+        ("list cases smoke --source-variations=own", "spelled --substrate=libero:variations=WHICH"),
+        ("dev build out --semantics corrected", "spelled --substrate=libero:semantics=WHICH"),
+        ("doctor --semantics corrected", "unrecognized arguments: --semantics corrected\n"),
+    ],
+)
+def test_an_old_spelling_is_answered_with_the_new_one(
+    words: str, answer: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(words.split())
+    assert answer in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("module", "reason"),
     [
         ("raise RuntimeError('at import')", "RuntimeError: at import"),

@@ -53,8 +53,9 @@ def page() -> str:
 ## Options
 
 Every option is also an ini key. The command line wins over the ini file, and the ini file over the default.
-The tables of pytest 9 (`[tool.pytest]`, `pytest.toml`) hold numbers, true and false, and lists as such, and the parts of an option
-by name: `libero_max_noise = {{sham = 0.2, floor = 4}}`, `libero_max_study = {{cadence = [2, 4]}}`.
+The tables of pytest 9 (`[tool.pytest]`, `pytest.toml`) hold numbers, true and false, and lists as such, and
+the parts of an option by name: `libero_max_noise = {{sham = 0.2, floor = 4}}`,
+`libero_max_study = {{cadence = [2, 4]}}`.
 With `PYTEST_DISABLE_PLUGIN_AUTOLOAD=1`, `pytest -p libero_max -p xdist` loads the plugin, and workers.
 
 {options}
