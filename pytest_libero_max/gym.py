@@ -49,7 +49,7 @@ from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import write_trace
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.runs.media import SELECTIONS, TRACES_NAME, is_selected, selection_named
-from pytest_libero_max.runs.replay_command import OUTSIDE
+from pytest_libero_max.runs.plan import OUTSIDE
 from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, open_substrate
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World, height_and_width

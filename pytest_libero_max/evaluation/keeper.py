@@ -228,7 +228,7 @@ class RunKeeper:
                 folder holds another run.
         """
         settings = self.settings
-        require_playable(planned, settings.strength, settings.study)
+        require_playable(planned, settings.strength, settings.study, settings.latency)
         run = Run.of(planned, self._provenance(selection, command, folder))
         if settings.stop is not None:
             settings.stop.rule.check_run(run)

@@ -8,7 +8,7 @@ from pytest_libero_max.benchmark.documents import Json, known
 from pytest_libero_max.errors import AdapterError, class_name
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.policies.clients.address import is_served
-from pytest_libero_max.runs.replay_command import OBJECT
+from pytest_libero_max.runs.plan import OBJECT
 
 if TYPE_CHECKING:
     from pytest_libero_max.policies.clients.servers import Servers

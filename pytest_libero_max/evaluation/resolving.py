@@ -127,12 +127,8 @@ def _study(values: dict[str, Any], here: Path) -> Study | None:
         return None
     study = find_study(values["study"], here)
     varies = {key for arm in study.spelled for key in arm}
-    if varies & {"cadence", "latency"} and "adaptive" in values["wrap"]:
-        raise OptionError(
-            f"--libero-max-study={study.name} varies when the policy is asked or answers, but "
-            f"--libero-max-wrap=adaptive:{values['wrap']['adaptive']} chooses when to ask. Leave one of them "
-            "out."
-        )
+    if varies & {"cadence", "latency"}:
+        _require_fixed_cadence(values, f"study={study.name}")
     if "latency" in varies and values["latency"] not in (None, NO_LATENCY):
         raise OptionError(
             f"--libero-max-study={study.name} plays delays of its own, but "
@@ -146,6 +142,20 @@ def _study(values: dict[str, Any], here: Path) -> Study | None:
     if values["track"] is None:
         values["track"] = study.track
     return study
+
+
+def _require_fixed_cadence(values: Mapping[str, Any], option: str) -> None:
+    """Check that nothing but the arms of a study or program decides when a policy is asked.
+
+    Raises:
+        OptionError: A wrapper does.
+    """
+    if "adaptive" in values["wrap"]:
+        raise OptionError(
+            f"--libero-max-{option} varies when the policy is asked or answers, but "
+            f"--libero-max-wrap=adaptive:{values['wrap']['adaptive']} chooses when to ask. Leave one of them "
+            "out."
+        )
 
 
 def _latency(value: Latency | str | None, here: Path) -> Latency:
@@ -184,7 +194,10 @@ def _program(values: Mapping[str, Any], here: Path) -> Program | None:
             "--libero-max-program chooses the arms. Leave one of the two out."
         )
     with about("--libero-max-program: "):
-        return find_program(values["program"], here)
+        program = find_program(values["program"], here)
+    if program.varies("cadence") or program.varies("latency"):
+        _require_fixed_cadence(values, f"program={program.name}")
+    return program
 
 
 @contextmanager

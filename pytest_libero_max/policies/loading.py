@@ -19,13 +19,13 @@ from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.references import (
-    POLICIES,
     Reference,
     file_of,
     find_spec,
     no_module,
     parse_reference,
     refusal,
+    require_installed,
 )
 
 HORIZON_FLAG = "--libero-max-horizon"
@@ -101,18 +101,12 @@ def load_policy(
 
 
 def installed_policy(name: str) -> Policy:
-    """Load a policy by the name under which it is installed: programs are data and name no code.
+    """Load a policy by the name under which it is installed, for an arm that names it.
 
     Raises:
         AdapterError: None is installed under this name, or it cannot be loaded.
     """
-    if name not in POLICIES:
-        raise AdapterError.seen(
-            "policy",
-            name,
-            f" of an arm, but no policy of this name is installed. {did_you_mean(name, POLICIES)} A package "
-            "offers one in the entry-point group pytest_libero_max.policies.",
-        )
+    require_installed(name)
     return load_policy(name)
 
 

@@ -44,6 +44,22 @@ def _built_in() -> Mapping[str, Callable[[], str]]:
 
 POLICIES = registry()
 
+
+def require_installed(name: str) -> None:
+    """Check that a policy of this name is installed: programs are data and name no code.
+
+    Raises:
+        AdapterError: None is.
+    """
+    if name not in POLICIES:
+        raise AdapterError.seen(
+            "policy",
+            name,
+            f" of an arm, but no policy of this name is installed. {did_you_mean(name, POLICIES)} A package "
+            f"offers one in the entry-point group {GROUP}.",
+        )
+
+
 FORMS = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE, PACKAGE.MODULE:NAME, or the name of a policy (expert)."
 
 

@@ -14,9 +14,8 @@ from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import FILES, PROGRAM, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import SCENE, START
 from pytest_libero_max.policies.files_read import CHANGED, WRITTEN
-from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.plan import OUTSIDE, PlannedPair, Run
 from pytest_libero_max.runs.protocol import declared, played_settings
-from pytest_libero_max.runs.replay_command import OUTSIDE
 from pytest_libero_max.runs.setting import ALWAYS
 from pytest_libero_max.worlds.rendering.context import RENDERING
 

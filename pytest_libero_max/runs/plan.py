@@ -44,6 +44,12 @@ Moment = Annotated[
     ),
 ]
 
+OUTSIDE = "outside"
+"""The ``code`` of a policy that another evaluation loop plays (:class:`~pytest_libero_max.gym.PairedRun`)."""
+
+OBJECT = "object"
+"""The ``code`` of a policy that was an object of a program (:func:`pytest_libero_max.evaluate`)."""
+
 _MOST_LEVELS = 16
 """Most lists and objects in each other in the provenance: it holds programs, and these changes."""
 

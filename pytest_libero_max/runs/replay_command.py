@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.runs.plan import OBJECT, OUTSIDE
 from pytest_libero_max.runs.protocol import depends_on_selection, option_values
 from pytest_libero_max.substrates.contract import ChosenSubstrate
 
@@ -21,12 +22,6 @@ if TYPE_CHECKING:
 
 OUTPUT = "libero-max-replay"
 """Output folder of the replayed pair, so that the run itself is not set aside."""
-
-OUTSIDE = "outside"
-"""The ``code`` of a policy that another evaluation loop plays (:class:`~pytest_libero_max.gym.PairedRun`)."""
-
-OBJECT = "object"
-"""The ``code`` of a policy that was an object of a program (:func:`pytest_libero_max.evaluate`)."""
 
 _IN_ITS_PROGRAM = "in the program of that run, in another folder: no command here can load its policy."
 

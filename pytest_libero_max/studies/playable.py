@@ -1,23 +1,38 @@
-"""Check, before the first pair, that the cases of a run can be played at its strength and in its study."""
+"""Check, before the first pair, that the cases of a run can be played, in all their arms."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.errors import ChangeError, OptionError
-from pytest_libero_max.events.schedules import arms_of
+from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
+from pytest_libero_max.errors import ChangeError, ManifestError, OptionError
+from pytest_libero_max.events.schedules import arms_of, check_arms
+from pytest_libero_max.policies.references import require_installed
 from pytest_libero_max.studies.study import Study
 
 
-def require_playable(cases: Iterable[Case], strength: float, study: Study | None) -> None:
-    """Refuse cases whose event cannot be scaled, or which cannot be part of the study.
+def require_playable(
+    cases: Iterable[Case], strength: float, study: Study | None, latency: Latency = NO_LATENCY
+) -> None:
+    """Refuse arms that cannot begin, cases whose event cannot be scaled, and those that do not fit the study.
+
+    Args:
+        cases: The cases.
+        strength: Share of every change.
+        study: Played beside Base and Dynamic; None for none.
+        latency: Of the arms that have none of their own.
 
     Raises:
         ChangeError: A change is malformed.
+        ManifestError: An arm has nothing to go on from.
+        AdapterError: The policy of an arm is not installed.
         OptionError: There are some; names their events and says how to leave them out.
     """
+    cases = tuple(cases)
+    _require_arms(cases, study, latency)
     if strength == 1.0 and study is None:
         return
     whole: Counter[str] = Counter()
@@ -44,6 +59,21 @@ def require_playable(cases: Iterable[Case], strength: float, study: Study | None
             f"The study {study.name} does not fit cases of {_listed(events)}: {objection} Play the track "
             f"{study.track}, or leave them out with -m {_without(events)!r}."
         )
+
+
+def _require_arms(cases: Iterable[Case], study: Study | None, latency: Latency) -> None:
+    """Check the arms of each program once, in one of its cases, with those of the study."""
+    beside = None if study is None else study.program
+    for case in {case.program and case.program.digest: case for case in cases}.values():
+        try:
+            arms = arms_of(case)
+            if beside is not None and case.fits(beside):
+                arms += arms_of(replace(case, program=beside))[2:]
+            check_arms(replace(arm, latency=latency) if arm.latency == NO_LATENCY else arm for arm in arms)
+        except ManifestError as error:
+            raise error.within(f"case {case.case_id!r}") from error
+        for name in {arm.policy for arm in arms} - {None}:
+            require_installed(str(name))
 
 
 def _listed(events: Counter[str]) -> str:

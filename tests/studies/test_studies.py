@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -13,14 +14,24 @@ from hypothesis import strategies as st
 from msgspec import structs
 from numpy.typing import NDArray
 
-from pytest_libero_max.errors import AdapterError, ChangeError, OptionError, ProtocolError, ReportError
+from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.benchmark.latency import Latency
+from pytest_libero_max.benchmark.programs import parse_program
+from pytest_libero_max.errors import (
+    AdapterError,
+    ChangeError,
+    LiberoMaxError,
+    OptionError,
+    ProtocolError,
+    ReportError,
+)
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.studies.study_results import executed
 from pytest_libero_max.studies.camera_study import first_crossing
 from pytest_libero_max.studies.playable import require_playable
-from pytest_libero_max.studies.registry import STUDIES, find_study, study_from_dict
+from pytest_libero_max.studies.registry import STUDIES, find_study, spelled_study, study_from_dict
 from pytest_libero_max.studies.sweeps import CadenceSweep
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
@@ -121,6 +132,30 @@ def test_events_that_happen_whole_or_not_at_all_are_refused_with_a_cure() -> Non
         OptionError, match=r"strength=0\.5, .* camera_shift \(2 cases\)\. .* -m 'not camera_shift'"
     ):
         require_playable([whole, whole], 0.5, None)
+
+
+GOES_ON = {"name": "other", "policy": "noop", "schedule": [{"trigger": "event", "change": "event"}]}
+
+
+@pytest.mark.parametrize(
+    ("arm", "latency", "message"),
+    [
+        ({}, "0steps", None),
+        ({"latency": "4steps"}, "0steps", "arm 'other' has policy='noop', which goes on where"),
+        ({"latency": "4steps"}, "4steps", None),  # that of Base as well
+        ({"repetition": 1}, "0steps", "play an arm of the same latency and repetition"),
+        ({"policy": "nop"}, "0steps", "Did you mean 'noop'"),
+    ],
+)
+def test_an_arm_that_cannot_be_played_is_found_before_any_pair(
+    arm: Json, latency: str, message: str | None
+) -> None:
+    document = {"name": "handed_over", "arms": [{**GOES_ON, **arm}]}
+    case = make_case()
+    study = spelled_study({**document, "title": "Handed over"})
+    for cases, beside in (([replace(case, program=parse_program(document))] * 2, None), ([case], study)):
+        with nullcontext() if message is None else pytest.raises(LiberoMaxError, match=message):
+            require_playable(cases, 1.0, beside, Latency.parse(latency))
 
 
 @QUIET
