@@ -9,7 +9,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.programs import Program
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.events.schedules import Arm, Cadence, arms_of
+from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, Cadence, arms_of
 from pytest_libero_max.policies.cadence import at_cadence
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Study:
         return cls()
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
-        """Return the arms beside Base and Dynamic; not those at the policy's own cadence, which are these.
+        """Return the arms beside Base and Dynamic; not those that are these, at the policy's own cadence.
 
         Args:
             case: The case.
@@ -63,12 +63,17 @@ class Study:
         Raises:
             ChangeError: The event's change cannot be scaled.
         """
-        _, _, *arms = arms_of(replace(case, program=self.program), strength=strength)
-        return tuple(
-            arm
-            for arm in arms
-            if arm.policy is not None or arm.cadence is None or at_cadence(spec, arm.cadence) != spec
-        )
+        base, dynamic, *arms = arms_of(replace(case, program=self.program), strength=strength)
+
+        def as_played(arm: Arm) -> Arm:
+            own = arm.policy is None and arm.cadence is not None and at_cadence(spec, arm.cadence) == spec
+            return replace(arm, cadence=None) if own else arm
+
+        def is_of_pair(arm: Arm) -> bool:
+            return replace(arm, name=BASE) == base or replace(arm, name=DYNAMIC) == dynamic
+
+        played = [(arm, as_played(arm)) for arm in arms]
+        return tuple(now for arm, now in played if now is arm or not is_of_pair(now))
 
     @property
     def scales(self) -> bool:

@@ -134,6 +134,24 @@ def test_a_program_with_these_arms_is_reported_in_the_same_tables(header: Json, 
     )  # from the records alone
 
 
+def test_a_default_that_is_spelled_out_changes_nothing(
+    world: TinyWorld, header: Json, record: PairRecord
+) -> None:
+    document = json.loads(json.dumps(header["document"]))
+    for arm in document["arms"]:
+        own = {"query_interval": 3, "horizon": 6} if "policy" in arm else {"query_interval": 4}
+        arm |= {"repetition": 0, "cadence": own, "schedule": []} | arm
+        for entry in arm["schedule"]:
+            entry |= {"strength": 1.0, "times": 1}
+    spelled = {**header, "document": document}
+    case, policy = make_case(distance_m=0.25), Approaching(wait=2, horizon=8, interval=4)
+    arms = (*arms_of(case), *study_from_dict(spelled).arms(case, policy.spec))
+    how = PairSettings(policies={"other": Approaching(wait=0, horizon=6, interval=3)})
+    again = measure_pair(case, world, policy, how, arms=arms).record
+    assert again.identity() == record.identity()
+    assert tables_of({"study": spelled}, [again]) == tables_of({"study": header}, [record])
+
+
 @pytest.mark.parametrize("prefix", ["fork", "replay"])
 def test_another_policy_goes_on_from_the_state_that_the_event_finds(world: TinyWorld, prefix: Any) -> None:
     case, first = make_case(distance_m=0.25), Approaching(wait=3, horizon=8, interval=4)

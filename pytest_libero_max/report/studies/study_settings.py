@@ -61,7 +61,7 @@ def settings_of(arms: Sequence[Json], records: Sequence[PairRecord]) -> list[Pla
         arms: The arms of a program or a study, as data.
         records: Measured cases, at least one, for what is the policy's own.
     """
-    spelled = {arm["name"]: [*arm.get("schedule", [])] for arm in arms}
+    spelled = {arm["name"]: [*map(_as_short, arm.get("schedule", []))] for arm in arms}
     of_dynamic = spelled.get(DYNAMIC, _EVENT)
     own = PlayedSetting(*_way({"name": DYNAMIC}, records))
     ways: dict[tuple[Any, ...], dict[str, Any]] = {}
@@ -76,6 +76,12 @@ def settings_of(arms: Sequence[Json], records: Sequence[PairRecord]) -> list[Pla
         if {*parts} >= ({"dynamic"} if way[0] else {"base", "dynamic"}):
             settings.setdefault(way, PlayedSetting(*way, **parts))
     return sorted(settings.values(), key=lambda setting: setting.place) if len(settings) > 1 else []
+
+
+def _as_short(entry: Json) -> Json:
+    """Return an entry of a schedule without what it has by default."""
+    usual = {"strength": 1.0, "times": 1}
+    return {key: value for key, value in entry.items() if usual.get(key) != value}
 
 
 def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
