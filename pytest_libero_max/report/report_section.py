@@ -10,13 +10,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.document import Section
 from pytest_libero_max.report.measures import Measured, Rows
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.stats.blocks import Measure
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,17 @@ class PlayedPairs:
     """Settings of the run that differ from the usual ones, as its header has them."""
     with_intervals: bool = True
     """False where a rule has ended the run: intervals are for a fixed number of pairs."""
+
+
+class Chance(NamedTuple):
+    """Pairs that ended otherwise by chance alone."""
+
+    measured_by: str
+    """What was played to know it, in words."""
+    lost: int
+    gained: int
+    pairs: int
+    """Number of pairs among which they were counted."""
 
 
 class ReportSection(ABC):
@@ -59,3 +71,11 @@ class ReportSection(ABC):
     def warnings(self, report: Report) -> Sequence[str]:
         """Return what has to be known before any number, as sentences; none by default."""
         return ()
+
+    def chance(self, measures: Mapping[str, Measure]) -> Chance | None:
+        """Return the pairs that changed without an event, of a section that measures it.
+
+        Args:
+            measures: Numbers of the report's sections, by the names that gates use.
+        """
+        return None

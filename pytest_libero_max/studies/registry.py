@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,7 +14,7 @@ from msgspec import Struct
 from pytest_libero_max.benchmark.programs import BASE, DYNAMIC, parse_program, read_document
 from pytest_libero_max.benchmark.structs import Object, Text, checked
 from pytest_libero_max.errors import ManifestError, OptionError, ReportError
-from pytest_libero_max.registry import Registry, given
+from pytest_libero_max.registry import Registry
 from pytest_libero_max.studies.camera_study import CameraStudy
 from pytest_libero_max.studies.study import Study
 from pytest_libero_max.studies.sweeps import CadenceSweep, LatencySweep
@@ -92,18 +93,17 @@ def _from_file(name: str, settings: str | None) -> Study:
 
 def _own() -> Mapping[str, Callable[[], object]]:
     files = (path.stem for path in sorted(FOLDER.glob("*.json")))
-    sweeps = given("name", CadenceSweep, LatencySweep)()
+    sweeps = {kind.name: partial(getattr, kind, "of") for kind in (CadenceSweep, LatencySweep)}
     return {**{name: partial(partial, _from_file, name) for name in files}, **sweeps}
 
 
-def _accept(name: str, kind: object) -> Callable[[str | None], Study]:
-    """Return what makes a study with settings, of the class that was registered under a name.
+def _of_package(point: EntryPoint) -> Callable[[str | None], Study]:
+    """Return what makes a study with settings, of the class that a package offers.
 
     Raises:
         ValueError: It is none, or one of its attributes breaks a rule.
     """
-    if isinstance(kind, partial) and kind.func is _from_file:
-        return kind
+    name, kind = point.name, point.load()
     if not (isinstance(kind, type) and issubclass(kind, Study)):
         raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.Study")
     if not _NAME.fullmatch(name):
@@ -116,8 +116,13 @@ def _accept(name: str, kind: object) -> Callable[[str | None], Study]:
     return kind.of
 
 
+def _accept(_: str, make: Any) -> Callable[[str | None], Study]:
+    read: Callable[[str | None], Study] = make
+    return read
+
+
 STUDIES: Registry[Callable[[str | None], Study]] = Registry(
-    "study", "pytest_libero_max.studies", _own, _accept, OptionError
+    "study", "pytest_libero_max.studies", _own, _accept, OptionError, _of_package
 )
 """What makes each study from its settings: this package's, then those that installed packages add."""
 

@@ -11,7 +11,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.measures import Measured, Rows, measure_text, measures_of
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.report_section import Chance, PlayedPairs, ReportSection
 from pytest_libero_max.stats.blocks import Measure
 from pytest_libero_max.stats.measured import mean_difference_of, rate_of
 from pytest_libero_max.stats.outcome_table import tabulate
@@ -111,6 +111,14 @@ class Sham(ReportSection):
         rows |= _LESS_SHAM.change(sham, dynamic)
         rows |= chance_rows([record for record in records if SHAM_DYNAMIC in record.arms])
         return {TITLE: rows}
+
+    def chance(self, measures: Mapping[str, Measure]) -> Chance | None:
+        """Return what the sham event lost and gained."""
+        lost, gained = measures.get(_LOST.key), measures.get(_GAINED.key)
+        if lost is None or gained is None:
+            return None
+        pairs = (lost.of or 0) + (gained.of or 0)
+        return Chance("the sham event", lost.count or 0, gained.count or 0, pairs)
 
     def warnings(self, report: Report) -> list[str]:
         """Return notes on a policy that draws noise of its own, and on its floor; else on what was asked."""

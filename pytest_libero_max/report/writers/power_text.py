@@ -10,6 +10,7 @@ from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.report.measures import measures_of
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.sections import SECTIONS
 from pytest_libero_max.stats.power import detectable_loss, pairs_needed
 
 TRACK_SIZES: Mapping[str, int] = {"smoke": 32, "lite": 800, "max": 8000}
@@ -63,20 +64,20 @@ def expectations_of(report: Report) -> tuple[Expectation, ...]:
 def chance_of(report: Report) -> tuple[float, str]:
     """Return the share of pairs that chance loses, and gains, and a sentence on where it comes from.
 
-    Where the sham event was played, what it lost or gained, the more of the two, is what chance does; else
+    Where a section measures chance, what it lost or gained, the more of the two, is what chance does; else
     the fewer of the run's gains and regressions are. The share is not taken as exact: it is the upper end of
     a one-sided 95% interval (Clopper and Pearson).
     """
     from scipy import stats
 
     outcomes, measures = report.overall.outcomes, measures_of(report.sections)
-    lost, gained = measures.get("sham.lost"), measures.get("sham.gained")
-    if lost is None or gained is None:
+    chance = next(filter(None, (section.chance(measures) for section in SECTIONS.values())), None)
+    if chance is None:
         flips, pairs = min(outcomes.change_associated_success, outcomes.regression), report.overall.played
         seen = f"the fewer of the run's gains and losses: {flips} of {pairs} pairs"
     else:
-        flips, pairs = max(lost.count or 0, gained.count or 0), (lost.of or 0) + (gained.of or 0)
-        seen = f"the sham event: {lost.count} lost, {gained.count} gained of {pairs} pairs"
+        flips, pairs = max(chance.lost, chance.gained), chance.pairs
+        seen = f"{chance.measured_by}: {chance.lost} lost, {chance.gained} gained of {pairs} pairs"
     most = float(stats.beta.ppf(0.95, flips + 1, pairs - flips)) if flips < pairs else 1.0
     return most, f"By chance at most {most:.1%} of the pairs are lost, and gained (95% upper end; {seen})."
 

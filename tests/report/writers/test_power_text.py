@@ -1,15 +1,21 @@
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.measures import Rows
+from pytest_libero_max.report.report_section import Chance, PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import SECTIONS
 from pytest_libero_max.report.writers.power_text import (
     Expectation,
     chance_of,
     expectations_of,
     power_lines,
 )
+from pytest_libero_max.stats.blocks import Measure
 from tests.report.made_up import PROVENANCE, plain, plan, record_of, records_of
 
 POWER = """\
@@ -51,6 +57,23 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     failing = build_report([record_of(pair, False, False) for pair in pairs], [], pairs, PROVENANCE)
     assert expectations_of(failing)[0].gain == pytest.approx(1 - 0.05 ** (1 / len(pairs)))
     assert expectations_of(build_report([], [], pairs, PROVENANCE)) == ()
+
+
+def test_chance_is_that_of_a_section_that_measures_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Coin(ReportSection):
+        def tables(self, played: PlayedPairs) -> dict[str, Rows]:
+            return {}
+
+        def chance(self, measures: Mapping[str, Measure]) -> Chance:
+            return Chance("a coin", 3, 1, 40)
+
+    pairs = plan()
+    report = build_report(records_of(pairs), [], pairs, PROVENANCE)
+    monkeypatch.setattr(SECTIONS, "_loaders", {"coin": Coin})
+    monkeypatch.setattr(SECTIONS, "_loaded", {})
+    most, text = chance_of(report)
+    assert "(95% upper end; a coin: 3 lost, 1 gained of 40 pairs)" in text
+    assert 3 / 40 < most < 0.2
 
 
 def test_a_change_beyond_base_success_is_impossible() -> None:
