@@ -77,6 +77,7 @@ READ_ALONE = (
     "libero-max list profiles",
     "libero-max list events",
     "libero-max list published",
+    "libero-max list words",
     "python -m tests.scripts.interaction reports/beyond/compound-servo",
 )
 """Commands that read what is in the repository, and need no simulator."""
