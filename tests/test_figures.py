@@ -73,9 +73,7 @@ def test_a_page_says_what_was_measured(
 )
 def test_a_page_counts_what_plays_with_own_source_variations(track: str, words: str) -> None:
     cases = load_track(track).cases
-    play = _number(
-        "docs/explanation/scenes.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}"
-    )
+    play = _number("docs/explanation/scenes.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}")
     assert len(cases) - len(lacking_own(cases)) == play
 
 
