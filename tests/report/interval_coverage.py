@@ -125,7 +125,7 @@ for a whole track, it alone stays above 93%. The price is width, for few pairs a
 | exact unconditional | above 95%; out of reach for thousands of pairs | no |
 | score (Tango) | 84% at 4 pairs | no |
 | Newcombe, Agresti and Min | below 89% at 100 pairs | no |
-| the paper's bootstrap | misses a true loss of 2% in 92% of the runs of 4 pairs | labelled, beside the paper's |
+| the paper's bootstrap | misses a true loss of 2% in 92% of the runs of 4 pairs | for comparison alone |
 
 The melded interval agrees with the exact McNemar test, depends on three counts only, and takes milliseconds.
 Every pair is taken as independent of the others. Pairs that share a task are not: the interval by task, which
