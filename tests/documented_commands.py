@@ -36,6 +36,8 @@ ELSEWHERE = {
     "eval": "of the shell, for completion",
     "head": "of the system",
     "git": "publishes a release, or clones",
+    "mkdocs": "run by .ci/run",
+    "podman": "of a machine with containers",
     "pre-commit": "of a developer's own machine",
     "register-python-argcomplete": "of the shell, for completion",
     "ruff": "run by .ci/run",
@@ -85,7 +87,10 @@ PLACEHOLDERS = {
 }
 """Words that a reader replaces, where the command wants a value of some form."""
 
-_FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)\n(?P<body>.*?)^(?P=indent)```", re.M | re.S)
+_FENCE = re.compile(
+    r"^(?P<indent> *)```(?P<language>\w*)(?: title=\"(?P<file>[\w./]+)\")?\n(?P<body>.*?)^(?P=indent)```",
+    re.M | re.S,
+)
 _INLINE = re.compile(r"(`+)(?!`)(?P<text>[^`]+)\1(?!`)")
 _STARTS = r"(?:\$ )?(?:\.venv/bin/)?(?:[A-Z_]+=\S+ )*(?:\.venv/bin/)?(?:libero-max|pytest|python|pip)"
 _COMMAND = re.compile(rf"{_STARTS} \S")
@@ -132,6 +137,15 @@ def _of_page(path: Path) -> Iterator[Documented]:
         words = " ".join(inline["text"].split())
         if _COMMAND.match(words):
             yield Documented(name, words, mention=True)
+
+
+@cache
+def files_of_pages() -> dict[str, str]:
+    """Return the content of each file that a page in ``docs`` lets its reader write, by name."""
+    pages = (path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").rglob("*.md")))
+    return {
+        fence["file"]: fence["body"] for page in pages for fence in _FENCE.finditer(page) if fence["file"]
+    }
 
 
 def _of_source(path: Path) -> Iterator[Documented]:
@@ -297,7 +311,7 @@ def _fault_of_python(words: list[str]) -> str | None:
         return _fault_of_script(Path(found.origin), arguments)
     if words[0].startswith(SCRIPTS_ELSEWHERE):
         return None
-    return _fault_of_script(ROOT / words[0], words[1:])
+    return None if words[0] in files_of_pages() else _fault_of_script(ROOT / words[0], words[1:])
 
 
 def _fault_of_script(path: Path, arguments: list[str]) -> str | None:

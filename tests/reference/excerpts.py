@@ -1,6 +1,6 @@
 """Outputs in pages: the terminal's summary of a published run, computed from its pairs.
 
-A block of a page that begins with a command and has the heading of the summary is filled with an excerpt of it.
+A block of a page that begins with a command and has the heading of the summary is filled with an excerpt.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def with_excerpts(text: str, root: Path) -> str:
 
 
 def _excerpt(root: Path) -> str:
-    """The summary to the end of the events, of which those without a loss are left out, and the first cause."""
+    """The summary down to the events, those events that lost a case, and the first cause."""
     lines = summary_lines(report_of(read_pairs(root / RUN)), [])
     events = next(index for index, line in enumerate(lines) if re.match(r"Event +Pairs ", line))
     broke = next(index for index, line in enumerate(lines) if line.startswith("What broke"))

@@ -2,14 +2,15 @@
 
     python -m tests.scripts.tutorial [--folder FOLDER] [--no-system]
 
-Each block of the page is played in its order: commands are run by a shell, files are written, and what a reader looks
-at in a browser is fetched. It needs the package index.
+Each block of the page is played in its order: commands are run by a shell, files are written, and what a
+reader looks at in a browser is fetched. It needs the package index.
 """
 
 from __future__ import annotations
 
 import argparse
 import re
+import resource
 import signal
 import subprocess
 import tempfile
@@ -69,9 +70,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         clone = (options.folder or Path(temporary)) / "clone"
         subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
-        begin = time.perf_counter()
+        begin = _times()
         for file, text in steps():
-            start = time.perf_counter()
+            start = _times()
             if file is not None:
                 (clone / file).write_text(text, encoding="utf-8")
                 continue
@@ -85,8 +86,19 @@ def main() -> None:
                 status = subprocess.run(shell_of(text), cwd=clone).returncode
                 if status != wanted:
                     raise SystemExit(f"{text}: exit status {status} instead of {wanted}")
-            print(f"  {time.perf_counter() - start:.0f} s", flush=True)
-        print(f"All: {time.perf_counter() - begin:.0f} s")
+            print(f"  {_since(start)}", flush=True)
+        print(f"All: {_since(begin)}")
+
+
+def _times() -> tuple[float, float]:
+    """Return the time of the clock and that of all ended processes together, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.perf_counter(), used.ru_utime + used.ru_stime
+
+
+def _since(start: tuple[float, float]) -> str:
+    clock, processors = (now - then for now, then in zip(_times(), start, strict=True))
+    return f"{clock:.0f} s, {processors:.0f} s of processor time"
 
 
 if __name__ == "__main__":
