@@ -9,6 +9,7 @@ import importlib.util
 import io
 import re
 import shlex
+import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -201,7 +202,7 @@ def fault_of(command: Documented, config: pytest.Config) -> str | None:
             words = words[1:]
         if not words:
             continue
-        fault = _fault(re.sub(r"^[.\w]+/bin/", "", words[0]), words[1:], command.mention, config)
+        fault = _fault(re.sub(r"^[.\w-]+/bin/", "", words[0]), words[1:], command.mention, config)
         if fault is not None:
             return fault
     return None
@@ -248,8 +249,22 @@ def _filled(words: list[str]) -> list[str]:
     filled = []
     for word in words:
         flag, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
-        filled.append(f"{flag}{equals}{PLACEHOLDERS.get(value, value)}")
+        filled.append(f"{flag}{equals}{_written(value) or PLACEHOLDERS.get(value, value)}")
     return filled
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory()
+
+
+def _written(name: str) -> str | None:
+    """Return the path of a settings file that a page lets its reader write; None for anything else."""
+    if not name.endswith(".toml") or name not in files_of_pages():
+        return None
+    path = Path(_folder().name, name)
+    path.write_text(files_of_pages()[name], encoding="utf-8")
+    return str(path)
 
 
 def _fault_of_pytest(words: list[str], mention: bool, config: pytest.Config) -> str | None:
