@@ -11,7 +11,7 @@ from tests.reference import COMMAND, EXCERPTS, PAGES, ROOT, SCHEMAS, file_text, 
 from tests.reference.excerpts import HEADING
 from tests.reference.worlds import OBSERVATIONS
 
-_EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
+_EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$|^- `[^`]+`:\s*$", re.M)
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -338,7 +338,7 @@ pairs, in the median. What a stopped run estimates is beyond the truth, because 
 | 30% / 1% | 100.0% | 27 |
 
 `--libero-max-stop=certain`, `anytime:LEVEL` and `strata:LEVEL` look after every pair
-([how to use them](../docs/how-to/gate-in-ci.md#stop-early)). Here the level is 0.05, and a run has
+([how to use them](../docs/how-to/long-runs.md#stop-early)). Here the level is 0.05, and a run has
 800 pairs as in `lite`. A row is of 10,000 runs unless its table says otherwise. Made by
 `python -m tests.report.sequential`; a [test](../tests/report/test_sequential.py) makes a small part again.
 

@@ -17,7 +17,7 @@ from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "AGENTS.md", *(f"docs/how-to/{name}.md" for name in ("gate-in-ci", "python")))
+PAGES = ("README.md", "AGENTS.md", "docs/how-to/gate-in-ci.md", "docs/how-to/long-runs.md")
 WORKFLOW = ROOT / "fixtures" / "github-action" / "workflow.yml"
 
 RATES = {
@@ -62,6 +62,7 @@ def test_the_pages_recommend_gates() -> None:
     assert {place.partition(" ")[0] for place in SETS} == {
         "README.md",
         "docs/how-to/gate-in-ci.md",
+        "docs/how-to/long-runs.md",
         "workflow",
         "init",
     }
