@@ -14,6 +14,7 @@ from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.verdicts import WORDS
 from pytest_libero_max.substrates.libero.lacking import lacking_own
 
 ROOT = Path(__file__).parents[1]
@@ -45,16 +46,16 @@ def _number(page: str, pattern: str) -> float:
             id="build",
         ),
         pytest.param(
-            "pytest_libero_max/substrates/README.md",
-            r"takes \[2\.1 to ([\d.]+) GiB of memory\]",
+            "docs/explanation/scenes.md",
+            r"\[2\.1 to ([\d.]+) GiB of memory\]",
             "reports/genuine/README.md",
             r"takes 2\.1 to ([\d.]+) GiB",
             0.0,
             id="worker of genuine scenes",
         ),
         pytest.param(
-            "pytest_libero_max/substrates/README.md",
-            r"takes \[[\d.]+ to ([\d.]+) GiB of memory\]",
+            "docs/explanation/scenes.md",
+            r"\[[\d.]+ to ([\d.]+) GiB of memory\]",
             "pytest_libero_max/substrates/libero/kind.py",
             r"worker_gib=([\d.]+)",
             0.0,
@@ -73,9 +74,7 @@ def test_a_page_says_what_was_measured(
 )
 def test_a_page_counts_what_plays_with_own_source_variations(track: str, words: str) -> None:
     cases = load_track(track).cases
-    play = _number(
-        "pytest_libero_max/substrates/README.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}"
-    )
+    play = _number("docs/explanation/scenes.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}")
     assert len(cases) - len(lacking_own(cases)) == play
 
 
@@ -85,8 +84,13 @@ def test_the_readme_shows_the_output_of_the_published_run() -> None:
     _, _, printed = (ROOT / "README.md").read_text().partition("== libero-max ==")
     output, _, _ = printed.partition("\nWritten")
     shown = [line for line in output.splitlines()[1:] if line not in ("", "...")]
-    assert len(shown) > 20
+    assert len(shown) > 15
     assert [line for line in shown if line not in said] == []
+
+
+def test_the_page_of_numbers_explains_every_verdict() -> None:
+    page = (ROOT / "docs" / "explanation" / "numbers.md").read_text(encoding="utf-8")
+    assert [word for word in WORDS if f"| {word} | " not in page] == []
 
 
 def test_the_page_of_recoveries_says_what_its_outcomes_say() -> None:
