@@ -112,10 +112,8 @@ class Registry(Generic[T]):
 
     def none_called(self, name: str) -> str:
         """Return sentences for the name of no entry: a package that is not installed may have it."""
-        return (
-            f"{did_you_mean(name, self)} If another package offers this {self.noun} (entry-point group "
-            f"{self.group}), install that package."
-        )
+        other = f"If another package offers this {self.noun} (entry-point group {self.group}), install it."
+        return f"{did_you_mean(name, self)} {other}".strip()
 
     def items(self) -> Iterator[tuple[str, T]]:
         """Names with their entries, each of which is loaded."""

@@ -19,6 +19,14 @@ ROOT = Path(__file__).parents[1]
 DESCRIBE_ALL = ("tests/test_documented_commands.py", "tests/test_documents.py", "tests/reference")
 """Tests of pages, which describe the package with the lab."""
 
+_NOT_EDITABLE = """import sys
+
+sys.meta_path[:] = [
+    finder for finder in sys.meta_path if not getattr(finder, "__module__", "").startswith("__editable__")
+]
+"""
+"""Python begins with it: the finder of an editable installation would find the rooms that were left out."""
+
 _COPIED = ("pytest_libero_max", "tests")
 
 
@@ -47,6 +55,7 @@ def copy_without(folder: Path, left_out: Iterable[str] = ("lab",)) -> dict[str, 
         elif not path.name.startswith("."):
             (folder / path.name).symlink_to(path)
     _install(folder)
+    (folder / "sitecustomize.py").write_text(_NOT_EDITABLE)
     return {**os.environ, "PYTHONPATH": str(folder)}
 
 

@@ -120,7 +120,7 @@ def named_values(
         name, separator, value = part.partition(mark)
         if name not in parsers:
             rule = f"{name} is unknown" if separator else f"expected NAME{mark}VALUE"
-            raise ValueError(f"{part!r}: {rule}. {_none_called(name, known or parsers)}")
+            raise ValueError(f"{part!r}: {rule}. {_none_called(name, parsers if known is None else known)}")
         if not separator or name in values:
             fault = "given twice" if name in values else "without its value"
             raise ValueError(f"{part!r}: {name} is {fault}; expected NAME{mark}VALUE, each name once")
