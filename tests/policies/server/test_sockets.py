@@ -31,7 +31,7 @@ from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.policies.clients import fakes
 from tests.policies.forgetting import forget_adapter
 from tests.policies.server.policies import Batched, Counting, at_once
-from tests.policies.test_examination import Copied, Sound
+from tests.conformance.policies import Copied, Sound
 
 
 @pytest.fixture(autouse=True)
@@ -312,7 +312,7 @@ def test_the_command_prints_how_to_play_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     adapter = tmp_path / "adapter.py"
-    adapter.write_text("from tests.policies.test_examination import Sound\npolicy = Sound\n")
+    adapter.write_text("from tests.conformance.policies import Sound\npolicy = Sound\n")
     asked: list[Any] = []
     real: Callable[..., Any] = sockets.serving
 
