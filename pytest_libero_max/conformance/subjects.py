@@ -8,6 +8,7 @@ from typing import Any
 
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rule import Examination
+from pytest_libero_max.errors import OptionError
 
 KINDS = {
     "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
@@ -52,7 +53,10 @@ class Subject:
         else:
             from pytest_libero_max.substrates.registry import chosen_substrate
 
-            chosen_substrate(self.name)
+            try:
+                chosen_substrate(self.name)
+            except ValueError as error:
+                raise OptionError(f"conform={str(self)!r}: {error}") from None
 
 
 def examination(

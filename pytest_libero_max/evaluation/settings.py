@@ -66,7 +66,9 @@ class Settings(ProtocolSettings):
         "does not play smoke)",
         text,
     )
-    manifest: Path | None = setting("PATH", "Play the cases of this manifest instead of a track", text)
+    manifest: Path | None = setting(
+        "PATH", "Play the cases of this manifest instead of a track", text, group="protocol"
+    )
     only_installed: bool = switch(
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
         "otherwise nothing is played; before the limit",

@@ -19,6 +19,7 @@ from pytest_libero_max.worlds.contract import OnMujoco, World
 _STATE = ("qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos")
 """Arrays of MuJoCo's state, of each of which some elements are written to."""
 
+COPIES = "substrate/states/aliases"
 RESTORE = "substrate/states/restore"
 
 FRESH_S = 600.0
@@ -124,29 +125,7 @@ def _compared(here: Any, there: Any) -> Finding:
     )
 
 
-@rule(RESTORE, "must", needs=OPENS)
-def restore(subject: SubstrateSubject) -> Iterator[Finding]:
-    """Return to a snapshot bit for bit, and go on as if nothing had been in between."""
-    world = subject.begin()
-    for action in ACTIONS[:10]:
-        world.step(action)
-    state, digest = world.snapshot(), world.digest()
-    onward = play(world, 10)
-    world.restore(state)
-    if world.digest() != digest:
-        yield broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
-    elif play(world, 10) != onward:
-        yield broken(
-            "after restore() the same actions lead elsewhere",
-            "the digests of the first time (fork equals replay)",
-            "The snapshot lacks something that the future depends on: warm starts, controllers, filters, "
-            "the environment's own fields.",
-        )
-    else:
-        yield kept(f"after restore(), {len(onward)} steps have the same digests")
-
-
-@rule("substrate/states/aliases", "must", needs=RESTORE)
+@rule(COPIES, "must", needs=OPENS)
 def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
     """Copy the state into a snapshot, so that the live world does not alter it."""
     world = subject.begin()
@@ -166,6 +145,28 @@ def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
         yield kept("a snapshot stays as it was while the world goes on")
         return
     yield broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
+
+
+@rule(RESTORE, "must", needs=COPIES)
+def restore(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Return to a snapshot bit for bit, and go on as if nothing had been in between."""
+    world = subject.begin()
+    for action in ACTIONS[:10]:
+        world.step(action)
+    state, digest = world.snapshot(), world.digest()
+    onward = play(world, 10)
+    world.restore(state)
+    if world.digest() != digest:
+        yield broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
+    elif play(world, 10) != onward:
+        yield broken(
+            "after restore() the same actions lead elsewhere",
+            "the digests of the first time (fork equals replay)",
+            "The snapshot lacks something that the future depends on: warm starts, controllers, filters, "
+            "the environment's own fields.",
+        )
+    else:
+        yield kept(f"after restore(), {len(onward)} steps have the same digests")
 
 
 @rule("substrate/states/complete", "must", needs=RESTORE)
