@@ -88,7 +88,7 @@ def _examine(options: argparse.Namespace, reference: str) -> int:
     from pytest_libero_max.conformance.lines import STRICT, check_lines
     from pytest_libero_max.conformance.policy.subject import open_policy
     from pytest_libero_max.conformance.registry import rules_for
-    from pytest_libero_max.conformance.rule import Examination
+    from pytest_libero_max.conformance.rules import Examination
     from pytest_libero_max.policies.loading import check_reference
 
     check_reference(options.policy, options.profile, None)

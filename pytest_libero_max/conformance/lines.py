@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from pytest_libero_max.conformance.results import Conformance
-from pytest_libero_max.conformance.rule import Finding, Outcome
+from pytest_libero_max.conformance.rules import Finding, Outcome
 from pytest_libero_max.errors import counted
 
 STRICT = "--strict"

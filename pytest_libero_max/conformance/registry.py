@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from pytest_libero_max.conformance.rule import Rule
+from pytest_libero_max.conformance.rules import Rule
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.registry import Registry
 

@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from pytest_libero_max.benchmark.structs import AnyText, Count, Document, Text, decode, to_builtins
 from pytest_libero_max.conformance.expected import Expected
-from pytest_libero_max.conformance.rule import Outcome
+from pytest_libero_max.conformance.rules import Outcome
 
 CONFORMANCE_VERSION: Final = 1
 """Version of the document's form."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pytest_libero_max.conformance.registry import rules_for
-from pytest_libero_max.conformance.rule import Examination
+from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.errors import OptionError
 
 KINDS = {

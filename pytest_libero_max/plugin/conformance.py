@@ -22,7 +22,7 @@ from pytest_libero_max.plugin.options import usage_errors
 if TYPE_CHECKING:
     from pytest_libero_max.conformance.expected import Expected
     from pytest_libero_max.conformance.results import Conformance, RuleResult
-    from pytest_libero_max.conformance.rule import Examination, Outcome, Rule
+    from pytest_libero_max.conformance.rules import Examination, Outcome, Rule
     from pytest_libero_max.evaluation.settings import Settings
 
 RULES_FILE = Path(__file__)

@@ -15,7 +15,7 @@ from pytest_libero_max.conformance.lines import CheckLine, check_lines
 from pytest_libero_max.conformance.policy import contract, determinism
 from pytest_libero_max.conformance.policy.subject import PolicySubject, Shown, observe
 from pytest_libero_max.conformance.registry import rules_for
-from pytest_libero_max.conformance.rule import Examination, Outcome
+from pytest_libero_max.conformance.rules import Examination, Outcome
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.transport import LOG as SERVER_LOG
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
@@ -208,9 +208,9 @@ def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown)
     assert broken(outcomes) == ["determinism/declared"]
     assert "repeatable=False says so" in outcomes["determinism/declared"].broken[0].observed
     assert outcomes["memory/reset"].state == "unexamined"
-    policy = Sound()
-    policy.spec = policy.spec if policy.spec.repeatable is False else replace(SPEC, repeatable=False)
-    (finding,) = examine(policy, shown)["determinism/declared"].broken
+    seeded = Sound()
+    seeded.spec = replace(SPEC, repeatable=False)
+    (finding,) = examine(seeded, shown)["determinism/declared"].broken
     assert "the answer repeated itself" in finding.observed
 
 

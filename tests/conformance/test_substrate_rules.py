@@ -9,7 +9,7 @@ import pytest
 
 from pytest_libero_max.benchmark.manifests import decode_manifest
 from pytest_libero_max.conformance.registry import rules_for
-from pytest_libero_max.conformance.rule import Examination, Outcome, Rule
+from pytest_libero_max.conformance.rules import Examination, Outcome, Rule
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -38,7 +38,7 @@ GALLERY: list[tuple[type[TinyWorld], str, str]] = [
     (worlds.Flickering, "images/same", "drawn twice differs"),
     (worlds.StirringWhenDrawn, "images/physics", "digest changed"),
     (worlds.Jostling, "events/target_relocation", "plate_1 moved as well"),
-    (worlds.Shaking, "events/illumination_switch", "physics"),
+    (worlds.Shaking, "events/illumination_switch", "lead elsewhere"),
 ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.subject import PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 
 FAR_BEYOND = 3.0
 """Components larger than this are in other units, not movements that overshoot [-1, 1]."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.subject import PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import LiberoMaxError, counted
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.transport import LOG as SERVER_LOG

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pytest_libero_max.conformance.policy.subject import PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule
 from pytest_libero_max.errors import counted
 from pytest_libero_max.policies.model_inputs import marked_observation
 

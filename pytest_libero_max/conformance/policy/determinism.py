@@ -11,7 +11,7 @@ import numpy as np
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.policies.check import Actions, ask_together, batches, remembers
 from pytest_libero_max.policies.clients.address import is_address
 

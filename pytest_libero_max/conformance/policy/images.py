@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.subject import PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.policies.model_inputs import INPUTS, USUAL, Inputs
 
 _SILENT = unexamined(

@@ -8,7 +8,7 @@ from typing import Any
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.determinism import not_repeatable
 from pytest_libero_max.conformance.policy.subject import PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 
 ANYTHING = "policy/inputs/any"
 _ANOTHER_TASK = "turn off the light and close the door"

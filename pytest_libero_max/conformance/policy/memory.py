@@ -8,7 +8,7 @@ from dataclasses import replace
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.determinism import not_repeatable
 from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule
 from pytest_libero_max.policies.check import copy_memory, memory_of, remembers, restore_memory
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
 from pytest_libero_max.errors import ActionError, SubstrateError, counted
 from pytest_libero_max.worlds.contract import CONTROL_HZ, NOOP_ACTION, OnMujoco, World

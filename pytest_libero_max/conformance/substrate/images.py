@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.states import RESTORE
 from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.conformance.rule import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
 from pytest_libero_max.worlds.contract import OnMujoco, World

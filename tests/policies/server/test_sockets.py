@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 from pytest_libero_max.cli import main
 from pytest_libero_max.conformance.policy.subject import PolicySubject, observe
 from pytest_libero_max.conformance.registry import rules_for
-from pytest_libero_max.conformance.rule import Examination
+from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import transport
 from pytest_libero_max.policies.clients.declared import RememberingPolicy
