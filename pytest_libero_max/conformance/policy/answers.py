@@ -1,4 +1,4 @@
-"""The first answers of a policy, in a process of its own: ``python -m`` this module ``LOADING FILE``."""
+"""The first answers of a policy, in a process of its own. Arguments: LOADING FILE."""
 
 from __future__ import annotations
 

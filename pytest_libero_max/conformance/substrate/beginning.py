@@ -1,4 +1,4 @@
-"""The beginning of a substrate's first case, in its own process: ``python -m`` this module ``NAME FILE``."""
+"""The beginning of a substrate's first case, in a process of its own. Arguments: NAME FILE."""
 
 from __future__ import annotations
 
