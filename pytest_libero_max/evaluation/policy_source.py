@@ -149,13 +149,18 @@ class GivenPolicy(PolicySource):
         return OBJECT
 
     def spec(self) -> Json | None:
+        from pytest_libero_max.policies.check import memory_of
         from pytest_libero_max.policies.contract import PolicySpec
 
         settings, spec = self.settings, getattr(self.thing, "spec", None)
         if self.is_made or settings.wrap or not isinstance(spec, PolicySpec):
             return None
-        asked = {"horizon": settings.horizon, "query_interval": settings.query_interval}
-        return spec.to_dict() | {name: value for name, value in asked.items() if value is not None}
+        memory = memory_of(self.thing)
+        return spec.to_dict() | known(
+            horizon=settings.horizon,
+            query_interval=settings.query_interval,
+            memory=None if memory == "none" else memory,
+        )
 
     def load(self, seat: int, run_begun_s: float | None) -> Policy:
         """Return the policy; one that was given has its spec back in :meth:`release`."""

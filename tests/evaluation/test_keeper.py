@@ -9,12 +9,13 @@ from msgspec import structs
 
 from pytest_libero_max.errors import LiberoMaxError
 from pytest_libero_max.evaluation.keeper import RunKeeper
-from pytest_libero_max.evaluation.policy_source import PolicySource
+from pytest_libero_max.evaluation.policy_source import GivenPolicy, PolicySource
 from pytest_libero_max.evaluation.resolving import resolve
 from pytest_libero_max.evaluation.run_cases import RunCases
 from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.pairing.record import PairError
+from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.runs.store import read_pairs
 
 PUBLISHED = Path(__file__).parents[2] / "reports" / "smoke" / "stale_expert"
@@ -53,3 +54,19 @@ def test_results_count_once_and_records_after_faults(keeper: RunKeeper, tmp_path
     ending = keeper.ending()
     assert ending is not None
     assert ending[0] == 11
+
+
+class _Remembers:
+    spec = PolicySpec("remembers", horizon=8, query_interval=4, history=True)
+
+    def reset(self, episode: object) -> None: ...
+
+    def predict(self, observation: object, query: object) -> None: ...
+
+
+def test_the_spec_of_a_given_policy_is_known_as_its_records_will_have_it(tmp_path: Path) -> None:
+    values = {option.field: option.default for option in OPTIONS} | {"policy": "x", "query_interval": 2}
+    settings = resolve(values, tmp_path)
+    spec = GivenPolicy(settings, _Remembers()).spec()
+    assert spec == {**_Remembers.spec.to_dict(), "query_interval": 2, "memory": "queries"}
+    assert GivenPolicy(settings, _Remembers).spec() is None  # what it makes may have another
