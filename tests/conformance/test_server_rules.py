@@ -93,7 +93,7 @@ class Interrupted(Server):
         with suppress(ConnectionClosed, OSError):
             connection.send(pack({}, OPENPI))
             for _ in range(2):
-                connection.send(self.reply(bytes(connection.recv())) or "")
+                connection.send(self.reply(connection.recv(decode=False)) or "")
             connection.recv()
 
 
@@ -164,7 +164,7 @@ class Impatient(Server):
         with suppress(ConnectionClosed, OSError, TimeoutError):
             connection.send(pack({}, OPENPI))
             while True:
-                connection.send(self.reply(bytes(connection.recv(timeout=0.5))) or "")
+                connection.send(self.reply(connection.recv(timeout=0.5, decode=False)) or "")
 
 
 class Mute(Server):
