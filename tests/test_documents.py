@@ -6,14 +6,17 @@ import ast
 import importlib
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import pytest_libero_max
+from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from tests.documented_commands import files_of_pages
 from tests.pairing.actors import make_case, shorten
 from tests.policies.forgetting import forget_adapter
 
@@ -96,7 +99,7 @@ def _examples() -> list[tuple[Path, str]]:
     found = []
     for path in DOCUMENTS:
         text = path.read_text(encoding="utf-8")
-        for match in re.finditer(r"^```python\n(.*?)^```", text, re.M | re.S):
+        for match in re.finditer(r"^```python[^\n]*\n(.*?)^```", text, re.M | re.S):
             before = text[: match.start()].rstrip().rsplit("\n\n", maxsplit=1)[-1]
             if "`pytest_libero_max/" not in before:
                 found.append((path, match[1]))
@@ -154,6 +157,26 @@ def test_the_adapter_of_the_readme_plays_a_pair(tmp_path: Path) -> None:
     forget_adapter()  # sessions in this process have an adapter.py of their own
     assert record.triggered
     assert record.policy["name"] == "my-vla"
+
+
+def test_the_mended_policy_of_the_tutorial_is_an_adapter(tmp_path: Path) -> None:
+    (tmp_path / "mended.py").write_text(files_of_pages()["mended.py"])
+    policy = load_policy(str(tmp_path / "mended.py"))
+    assert (policy.spec.name, policy.spec.cameras) == ("mended", ())
+
+
+def test_the_event_of_the_how_to_has_two_variants() -> None:
+    names: dict[str, Any] = {}
+    exec(files_of_pages()["dim/libero_max_dim.py"], names)
+    kind = names["IlluminationDim"]()
+    assert len(kind.severities) == 2
+    assert [kind.resolve(variant, None, None).change["scale"] for variant in (0, 1)] == [0.6, 1.4]
+
+
+def test_the_script_of_the_how_to_writes_a_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(files_of_pages()["make_cases.py"].replace("illumination_dim", "illumination_switch"), {})
+    assert len(load_manifest(tmp_path / "dim.json").cases) == 2
 
 
 MODEL = """
