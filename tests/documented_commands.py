@@ -79,7 +79,7 @@ PROVED = {
     "python3 -m venv": ".ci/run",
     "python make_cases.py": "tests/test_documents.py",
 }
-"""What plays each command of the tutorial and the how-tos, by its beginning; others are in :data:`ELSEWHERE`."""
+"""What plays each command of the tutorial and the how-tos, by its beginning; :data:`ELSEWHERE` has others."""
 
 MODULES_ELSEWHERE = {
     "build": "makes the distribution; the release workflow does it",
