@@ -68,6 +68,24 @@ def test_the_readme_counts_the_pairs_of_each_track() -> None:
         assert len(load_track(track).cases) == int(count.replace(",", "")), track
 
 
+def test_the_readme_and_those_of_rooms_are_short() -> None:
+    assert (ROOT / "README.md").stat().st_size <= 8_000
+    rooms = [*(ROOT / "pytest_libero_max").rglob("*/README.md"), *(ROOT / "fixtures").rglob("README.md")]
+    assert len(rooms) > 10
+    lines = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8").count("\n") for path in rooms}
+    assert {name: number for name, number in lines.items() if number > 60} == {}
+
+
+MOST_WORDS = 45_000
+"""Words of all pages that are neither written from the code nor evidence."""
+
+
+def test_the_pages_stay_short_together() -> None:
+    written = (ROOT / "reports", ROOT / "docs" / "reference")
+    pages = [path for path in DOCUMENTS if not any(path.is_relative_to(folder) for folder in written)]
+    assert sum(len(path.read_text(encoding="utf-8").split()) for path in pages) <= MOST_WORDS
+
+
 _PLACE = re.compile(r"`(?P<path>(?:\w+/)+(?:\w+\.py)?|\w+/\w+\.py)(?:: (?P<name>[\w.]+))?`")
 
 
