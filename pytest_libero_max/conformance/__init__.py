@@ -1,7 +1,7 @@
 """Conformance: rules that a policy or a substrate must keep, each of which is one test.
 
 A :class:`Rule` examines one property of a *subject* and yields findings.
-``pytest --libero-max-conform`` makes each rule an item, and ``libero-max check`` prints the findings of the
+``--libero-max-conform`` makes each rule an item, and ``libero-max check`` prints the findings of the
 rules for policies.
 """
 
