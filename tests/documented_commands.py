@@ -53,6 +53,34 @@ ELSEWHERE = {
 }
 """Programs of others, with the reason why a test of this page does not run them."""
 
+PROVED = {
+    "libero-max check": "tests/cli/test_check.py",
+    "libero-max compare": "tests/cli/test_compare.py",
+    "libero-max doctor": "tests/test_doctor.py",
+    "libero-max film": "tests/test_documented_commands.py",
+    "libero-max gate": "tests/plugin/test_gates.py",
+    "libero-max init": "tests/cli/test_init.py",
+    "libero-max lab bisect": "tests/lab/commands/test_bisect.py",
+    "libero-max lab demos": "tests/lab/demos",
+    "libero-max lab recovery": "tests/lab/commands/test_recovery.py",
+    "libero-max lab rerun": "tests/lab/test_rerun_file.py",
+    "libero-max list cases": "tests/cli/test_cases.py",
+    "libero-max list": "tests/cli/test_lists.py",
+    "libero-max plan gates": "tests/test_documented_commands.py",
+    "libero-max publish": "tests/cli/test_publish.py",
+    "libero-max report": "tests/cli/test_report.py",
+    "libero-max serve": "tests/policies/server",
+    "libero-max shards merge": "tests/runs/test_merge.py",
+    "libero-max shards slurm": "tests/cli/test_slurm.py",
+    "libero-max view": "tests/cli/test_view.py",
+    "pip install": ".ci/run",
+    "pytest": "tests/plugin",
+    "python -m venv": ".ci/run",
+    "python3 -m venv": ".ci/run",
+    "python make_cases.py": "tests/test_documents.py",
+}
+"""What plays each command of the tutorial and the how-tos, by its beginning; :data:`ELSEWHERE` has others."""
+
 MODULES_ELSEWHERE = {
     "build": "makes the distribution; the release workflow does it",
     "deploy": "of X-VLA's repository",
@@ -190,6 +218,24 @@ def _expanded(lines: Iterable[str]) -> Iterator[str]:
             yield text
         elif text.startswith("cd "):
             yield text.partition("&& ")[2]
+
+
+def unproved(command: Documented) -> list[str]:
+    """Return the parts of a command that nothing plays, and of which nobody says why."""
+    parts = []
+    for part in re.split(r" (?:&&|\|) ", command.text):
+        words = shlex.split(part, comments=True)
+        while words and (re.fullmatch(r"[A-Z_]+=.*", words[0]) or words[0] == "sudo"):
+            words = words[1:]
+        text = " ".join([re.sub(r"^[.\w-]+/bin/", "", words[0]), *words[1:]]) if words else "."
+        proof = next((PROVED[begins] for begins in PROVED if f"{text} ".startswith(f"{begins} ")), None)
+        elsewhere = text.split()[0] in ELSEWHERE or any(
+            text.startswith((f"python -m {name}", f"python {name}"))
+            for name in (*MODULES_ELSEWHERE, *SCRIPTS_ELSEWHERE)
+        )
+        if not elsewhere and (proof is None or not (ROOT / proof).exists()):
+            parts.append(text)
+    return parts
 
 
 def fault_of(command: Documented, config: pytest.Config) -> str | None:

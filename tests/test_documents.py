@@ -6,14 +6,17 @@ import ast
 import importlib
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import pytest_libero_max
+from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from tests.documented_commands import files_of_pages
 from tests.pairing.actors import make_case, shorten
 from tests.policies.forgetting import forget_adapter
 
@@ -65,6 +68,24 @@ def test_the_readme_counts_the_pairs_of_each_track() -> None:
         assert len(load_track(track).cases) == int(count.replace(",", "")), track
 
 
+def test_the_readme_and_those_of_rooms_are_short() -> None:
+    assert (ROOT / "README.md").stat().st_size <= 8_000
+    rooms = [*(ROOT / "pytest_libero_max").rglob("*/README.md"), *(ROOT / "fixtures").rglob("README.md")]
+    assert len(rooms) > 10
+    lines = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8").count("\n") for path in rooms}
+    assert {name: number for name, number in lines.items() if number > 60} == {}
+
+
+MOST_WORDS = 45_000
+"""Words of all pages that are neither written from the code nor evidence."""
+
+
+def test_the_pages_stay_short_together() -> None:
+    written = (ROOT / "reports", ROOT / "docs" / "reference")
+    pages = [path for path in DOCUMENTS if not any(path.is_relative_to(folder) for folder in written)]
+    assert sum(len(path.read_text(encoding="utf-8").split()) for path in pages) <= MOST_WORDS
+
+
 _PLACE = re.compile(r"`(?P<path>(?:\w+/)+(?:\w+\.py)?|\w+/\w+\.py)(?:: (?P<name>[\w.]+))?`")
 
 
@@ -96,7 +117,7 @@ def _examples() -> list[tuple[Path, str]]:
     found = []
     for path in DOCUMENTS:
         text = path.read_text(encoding="utf-8")
-        for match in re.finditer(r"^```python\n(.*?)^```", text, re.M | re.S):
+        for match in re.finditer(r"^```python[^\n]*\n(.*?)^```", text, re.M | re.S):
             before = text[: match.start()].rstrip().rsplit("\n\n", maxsplit=1)[-1]
             if "`pytest_libero_max/" not in before:
                 found.append((path, match[1]))
@@ -154,6 +175,26 @@ def test_the_adapter_of_the_readme_plays_a_pair(tmp_path: Path) -> None:
     forget_adapter()  # sessions in this process have an adapter.py of their own
     assert record.triggered
     assert record.policy["name"] == "my-vla"
+
+
+def test_the_mended_policy_of_the_tutorial_is_an_adapter(tmp_path: Path) -> None:
+    (tmp_path / "mended.py").write_text(files_of_pages()["mended.py"])
+    policy = load_policy(str(tmp_path / "mended.py"))
+    assert (policy.spec.name, policy.spec.cameras) == ("mended", ())
+
+
+def test_the_event_of_the_how_to_has_two_variants() -> None:
+    names: dict[str, Any] = {}
+    exec(files_of_pages()["dim/libero_max_dim.py"], names)
+    kind = names["IlluminationDim"]()
+    assert len(kind.severities) == 2
+    assert [kind.resolve(variant, None, None).change["scale"] for variant in (0, 1)] == [0.6, 1.4]
+
+
+def test_the_script_of_the_how_to_writes_a_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(files_of_pages()["make_cases.py"].replace("illumination_dim", "illumination_switch"), {})
+    assert len(load_manifest(tmp_path / "dim.json").cases) == 2
 
 
 MODEL = """
