@@ -36,6 +36,14 @@ class Cell(NamedTuple):
     """The number, or a block with its counts and interval."""
     format: Format
 
+    @property
+    def has_interval(self) -> bool:
+        """True if there is an interval to print."""
+        return self.format.numbers(self.value).get("_lower") is not None
+
+
+INTERVAL_MARK = " [95%]"
+"""End of a heading of numbers with their intervals, where some have one."""
 
 TableKind = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
 """The tables of a report.
@@ -130,7 +138,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
         tables=("summary", "groups", "narrow", "runs"), line=Line("Dynamic success"), gate="dynamic_sr",
     ),
     Quantity(
-        "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change [95%]",
+        "paired_change", "Paired change", lambda row: row.paired_change, Change(), f"Change{INTERVAL_MARK}",
         tables=("summary", "groups", "narrow", "runs"), line=Line("Paired change"), gate="delta",
         of_change=True,
     ),

@@ -26,7 +26,6 @@ from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
     clipping_text,
     note_texts,
-    stopped_texts,
     title_text,
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
@@ -113,7 +112,7 @@ def _breakdowns(report: Report) -> Section:
     ]
     intervals = "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. "
     note = "Groups hold different cases: differences between them are descriptions, not effects."
-    lead = note if stopped_texts(report.pairs) else intervals + note
+    lead = intervals + note if report.pairs.has_intervals else note
     return Section("Breakdowns", tables, lead=lead, key=BREAKDOWNS, folded=True)
 
 

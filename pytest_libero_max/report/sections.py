@@ -85,10 +85,11 @@ def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
 def shown_sections(report: Report) -> list[Section]:
     """Return the sections of a report as they are shown, and the columns of probes over all pairs."""
     own, notes = _of_each(lambda section: section.shown(report)), _of_each(lambda section: section.notes)
-    sections = [
-        own.get(title) or Section(title, [rows_table(rows)], lead=notes.get(title, ""))
-        for title, rows in report.sections.items()
-    ]
+    on_intervals = _of_each(lambda section: section.interval_notes)
+    sections = []
+    for title, rows in report.sections.items():
+        table = rows_table(rows).explaining_intervals(on_intervals.get(title, ""))
+        sections.append(own.get(title) or Section(title, [table], lead=notes.get(title, "")))
     columns = [(one.title, one.cell(report.overall)) for one in probe_quantities([report.overall])]
     if columns:
         sections.append(Section(probe_means.TITLE, [Table("", ("Name", "Value"), columns)]))

@@ -95,7 +95,8 @@ def comparison_lines(comparison: Comparison, flips: int = _LISTED) -> list[str]:
     """Render a comparison for the terminal: its results, and the statements that concern it most."""
     document = document_of(comparison, flips)
     lines = [*terminal_head(document, comparison), *sections_lines(document.sections)]
-    return [*lines, "", *(line for key in _STATEMENTS for line in wrap(comparison.statements[key], WIDTH))]
+    shown = [comparison.statements[key] for key in _STATEMENTS if key in comparison.statements]
+    return [*lines, "", *(line for text in shown for line in wrap(text, WIDTH))]
 
 
 def terminal_head(document: Document, comparison: Comparison) -> list[str]:
