@@ -38,7 +38,8 @@ def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
         def pytest_libero_max_report(report):
             report["sections"]["Checkpoint"] = {"step": 30000, "trained on": "libero_goal"}
 
-    A section is a title with a table of names and values. Only ``sections`` may be changed: every other
+    A section is a title, which no computed section has, with a table of names and values. Only ``sections``
+    may be added to: every other
     number of a report can be computed again from ``pairs.jsonl`` alone. For the same reason
     ``libero-max report``, which does so, writes a report without sections.
 
