@@ -60,7 +60,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Literal
 
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
-from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.errors import counted, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import (
@@ -538,7 +538,10 @@ def _whole_track(report: Report) -> tuple[float | None, str]:
         return None, "the run does not say what part of its track it is"
     name = report.provenance["case_set"]["name"].removeprefix("track ")
     if selection.whole and name in all_track_names() and selection.of != len(load_track(name)):
-        return None, f"the run says that {name} has {selection.of} cases, but it has {len(load_track(name))}"
+        return (
+            None,
+            f"the run says that {name} has {counted(selection.of, 'case')}, but it has {len(load_track(name))}",
+        )
     return int(selection.whole and not report.pairs.unsupported), ""
 
 

@@ -119,9 +119,9 @@ class Quantity(Generic[R]):
 
 
 _LOST = "Base successes lost"
-_OUTCOMES = "Outcomes (Base, Dynamic)"
+_OUTCOMES = "Who succeeds"
 _FIRED = "Event fired"
-_STALE = "Stale actions"
+_STALE = "Stale actions until next query"
 
 QUANTITIES: tuple[Quantity[Result], ...] = (
     Quantity("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
@@ -175,20 +175,20 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     ),
     Quantity(
         "preserved_success", "Preserved successes (1,1)", lambda row: row.outcomes.preserved_success,
-        Number(), line=Line(_OUTCOMES, "(1,1)"),
+        Number(), line=Line(_OUTCOMES, "P both"),
     ),
     Quantity(
         "change_associated_success", "Change-associated successes (0,1)",
-        lambda row: row.outcomes.change_associated_success, Number(), line=Line(_OUTCOMES, "(0,1)"),
+        lambda row: row.outcomes.change_associated_success, Number(), line=Line(_OUTCOMES, "G only Dynamic"),
         gate="gains",
     ),
     Quantity(
         "regression", "Regressions (1,0)", lambda row: row.outcomes.regression, Number(),
-        line=Line(_OUTCOMES, "(1,0)"), gate="regressions", of_change=True,
+        line=Line(_OUTCOMES, "R only Base"), gate="regressions", of_change=True,
     ),
     Quantity(
         "persistent_failure", "Persistent failures (0,0)", lambda row: row.outcomes.persistent_failure,
-        Number(), line=Line(_OUTCOMES, "(0,0)"),
+        Number(), line=Line(_OUTCOMES, "N neither"),
     ),
     Quantity(
         "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",

@@ -140,8 +140,8 @@ def with_sections(report: Report, amended: Json) -> Report:
     touched = [title for title in own if title not in sections or _differs(own, sections, title)]
     if touched:
         raise ReportError(
-            f"pytest_libero_max_report changed report['sections'][{touched[0]!r}], which is computed from the "
-            "pairs. Add rows under a title of your own."
+            f"pytest_libero_max_report changed report['sections'][{touched[0]!r}], which is computed from "
+            "the pairs. Add rows under a title of your own."
         )
     for title, table in sections.items():
         if title in own:

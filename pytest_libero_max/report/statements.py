@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from pytest_libero_max.benchmark.tracks import GENUINE, PAPER_LITE, track_names, unexamined_cases
+from pytest_libero_max.errors import counted
 from pytest_libero_max.report.published import authors_cases
 
 CAVEATS_TITLE = "Notes on pairs"
@@ -95,6 +96,6 @@ def _screening(case_set: str, cases: Collection[str]) -> str:
     if not left_out:
         return f"The cases of the tracks were {done}. {people}"
     return (
-        f"{len(cases) - len(left_out)} of the {len(cases)} cases were {done}; the other {len(left_out)} need "
-        f"models that are in no package, and were not examined. {people}"
+        f"{len(cases) - len(left_out)} of {counted(len(cases), 'case')} were {done}. The others need models that "
+        f"are in no package, and were not examined: {len(left_out)}. {people}"
     )

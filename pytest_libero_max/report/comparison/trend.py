@@ -13,6 +13,7 @@ from pytest_libero_max.report.comparison.comparison_sections import RUNS, docume
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.document import Document, Section, Table
 from pytest_libero_max.report.formats import change_text, counted, interval_text, percent, points
+from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable
 from pytest_libero_max.report.page.page_frame import document_page
 from pytest_libero_max.report.plots import Plot, change_plot, change_row, direction, rates_row
 from pytest_libero_max.report.quantities import Quantity, quantity
@@ -119,6 +120,8 @@ def trend_html(comparison: Comparison, causes: Causes) -> str:
     first, last = comparison.runs[0], comparison.runs[-1]
     change = last.paired_change
     shown = (last.name, f"{points(change.value)} pp", interval_text(change, signed=True), direction(change))
+    if not is_measurable(last):
+        shown = (last.name, NOT_MEASURABLE, "", "neutral")
     return document_page(
         "trend.html",
         trend_of(comparison, causes),

@@ -59,8 +59,8 @@ def study_notes(study: Study) -> list[str]:
         as_pairs = "with a Base for every other arm, as in runs of their own"
         ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
     notes = [study.about] * bool(study.about) + [
-        f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. What arms share was executed once: "
-        f"{done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
+        f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. Shared parts of arms were executed "
+        f"once: {done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
     if study.camera is not None:
         notes.append(
@@ -74,11 +74,10 @@ def study_notes(study: Study) -> list[str]:
                 "exact ones."
             )
     if len({setting.horizon for setting in study.settings}) > 1:
-        notes.append("H differs between the settings, so differences between them are not those of Q alone.")
+        notes.append("H differs between the settings, so Q alone does not explain their differences.")
     if any(setting.returned > setting.horizon for setting in study.settings):
         notes.append(
-            "A cut chunk is the beginning of a longer one: a policy with that H of its own may answer "
-            "otherwise."
+            "A cut chunk is the beginning of a longer one. A policy trained with that H may answer otherwise."
         )
     return notes
 
