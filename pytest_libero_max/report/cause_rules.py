@@ -113,7 +113,8 @@ def _blocked_by_obstacle(arm: FailedArm) -> str | None:
     what = " and ".join(name_in_words(name, "") for name in inserted or names)
     put = f" that {'was' if len(inserted) == 1 else 'were'} put there" if inserted else ""
     return arm.after_event(
-        f"the hand pushed against the {what}{put} from step {first} on, for {counted(number, 'step')}, without moving."
+        f"the hand pushed against the {what}{put} from step {first} on, for {counted(number, 'step')}, "
+        "without moving."
     )
 
 

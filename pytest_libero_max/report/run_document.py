@@ -61,7 +61,7 @@ def run_document(
 
 def _sections(report: Report, films: Mapping[str, str], gates: Sequence[GateRow]) -> Iterator[Section]:
     if gates:
-        yield Section(tables=[_gates(gates)], key=GATES)
+        yield Section("Gates", [_gates(gates)], key=GATES)
     overall = report.overall
     rows = [(one.title, one.cell(overall)) for one in quantities_in("summary")]
     yield Section("All pairs", [Table("", ("Quantity", "Value"), rows)])

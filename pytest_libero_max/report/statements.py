@@ -96,6 +96,6 @@ def _screening(case_set: str, cases: Collection[str]) -> str:
     if not left_out:
         return f"The cases of the tracks were {done}. {people}"
     return (
-        f"{len(cases) - len(left_out)} of {counted(len(cases), 'case')} were {done}. The others need models that "
-        f"are in no package, and were not examined: {len(left_out)}. {people}"
+        f"{len(cases) - len(left_out)} of {counted(len(cases), 'case')} were {done}. The other "
+        f"{len(left_out)} need models that are in no package, and were not examined. {people}"
     )

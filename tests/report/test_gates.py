@@ -521,3 +521,19 @@ def test_no_outcome_lies_beyond_the_extreme_ones(name: str, end: str | None) -> 
             )
             value = decided_value(gate, measure(outcome))
             assert value is None or min(found) - 1e-12 <= value <= max(found) + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "gate"),
+    [
+        ("change", "delta"),
+        ("paired_change", "delta"),
+        ("base_success", "base_sr"),
+        ("dynamic", "dynamic_sr"),
+        ("lost", "conditional_regression"),
+        ("event.camera_shift.change", "delta"),
+    ],
+)
+def test_a_quantity_by_its_name_in_tables_is_answered_with_its_name_in_gates(name: str, gate: str) -> None:
+    with pytest.raises(OptionError, match=f"Did you mean '{gate}'"):
+        parse_gate(f"{name} >= 0.1")

@@ -161,7 +161,7 @@ def _require_alike(old: RunOutcomes, new: RunOutcomes) -> None:
     both = set(old.case_ids) & set(new.case_ids)
     if both:
         raise ReportError(
-            f"{counted(len(both), 'case')} of one run {'is' if len(both) == 1 else 'are'} also in the other, for example {min(both)!r}, but old less new is of "
+            f"The runs share {counted(len(both), 'case')}, for example {min(both)!r}, but old less new is of "
             "different cases. Give the run of a fresh draw second, or leave out --by-cell."
         )
 

@@ -61,8 +61,8 @@ def gate_plan_lines(
         sizes = ", ".join(map(str, useful_sizes(gate, base, chance, loss))) or "none"
         lines += [
             "",
-            f"Numbers of pairs, {SIZES[0]} to {SIZES[-1]}, at which at most {FALSE_ALARM:.0%} of runs fail without",
-            f"an effect and at most {MISS:.0%} pass with {100 * (chance - loss):+.1f} pp: {sizes}.",
+            f"Numbers of pairs, {SIZES[0]} to {SIZES[-1]}, at which at most {FALSE_ALARM:.0%} of runs fail",
+            f"without an effect and at most {MISS:.0%} pass with {100 * (chance - loss):+.1f} pp: {sizes}.",
         ]
     return lines
 
