@@ -250,7 +250,7 @@ def repaired_text(pairs: PairCounts) -> str | None:
         return None
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     named = f"{', '.join(names[:_NAMED])}{more}"
-    return f"{counted(len(names), 'pair')} failed with an error and were measured when played again: {named}."
+    return f"Measured when played again after an error: {counted(len(names), 'pair')} ({named})."
 
 
 def selection_text(report: Report) -> str:
