@@ -84,7 +84,7 @@ def test_markdown_has_a_table_of_those_that_broke_and_one_of_those_gained() -> N
     row = "| R | `camera_shift-dropped-01` | camera_shift | dropped (2) | It was dropped. | [film]"
     assert f"{row}(films/one.mp4) |" in text
     assert text.count("| R | ") == 20
-    assert "13 more: `changed_pairs` of report.json, and report.html." in text
+    assert "report.html and `changed_pairs` of report.json have 13 more." in text
     assert text.count("| G | ") == 2
     assert "Film |" not in markdown(report(MANY))
 

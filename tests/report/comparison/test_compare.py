@@ -391,8 +391,8 @@ Paired change, contrasts
 Second against first  Difference, pp             95%  95% by task  Holm p        Verdict
 new against old                -12.5  [-36.4, +12.5]          n/a   0.125  uninformative
 The test of a paired change assumes exchangeable runs. Its interval does not, so it may hold 0 where
-p is small. Verdicts: significant, a difference is shown; bounded null, no difference is shown, and 5
-points or more are excluded; uninformative, no difference is shown, and 5 points or more are
+p is small. Verdicts: significant, a difference is shown; bounded null, no difference is shown, and
+5 points or more are excluded; uninformative, no difference is shown, and 5 points or more are
 possible; powerless, too few pairs differ for any result to be significant.
 
 Dynamic success by event, contrasts

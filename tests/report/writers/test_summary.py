@@ -160,14 +160,14 @@ def test_without_denominators_no_number_is_invented() -> None:
     records = [record_of(pair, False, False, **NEVER_TRIGGERED) for pair in PAIRS]
     text = _text(records, provenance={**PROVENANCE, "substrate": {"name": "libero"}})
     assert text.startswith(ALL_ALIKE)
-    assert text.endswith("* Base success is too low to fall: a small change is no sign of robustness there.")
+    assert text.endswith("* Base success is below 20%: a small change shows no robustness there.")
 
 
 def test_the_summary_fits_a_terminal() -> None:
     pairs = plan(per_cell=250)
     records = [record_of(pair, index % 3 > 0, index % 2 > 0) for index, pair in enumerate(pairs)]
     lines = summary_lines(build_report(records[:-9], [], pairs, PROVENANCE))
-    assert len(lines) <= 28 + 2 * 23  # twenty lines of pairs lost, as many of pairs gained
+    assert len(lines) <= 29 + 2 * 23  # twenty lines of pairs lost, as many of pairs gained
     assert max(len(line) for line in lines if not line.startswith("To see the first: pytest ")) <= 100
 
 
@@ -176,7 +176,7 @@ def test_the_command_that_shows_is_that_of_what_was_kept() -> None:
     name = report.changed_pairs[0].item_id
     films = {name: f"out/films/{name}--base-dynamic.webp"}
     filmed = summary_lines(report, films=films, show="libero-max view out")
-    assert [line for line in filmed if "libero-max " in line] == [
+    assert [line for line in filmed if "libero-max view" in line] == [
         "Films: out/films; libero-max view out shows them beside their cases."
     ]
     traced = summary_lines(report, show="libero-max view out")
@@ -196,8 +196,8 @@ def test_a_p_value_is_never_printed_as_zero() -> None:
 
 def test_markdown_has_a_table_per_breakdown() -> None:
     text = markdown(build_report(_records(), [], PAIRS, PROVENANCE))
-    title = "scripted (10 actions per query, 5 executed) on embedded, 32 cases of track smoke (selection not recorded)"
-    assert text.startswith(f"# {title}\n")
+    policy = "scripted (10 actions per query, 5 executed)"
+    assert text.startswith(f"# {policy} on embedded, 32 cases of track smoke (selection not recorded)\n")
     assert "| camera_shift | 4 of 4 | 75.0% [19.4, 99.4]  3/4 |" in text
     for title in ("Event", "Family", "Suite", "Source", "Source category", "Severity", "Difficulty"):
         assert f"## {title}\n\n| {title} | Pairs played |" in text

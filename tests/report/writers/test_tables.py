@@ -32,7 +32,8 @@ def test_what_does_not_exist_is_an_empty_cell() -> None:
 def test_latex_escapes_and_ends_with_the_whole_run() -> None:
     text = latex_text(REPORT)
     assert text.startswith(
-        "% scripted (10 actions per query, 5 executed) on embedded, 32 cases of track smoke (selection not recorded)\n"
+        "% scripted (10 actions per query, 5 executed) on embedded, 32 cases of track smoke "
+        "(selection not recorded)\n"
         "% Percent; changes in percentage points with their 95\\% intervals.\n"
         "% Measured on the embedded substrate"
     )
