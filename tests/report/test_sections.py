@@ -53,7 +53,9 @@ def test_computed_rows_stay_as_they_are_and_rows_of_a_hook_are_shown() -> None:
     shown = with_sections(report, {**plain(report), "sections": {**sections, **added}})
     assert "## Mine\n\n| Name | Value |\n| --- | --- |\n| step | 30000 |" in markdown(shown)
     rows = sections[TITLE]
-    for changed in ({}, {TITLE: {}}, {TITLE: {**rows, "mine": 1}}, {TITLE: {**rows, "Pairs played": 1}}):
+    changes: tuple[dict[str, object], ...]
+    changes = ({}, {TITLE: {}}, {TITLE: {**rows, "mine": 1}}, {TITLE: {**rows, "Pairs played": 1}})
+    for changed in changes:
         with pytest.raises(ReportError, match="under a title of your own"):
             with_sections(report, {**plain(report), "sections": {**changed, **added}})
 

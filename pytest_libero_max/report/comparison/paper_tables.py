@@ -218,7 +218,7 @@ def partial_tables(runs: Sequence[ApartRun], published: PartialPolicy | None = N
     if published is not None:
         printed = {suite: Rates.printed(*values) for suite, values in published.by_suite.items()}
         rows += _suites(published.name, printed, Rates.printed(*published.total), published=True)
-    origin = Quantity("from", "From", lambda row: _origin_of(published=row[2]), TEXT)
+    origin: Quantity[_SuiteRow] = Quantity("from", "From", lambda row: _origin_of(published=row[2]), TEXT)
     columns: list[Quantity[_SuiteRow]] = [
         *([] if published is None else [origin]),
         Quantity("suite", "Suite", lambda row: row[0], TEXT),

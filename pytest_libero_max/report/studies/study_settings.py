@@ -96,8 +96,8 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
         spec = arm.get("cadence", {}) | (played.policy or {})
         words = [f"policy {arm.get('policy', spec['name'])}"] if played.policy else []
         words += [" ".join(f"{letter}={spec[key]}" for letter, key in cadence.items() if key in spec)]
-        late = played.latency is not None and played.latency != base.latency
-        words += [latency_words(Latency.parse(played.latency))] if late else []
+        if played.latency is not None and played.latency != base.latency:
+            words.append(latency_words(Latency.parse(played.latency)))
         if text := ", ".join(filter(None, words)):
             ways[name] = text
     return ways

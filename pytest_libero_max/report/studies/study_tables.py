@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 
@@ -177,14 +177,16 @@ class _Stale(Format):
 
 
 @dataclass(frozen=True)
-class _Cost(Change):
+class _Cost(Format):
     """A difference from the run's own setting, which itself has none."""
 
+    has_interval: ClassVar[bool] = True
+
     def long(self, value: MeanDifference | None) -> str:
-        return "reference" if value is None else super().long(value)
+        return "reference" if value is None else Change().long(value)
 
     def numbers(self, value: MeanDifference | None) -> dict[str, float | None]:
-        return {"": None, "_lower": None, "_upper": None} if value is None else super().numbers(value)
+        return {} if value is None else Change().numbers(value)
 
 
 _SETTING: tuple[Quantity[Setting], ...] = (

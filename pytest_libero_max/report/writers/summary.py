@@ -202,7 +202,7 @@ def _header(report: Report) -> list[str]:
     pairs = report.pairs
     title, played = title_text(report), f"{pairs.played} of {pairs.planned} planned pairs played"
     line = f"{title}: {played}"
-    return [line] if len(line) <= 100 else [f"{title}:", played]
+    return [line] if len(line) <= 100 else [*wrap(f"{title}:", 100), played]
 
 
 def title_text(report: Report) -> str:
