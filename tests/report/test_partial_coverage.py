@@ -141,7 +141,7 @@ def test_every_writer_lists_partial_runs_apart() -> None:
         ["all", "supported", "32", "100.0%", "75.0%", "-25.0", "[-43.4,", "-5.1]"],
     ]
     page = comparison_html(comparison)
-    assert "Listed apart" in page
+    assert "listed apart" in page
     assert ">all supported<" in page
     assert "Listed apart" not in comparison_html(compare_runs({"one": _run(True), "two": _two()}))
 
