@@ -143,7 +143,7 @@ def test_every_writer_lists_partial_runs_apart() -> None:
     page = comparison_html(comparison)
     assert "listed apart" in page
     assert ">all supported<" in page
-    assert "Listed apart" not in comparison_html(compare_runs({"one": _run(True), "two": _two()}))
+    assert "listed apart" not in comparison_html(compare_runs({"one": _run(True), "two": _two()}))
 
 
 def test_a_partial_run_on_another_substrate_is_refused() -> None:
