@@ -34,6 +34,9 @@ OF_MANY = {
     "done.queries",
     "times.total()",  # of all pairs
     "-(-fleet.workers // most)",  # two or more
+    "len(ACTIONS)",  # of a check
+    "len(first)",
+    "len(onward)",
 }
 """Expressions that are never 1, or no number, apart from constants."""
 
