@@ -121,8 +121,8 @@ def clipping_text(report: Report) -> str | None:
     if clipped is None or clipped.pairs == 0:
         return None
     return (
-        f"Actions outside [-1, 1] were clipped in {clipped.pairs} of {counted(report.pairs.played, 'pair')}, "
-        f"up to {clipped.largest_share:.1%} of the components of a rollout. Check the units and the "
+        f"Actions outside [-1, 1] in {clipped.pairs} of {counted(report.pairs.played, 'pair')}, up to "
+        f"{clipped.largest_share:.1%} of the components of a rollout: they were clipped. Check the units and the "
         "normalisation of the adapter's actions."
     )
 
