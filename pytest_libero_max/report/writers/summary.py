@@ -122,8 +122,8 @@ def clipping_text(report: Report) -> str | None:
         return None
     return (
         f"Actions outside [-1, 1] in {clipped.pairs} of {counted(report.pairs.played, 'pair')}, up to "
-        f"{clipped.largest_share:.1%} of the components of a rollout: they were clipped. Check the units and the "
-        "normalisation of the adapter's actions."
+        f"{clipped.largest_share:.1%} of the components of a rollout: they were clipped. Check the units and "
+        "the normalisation of the adapter's actions."
     )
 
 
