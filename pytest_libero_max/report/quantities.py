@@ -188,7 +188,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     ),
     Quantity(
         "persistent_failure", "Persistent failures (0,0)", lambda row: row.outcomes.persistent_failure,
-        Number(), line=Line(_OUTCOMES, "N neither"),
+        Number(), line=Line(_OUTCOMES, "N none"),
     ),
     Quantity(
         "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",

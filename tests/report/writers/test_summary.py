@@ -35,7 +35,7 @@ Base success                    65.6% [46.8, 81.4]  21/32
 Dynamic success                 46.9% [29.1, 65.3]  15/32
 Paired change                   -18.8 pp [-43.7, +8.9]   McNemar p = 0.210
 Paired change by task           n/a: too few tasks (1 of 30 needed)
-Who succeeds                    P both 10   G only Dynamic 5   R only Base 11   N neither 6
+Who succeeds                    P both 10   G only Dynamic 5   R only Base 11   N none 6
 Base successes lost             52.4% [29.8, 74.3]  11/21   retained 71.4%
 Event fired                     31/32   query after it 31/32
 Stale actions until next query  mean 2.00   median 2
@@ -98,7 +98,7 @@ Base success                    66.7% [47.2, 82.7]  20/30
 Dynamic success                 50.0% [31.3, 68.7]  15/30
 Paired change                   -16.7 pp [-42.8, +12.0]   McNemar p = 0.302
 Paired change by task           n/a: too few tasks (1 of 30 needed)
-Who succeeds                    P both 10   G only Dynamic 5   R only Base 10   N neither 5
+Who succeeds                    P both 10   G only Dynamic 5   R only Base 10   N none 5
 Base successes lost             50.0% [27.2, 72.8]  10/20   retained 75.0%
 Event fired                     30/30   query after it 30/30
 Stale actions until next query  mean 2.00   median 2
@@ -124,7 +124,7 @@ of 32 pairs: Dynamic equals Base.
 Base success                    0.0% [0.0, 10.9]  0/32
 Dynamic success                 0.0% [0.0, 10.9]  0/32
 Paired change                   Not measurable
-Who succeeds                    P both 0   G only Dynamic 0   R only Base 0   N neither 32
+Who succeeds                    P both 0   G only Dynamic 0   R only Base 0   N none 32
 Event fired                     0/32   query after it 0/32
 Stale actions until next query  mean n/a   median n/a
 
