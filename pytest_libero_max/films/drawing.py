@@ -57,6 +57,12 @@ class Label:
     color: str
 
 
+def arm_title(name: str, arm: ArmRecord) -> str:
+    """Return the title of an arm: its name, and the policy that goes on in it where that is another one."""
+    title = _TITLES.get(name, name)
+    return f"{title}: {arm.policy['name']}" if arm.policy else title
+
+
 def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[Label]:
     """Return the words in the picture of an arm after a number of policy steps.
 
@@ -210,7 +216,7 @@ class _Canvas:
     ) -> None:
         arm, (x, y), size = self._record.arms[name], corner, self._size
         color = self._color(name)
-        self._write(pen, (x + 4, y), _TITLES.get(name, name), color)
+        self._write(pen, (x + 4, y), arm_title(name, arm), color)
         count = f"{min(tick.step, arm.steps)}"
         self._write(pen, (x + size - 4 - self._length(count), y), count, MUTED)
         y += self._line_px + 4

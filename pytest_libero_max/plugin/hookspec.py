@@ -38,9 +38,9 @@ def pytest_libero_max_report(report: Json, config: pytest.Config) -> None:
         def pytest_libero_max_report(report):
             report["sections"]["Checkpoint"] = {"step": 30000, "trained on": "libero_goal"}
 
-    A section is a title with a table of names and values. Only ``sections`` may be changed: every other
+    A section is a title of your own with a table of names and values. Nothing else may change: every other
     number of a report can be computed again from ``pairs.jsonl`` alone. For the same reason
-    ``libero-max report``, which does so, writes a report without sections.
+    ``libero-max report``, which does so, writes a report without your sections.
 
     Args:
         report: The report as it will be written.

@@ -75,7 +75,7 @@ ADVICE = (
 
 _COMPARE = (
     "Look at a film of one. If the policy solves more in its own evaluation, compare the adapter with that: "
-    "images, state, gripper, Q. Otherwise play more pairs, so that Base solves more that can be lost."
+    "images, state, gripper, Q. Otherwise play more pairs."
 )
 """Next step where Base solves less than half, and more than a wrong adapter does."""
 
@@ -128,18 +128,21 @@ def next_step(report: Report) -> str:
     groups, played = report.base_failures, report.overall.played
     failed = _failed(groups)
     solved = played - failed
-    left = "little" if solved else "nothing"
-    text = f"Base solves {solved} of {played}, so events have {left} to break."
+    # Below the floor a warning says that little or nothing can be lost.
+    low = solved < FLOOR_BASE_RATE * played
+    text = (
+        "" if low else f"Base solves {solved} of {counted(played, 'pair')}, so events have little to break."
+    )
     advice, number = _most(groups)
     sight = f"in {number} of {failed} failures {advice.sight}" if advice is not None else ""
     own = report.substrate.scores_comparable_with_published is False  # no model was trained on its scenes
     unseen = f" {_UNSEEN}" if own and not (report.policy or {}).get("privileged") else ""
-    if solved >= FLOOR_BASE_RATE * played:  # an adapter that is wrong solves less
+    if not low:  # an adapter that is wrong solves less
         text = f"{text} {sight.capitalize()}." if sight else text
         return f"{text} {_COMPARE}{unseen}"
     if advice is None:
-        return f"{text} Fix Base first: look at a film of it."
-    return f"{text} Fix Base first: {sight}. {advice.meaning}.{unseen}"
+        return "Fix Base first: look at a film of it."
+    return f"Fix Base first: {sight}. {advice.meaning}.{unseen}"
 
 
 def _failed(groups: Iterable[BaseFailures]) -> int:

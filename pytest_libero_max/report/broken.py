@@ -27,7 +27,7 @@ MOST_NAMED = 20
 _MOST_GROUPS, _MOST_OF_GROUPS = 6, 14
 """Number of groups that the terminal shows, and of pairs that it names of them: together twenty lines."""
 
-NO_CAUSES = "No causes: these records were written before the stages of an arm were recorded."
+NO_CAUSES = "These records hold no causes: an earlier version wrote them."
 
 Outcome = Literal["regression", "change_associated_success"]
 
@@ -214,7 +214,9 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
                 rows.append(
                     [part.letter, Code(pair.item_id), group.what, *reason, *([film] if films else [])]
                 )
-        texts = [f"{part.more} more: `changed_pairs` of report.json, and report.html."] if part.more else []
+        texts = (
+            [f"report.html and `changed_pairs` of report.json have {part.more} more."] if part.more else []
+        )
         sections.append(Section(part.title, [Table("", head, rows)], texts, lead=part.note))
     if sections and without_causes(report):
         sections.append(Section(texts=[NO_CAUSES]))
@@ -248,7 +250,7 @@ def broken_lines(
                 lines.append(f"{part.letter}   {printable(pair.item_id)}{filmed}")
         if part.more:
             by = "outcome and cause" if part.has_causes else "outcome"
-            lines.append(f"{part.more} more: in the table of cases of report.html, by {by}.")
+            lines.append(f"{part.more} more are in the table of cases of report.html, by {by}.")
     lines += [NO_CAUSES] if without_causes(report) else []
     if lines and films:
         home = Path(next(iter(films.values()))).parent

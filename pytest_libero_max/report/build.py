@@ -162,7 +162,11 @@ def build_report(
         success_curves=success_curves(in_order),
         study=study_of(in_order, tasks, protocol),
         sections=measured_sections(PlayedPairs(in_order, tasks, protocol, with_intervals)),
-        statements=statements_of(provenance["case_set"]["name"], [pair.case_id for pair in planned]),
+        statements=statements_of(
+            provenance["case_set"]["name"],
+            [pair.case_id for pair in planned],
+            with_intervals=with_intervals,
+        ),
         methods=dict(METHODS),
         provenance=provenance,
     )

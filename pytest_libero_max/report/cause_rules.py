@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.report.arm_stages import FailedArm, cm, is_at
 from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words, name_in_words
 
@@ -112,7 +113,8 @@ def _blocked_by_obstacle(arm: FailedArm) -> str | None:
     what = " and ".join(name_in_words(name, "") for name in inserted or names)
     put = f" that {'was' if len(inserted) == 1 else 'were'} put there" if inserted else ""
     return arm.after_event(
-        f"the hand pushed against the {what}{put} from step {first} on, for {number} steps, without moving."
+        f"the hand pushed against the {what}{put} from step {first} on, for {counted(number, 'step')}, "
+        "without moving."
     )
 
 
@@ -435,7 +437,7 @@ def _no_time(arm: FailedArm, what: str, step: int, usual: int | None) -> str | N
     left = arm.steps - step
     if left >= min(_GRASP_STEPS if usual is None else max(usual, 1) + 5, _MOST_GRASP_STEPS):
         return None
-    return arm.after_event(f"{what}, {left} steps before the time was up at step {arm.steps}.")
+    return arm.after_event(f"{what}, {counted(left, 'step')} before the time was up at step {arm.steps}.")
 
 
 def _was_short(arm: FailedArm) -> str:
@@ -447,7 +449,7 @@ def _was_short(arm: FailedArm) -> str:
     took = arm.base.steps - max(usual, default=0)
     if arm.steps - last >= took:
         return ""
-    return f": {arm.steps - last} steps after the rest was done, for which Base took {took}"
+    return f": {counted(arm.steps - last, 'step')} after the rest was done, for which Base took {took}"
 
 
 def _stuck(arm: FailedArm) -> str | None:

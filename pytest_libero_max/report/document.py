@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pytest_libero_max.report.plots import Drawable
-from pytest_libero_max.report.quantities import TEXT, Cell, Quantity
+from pytest_libero_max.report.quantities import INTERVAL_MARK, TEXT, Cell, Quantity
 
 
 class Code(str):
@@ -53,10 +53,21 @@ class Table:
     """Index of the first row that stands apart from those above; 0 for none."""
 
     def headings(self, short: bool = False) -> list[str]:
-        """Return the headings of the columns."""
-        return [
+        """Return the headings of the columns; one of which no cell has an interval announces none."""
+        texts = [
             one if isinstance(one, str) else one.short_heading if short else one.title for one in self.head
         ]
+        cells = self.cells()
+        return [
+            text if any(row[place].has_interval for row in cells) else text.removesuffix(INTERVAL_MARK)
+            for place, text in enumerate(texts)
+        ]
+
+    def explaining_intervals(self, text: str) -> Table:
+        """Return the table with a text about its intervals behind its note; without it where it has none."""
+        if not any(cell.has_interval for row in self.cells() for cell in row):
+            return self
+        return replace(self, note=f"{self.note} {text}".strip())
 
     def cells(self) -> list[list[Cell]]:
         """Return the rows with a format for each cell."""

@@ -239,7 +239,7 @@ class IntervalByTask(Interval):
     def long(self, value: TaskInterval) -> str:
         if value.lower is None:
             return f"n/a: {lack_of_tasks(value)}"
-        return f"{self.short(value)}  {value.tasks} tasks"
+        return f"{self.short(value)}  {counted(value.tasks, 'task')}"
 
     def short(self, value: TaskInterval) -> str:
         return interval_text(value, signed=self.signed)
@@ -424,20 +424,19 @@ def points(value: float | None) -> str:
 
 
 def lack_of_tasks(value: TaskInterval) -> str:
-    """Return why an interval by task cannot be decided, for example ``too few tasks (23, of which ...)``."""
+    """Return why there is no interval by task, for example ``too few tasks (23 of 30 needed)``."""
     from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS
 
-    if value.effective_tasks < LEAST_TASKS:
-        unequal = (
-            f", effectively {value.effective_tasks:.1f}" if value.effective_tasks < value.tasks - 0.05 else ""
-        )
-        return f"too few tasks ({value.tasks}{unequal}; {LEAST_TASKS} are needed)"
-    if value.changed_tasks >= LEAST_CHANGED_TASKS:
+    if value.withheld:
         return "a rule stopped the run"
-    return (
-        f"something differs in too few of the {value.tasks} tasks ({value.changed_tasks}; "
-        f"{LEAST_CHANGED_TASKS} are needed)"
-    )
+    if value.tasks < LEAST_TASKS:
+        return f"too few tasks ({value.tasks} of {LEAST_TASKS} needed)"
+    if value.effective_tasks < LEAST_TASKS:
+        return (
+            f"too few tasks (the {value.tasks} of unequal size count as {value.effective_tasks:.1f} of "
+            f"{LEAST_TASKS} needed)"
+        )
+    return f"outcomes differ in too few tasks ({value.changed_tasks} of {LEAST_CHANGED_TASKS} needed)"
 
 
 def count_text(ratio: Counted) -> str:

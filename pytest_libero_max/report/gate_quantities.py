@@ -8,13 +8,21 @@ from typing import Any
 from pytest_libero_max.report.measurable import lacks_of, played_text
 from pytest_libero_max.report.measures import Measured, measures_of
 from pytest_libero_max.report.probe_means import probe_key, probe_quantity
-from pytest_libero_max.report.quantities import QUANTITIES, Quantity
+from pytest_libero_max.report.quantities import INTERVAL_MARK, QUANTITIES, Quantity
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.report_section import ReportSection
 from pytest_libero_max.report.sections import SECTIONS
 
 GATED = {column.gate or column.key: column for column in QUANTITIES if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""
+
+OTHER_NAMES = {
+    name.removesuffix(INTERVAL_MARK).replace(" ", "_").lower(): gate
+    for gate, column in reversed(GATED.items())
+    for name in (column.heading, column.key)
+    if name
+}
+"""Names of gates by the names that the same quantities have in files and tables; of equal names the first."""
 
 COUNTS = ("planned", "played", "invalid", "missing", "unsupported")
 """Counts of pairs; decidable in an incomplete run. Those after the second are of the whole run only."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.formats import points
+from pytest_libero_max.report.formats import counted, points
 from pytest_libero_max.report.gate_baseline import (
     Baseline,
     first_result,
@@ -211,7 +211,11 @@ def _why_an_end_fails(
         pairs, outcomes = block.played, block.outcomes
         lost, gained = outcomes.regression, outcomes.change_associated_success
     needed = pairs_to_show(gate, pairs, lost / pairs, gained / pairs)
-    more = "" if needed is None else f"; with such losses and gains, {needed} pairs would mostly show it"
+    more = (
+        ""
+        if needed is None
+        else f"; with such losses and gains, {counted(needed, 'pair')} would mostly show it"
+    )
     return True, f"{text}, and so does the estimate, {shown(gate, estimate.value)}{more}."
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gate_bounds import Ending, Outlook, outlook
@@ -111,13 +111,19 @@ class GateRule(StoppingRule):
             low = (gate.operator in (">=", ">")) == (found.verdict == "passed")
             value = found.least if low else found.most
         if value is not None:
-            words.append(f"it is at {'least' if low else 'most'} {shown(gate, value)} over all {pairs} pairs")
+            words.append(
+                f"it is at {'least' if low else 'most'} {shown(gate, value)} over {counted(pairs, 'pair')}"
+            )
         if estimate.least is not None and estimate.most is not None:
             what = "the estimate is" if gate.end else "it is"
             words.append(
                 f"{what} between {shown(gate, estimate.least)} and {shown(gate, estimate.most)} there"
             )
-        how = f"whatever the {left} pairs left are" if self.level is None else f"at level {self.level:g}"
+        how = (
+            f"however the last {counted(left, 'pair')} may end"
+            if self.level is None
+            else f"at level {self.level:g}"
+        )
         return Watched(
             what=gate.text,
             verdict=found.verdict,

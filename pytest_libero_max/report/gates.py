@@ -60,7 +60,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Literal
 
 from pytest_libero_max.benchmark.tracks import all_track_names, load_track
-from pytest_libero_max.errors import did_you_mean
+from pytest_libero_max.errors import counted, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import (
@@ -77,6 +77,7 @@ from pytest_libero_max.report.gate_arguments import RunArguments, read_arguments
 from pytest_libero_max.report.gate_quantities import (
     COUNTS,
     GATED,
+    OTHER_NAMES,
     WHOLE_TRACK,
     probe_column,
     row_quantity,
@@ -428,7 +429,9 @@ def _parse_quantity(quantity: str, text: str) -> tuple[str, tuple[str, str] | No
         names = known if scope else [*known, *DIMENSIONS, *VERSUS, EQUIVALENT]
         begun = any(one.startswith(f"{parts[0]}.") for one in known)
         name = quantity if begun and scope is None else parts[0]
-        raise refused(text, f" has the unknown quantity {name!r}. {did_you_mean(name, names)}")
+        meant = OTHER_NAMES.get(name)
+        hint = did_you_mean(name, names) if meant is None else f"Did you mean {meant!r}?"
+        raise refused(text, f" has the unknown quantity {name!r}. {hint}")
     quantity_of_row = GATED.get(name)
     has_ends = section_of(name) is not None or (
         quantity_of_row is not None and quantity_of_row.format.has_interval
@@ -538,7 +541,8 @@ def _whole_track(report: Report) -> tuple[float | None, str]:
         return None, "the run does not say what part of its track it is"
     name = report.provenance["case_set"]["name"].removeprefix("track ")
     if selection.whole and name in all_track_names() and selection.of != len(load_track(name)):
-        return None, f"the run says that {name} has {selection.of} cases, but it has {len(load_track(name))}"
+        cases = counted(selection.of, "case")
+        return None, f"the run says that {name} has {cases}, but it has {len(load_track(name))}"
     return int(selection.whole and not report.pairs.unsupported), ""
 
 

@@ -13,7 +13,7 @@ ALL_PAIRS = "all pairs"
 FLOOR_MARK = " *"
 """Mark of a group in which Base success is too low to fall."""
 
-FLOOR_NOTE = "* Base success is too low to fall: a small change is no sign of robustness there."
+FLOOR_NOTE = "* Base success is below 20%: a small change shows no robustness there."
 
 
 def group_table(kind: TableKind, title: str, groups: Mapping[str, Result], dimension: str = "event") -> Table:

@@ -12,10 +12,10 @@ from pytest_libero_max.stats.extremes import ByChance, lowest_by_chance, split_b
 TITLE = "Averages and extremes"
 
 NOTE = (
-    "Groups hold different cases, so these describe the groups. By chance means that the outcomes are dealt "
-    "to the groups at random; a group stands out where less than 5% of the deals are as extreme. The "
-    "unweighted mean over source categories is secondary to the results over all pairs. Below 20% Base "
-    "success, a small change or a gain does not show a successful response to the event."
+    "Groups hold different cases, so these numbers describe the groups. Expected by chance: the mean if the "
+    "outcomes are shuffled over the groups. A group stands out where fewer than 5% of the shuffles are as "
+    "extreme. The unweighted mean over source categories is secondary to the results over all pairs. Below "
+    "20% Base success, a small change or a gain does not show a response to the event."
 )
 
 
@@ -62,10 +62,10 @@ def _lowest(values: Mapping[str, float], chance: ByChance, shown: Callable[[floa
     names = [name for name, value in values.items() if value == lowest]
     if len(values) == 1:
         return names[0], shown(lowest)
-    expected = f"{shown(chance.expected)} is expected by chance"
+    expected = f"{shown(chance.expected)} expected by chance"
     if len(names) > 1 or chance.explains:
-        return "none stands out", f"lowest {shown(lowest)} of {len(values)}; {expected}"
-    return names[0], f"{shown(lowest)}; {expected} of {len(values)}"
+        return "none stands out", f"the lowest of {len(values)} is {shown(lowest)}; {expected}"
+    return names[0], f"{shown(lowest)}, the lowest of {len(values)}; {expected}"
 
 
 def _points(value: float) -> str:
@@ -87,8 +87,12 @@ def _split(report: Report) -> tuple[str, str, str]:
     ]
     seen = split.difference or 0.0
     chance = split_by_chance(cells, seen)
-    expected = f"{_points(chance.expected)} is expected by chance"
+    expected = f"{_points(chance.expected)} expected by chance"
     if chance.explains:
-        return title, "none stands out", f"largest {_points(seen)} of {len(cells)} events; {expected}"
+        return (
+            title,
+            "none stands out",
+            f"the largest of {counted(len(cells), 'event')} is {_points(seen)}; {expected}",
+        )
     rates_text = ", ".join(f"{name} {percent(rate)}" for name, rate in split.dynamic_success.items())
     return title, split.event, f"{_points(seen)} between its parameter variants ({rates_text}); {expected}"

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.report.formats import count_text
+from typing import Protocol
+
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import PairCounts, Report
-from pytest_libero_max.stats.blocks import Result
+from pytest_libero_max.stats.blocks import Rate, Result
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+
+NOT_MEASURABLE = "Not measurable"
+"""Headline in place of a paired change that nothing was there to make."""
 
 LEAST_FIRED = 0.5
 """Share of the pairs in which the event must happen for their paired change to be of the event."""
+
+
+class Shown(Protocol):
+    """A result of some pairs, as far as it is asked here."""
+
+    @property
+    def base_success(self) -> Rate: ...
+
+    @property
+    def trigger_coverage(self) -> Rate: ...
 
 
 def lacks_of(row: Result) -> list[str]:
@@ -23,16 +38,22 @@ def lacks_of(row: Result) -> list[str]:
     base, fired = row.base_success, row.trigger_coverage
     lacks = []
     if base.value is not None and base.value < FLOOR_BASE_RATE:
-        lacks.append(
-            f"Base succeeds in {count_text(base)} pairs, and below {FLOOR_BASE_RATE:.0%} there is next to "
-            "nothing to lose"
+        few = (
+            f" (below {FLOOR_BASE_RATE:.0%}), so events have little"
+            if base.count
+            else ", so events have nothing"
         )
+        lacks.append(f"Base solves {base.count} of {counted(base.of, 'pair')}{few} to break")
     if fired.value is not None and fired.value < LEAST_FIRED:
-        lacks.append(
-            f"the event happened in {count_text(fired)} pairs, and below {LEAST_FIRED:.0%} most of Dynamic "
-            "is Base"
-        )
+        few = f" (below {LEAST_FIRED:.0%})" if fired.count else ""
+        without = "in the others Dynamic equals Base" if fired.count else "Dynamic equals Base"
+        lacks.append(f"the event happened in {fired.count} of {counted(fired.of, 'pair')}{few}: {without}")
     return lacks
+
+
+def is_measurable(row: Shown) -> bool:
+    """Return False where no pair can show what the event does: Base solves none, or it never happened."""
+    return bool(row.base_success.count and row.trigger_coverage.count)
 
 
 def lack_of_run(report: Report) -> str:
@@ -52,4 +73,6 @@ def warning_of(row: Result) -> str | None:
     lacks = lacks_of(row)
     if not lacks:
         return None
-    return f"The paired change says next to nothing of the event here: {'; '.join(lacks)}."
+    return (
+        f"{'The paired change shows little' if is_measurable(row) else NOT_MEASURABLE}: {'; '.join(lacks)}."
+    )

@@ -131,6 +131,18 @@ class Plot:
         return Axis(values, signed=self.signed)
 
 
+def change_plot(title: str, names: str, rows: Sequence[Row], note: str = "") -> Plot:
+    """Return a plot of changes; see :func:`change_row`. Its heading announces intervals where there are some.
+
+    Args:
+        title: The title.
+        names: Heading of the names.
+        rows: From top to bottom.
+        note: Help for reading it.
+    """
+    return Plot(title, (names, "pp [95%]" if any(row.span for row in rows) else "pp"), rows, note=note)
+
+
 def rates_row(name: Viewed | str, note: str, base: float | None, dynamic: float | None, text: str) -> Row:
     """Return a row of success rates: a ring for Base, a dot for Dynamic, and the line between them."""
     if base is None or dynamic is None:

@@ -28,8 +28,8 @@ _MAX, _PRO, _LITE = (
 """The newest versions of the cases of the published results: all, those of LIBERO-PRO, and those of Lite."""
 
 NOTE = (
-    "Published results on the genuine substrate (LIBERO-Plus and LIBERO-PRO). Results of the embedded "
-    "substrate are not comparable with them."
+    "Published results on genuine scenes (LIBERO-Plus and LIBERO-PRO). Results on embedded scenes are not "
+    "comparable with them."
 )
 
 

@@ -36,6 +36,14 @@ class Cell(NamedTuple):
     """The number, or a block with its counts and interval."""
     format: Format
 
+    @property
+    def has_interval(self) -> bool:
+        """True if there is an interval to print."""
+        return self.format.numbers(self.value).get("_lower") is not None
+
+
+INTERVAL_MARK = " [95%]"
+"""End of a heading of numbers with their intervals, where some have one."""
 
 TableKind = Literal["summary", "groups", "narrow", "runs", "coverage", "given_response"]
 """The tables of a report.
@@ -111,9 +119,9 @@ class Quantity(Generic[R]):
 
 
 _LOST = "Base successes lost"
-_OUTCOMES = "Outcomes (Base, Dynamic)"
+_OUTCOMES = "Who succeeds"
 _FIRED = "Event fired"
-_STALE = "Stale actions"
+_STALE = "Stale actions until next query"
 
 QUANTITIES: tuple[Quantity[Result], ...] = (
     Quantity("planned", "Pairs planned", lambda row: row.planned, Number(), tables=(), gate=None),
@@ -130,7 +138,7 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
         tables=("summary", "groups", "narrow", "runs"), line=Line("Dynamic success"), gate="dynamic_sr",
     ),
     Quantity(
-        "paired_change", "Paired change", lambda row: row.paired_change, Change(), "Change [95%]",
+        "paired_change", "Paired change", lambda row: row.paired_change, Change(), f"Change{INTERVAL_MARK}",
         tables=("summary", "groups", "narrow", "runs"), line=Line("Paired change"), gate="delta",
         of_change=True,
     ),
@@ -167,20 +175,20 @@ QUANTITIES: tuple[Quantity[Result], ...] = (
     ),
     Quantity(
         "preserved_success", "Preserved successes (1,1)", lambda row: row.outcomes.preserved_success,
-        Number(), line=Line(_OUTCOMES, "(1,1)"),
+        Number(), line=Line(_OUTCOMES, "P both"),
     ),
     Quantity(
         "change_associated_success", "Change-associated successes (0,1)",
-        lambda row: row.outcomes.change_associated_success, Number(), line=Line(_OUTCOMES, "(0,1)"),
+        lambda row: row.outcomes.change_associated_success, Number(), line=Line(_OUTCOMES, "G only Dynamic"),
         gate="gains",
     ),
     Quantity(
         "regression", "Regressions (1,0)", lambda row: row.outcomes.regression, Number(),
-        line=Line(_OUTCOMES, "(1,0)"), gate="regressions", of_change=True,
+        line=Line(_OUTCOMES, "R only Base"), gate="regressions", of_change=True,
     ),
     Quantity(
         "persistent_failure", "Persistent failures (0,0)", lambda row: row.outcomes.persistent_failure,
-        Number(), line=Line(_OUTCOMES, "(0,0)"),
+        Number(), line=Line(_OUTCOMES, "N none"),
     ),
     Quantity(
         "conditional_regression", _LOST, lambda row: row.conditional_regression, Rate(counted=True), "Lost",

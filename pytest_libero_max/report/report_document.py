@@ -124,6 +124,11 @@ class PairCounts(Block, frozen=True, kw_only=True):
     stopped: Stop | None = None
     """Reason the run was stopped before every planned pair was played; None where it was not."""
 
+    @property
+    def has_intervals(self) -> bool:
+        """True unless a rule stopped the run: intervals are for a fixed number of pairs."""
+        return self.stopped is None or self.stopped.rule is None
+
 
 class PresentShards(Block, frozen=True, kw_only=True):
     """Parts of a divided case set that are here."""

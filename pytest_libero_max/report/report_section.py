@@ -55,6 +55,8 @@ class ReportSection(ABC):
     """Option by which a run measures them, for example ``--libero-max-study=repeats``; empty for none."""
     notes: ClassVar[Mapping[str, str]] = {}
     """Help for reading its tables, by their titles."""
+    interval_notes: ClassVar[Mapping[str, str]] = {}
+    """Help for reading the intervals of its tables, by their titles; shown where a table has one."""
 
     @abstractmethod
     def tables(self, played: PlayedPairs) -> Mapping[str, Rows]:

@@ -26,7 +26,6 @@ from pytest_libero_max.report.writers.summary import (
     GIVEN_RESPONSE_NOTE,
     clipping_text,
     note_texts,
-    stopped_texts,
     title_text,
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
@@ -62,7 +61,7 @@ def run_document(
 
 def _sections(report: Report, films: Mapping[str, str], gates: Sequence[GateRow]) -> Iterator[Section]:
     if gates:
-        yield Section(tables=[_gates(gates)], key=GATES)
+        yield Section("Gates", [_gates(gates)], key=GATES)
     overall = report.overall
     rows = [(one.title, one.cell(overall)) for one in quantities_in("summary")]
     yield Section("All pairs", [Table("", ("Quantity", "Value"), rows)])
@@ -113,7 +112,7 @@ def _breakdowns(report: Report) -> Section:
     ]
     intervals = "Intervals are 95% and exact: Clopper-Pearson for rates, melded for changes. "
     note = "Groups hold different cases: differences between them are descriptions, not effects."
-    lead = note if stopped_texts(report.pairs) else intervals + note
+    lead = intervals + note if report.pairs.has_intervals else note
     return Section("Breakdowns", tables, lead=lead, key=BREAKDOWNS, folded=True)
 
 

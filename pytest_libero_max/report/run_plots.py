@@ -15,6 +15,7 @@ from pytest_libero_max.report.plots import (
     Histogram,
     Plot,
     Viewed,
+    change_plot,
     change_row,
     rates_row,
 )
@@ -31,12 +32,8 @@ def forest(report: Report) -> Plot:
         change_row(_name(name, row), _pairs(row), row.paired_change, _change(row.paired_change))
         for name, row in [("all pairs", report.overall), *shown]
     ]
-    return Plot(
-        "Paired change in percentage points by event",
-        ("Event (pairs)", "pp [95%]"),
-        rows,
-        note=_floor_note(report),
-    )
+    title = "Paired change in percentage points by event"
+    return change_plot(title, "Event (pairs)", rows, _floor_note(report))
 
 
 def base_to_dynamic(report: Report) -> Plot:
@@ -85,7 +82,7 @@ def camera_contrasts(title: str, study: Camera) -> Plot:
         )
         for row in study.contrasts
     ]
-    return Plot(f"{title}: paired contrasts", ("Contrast (gain, loss)", "pp [95%]"), rows)
+    return change_plot(f"{title}: paired contrasts", "Contrast (gain, loss)", rows)
 
 
 RUN_PLOTS: Mapping[str, Callable[[Report], Drawable]] = {

@@ -66,6 +66,7 @@ def latex_text(report: Report) -> str:
     """Return a ``tabular`` of the events in percent and percentage points, the whole run as its last row."""
     rows = [*report.by["event"].items(), ("All pairs", report.overall)]
     table = table_of("", DIMENSIONS["event"].title, quantities_in("narrow"), rows, apart=len(rows) - 1)
-    comments = [title_text(report), "Percent; changes in percentage points with their 95% interval."]
+    with_intervals = " with their 95% intervals" if report.pairs.has_intervals else ""
+    comments = [title_text(report), f"Percent; changes in percentage points{with_intervals}."]
     comments += [report.substrate.note] if report.substrate.note else []
     return table_latex(table, comments, short=True)

@@ -85,10 +85,11 @@ def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
 def shown_sections(report: Report) -> list[Section]:
     """Return the sections of a report as they are shown, and the columns of probes over all pairs."""
     own, notes = _of_each(lambda section: section.shown(report)), _of_each(lambda section: section.notes)
-    sections = [
-        own.get(title) or Section(title, [rows_table(rows)], lead=notes.get(title, ""))
-        for title, rows in report.sections.items()
-    ]
+    on_intervals = _of_each(lambda section: section.interval_notes)
+    sections = []
+    for title, rows in report.sections.items():
+        table = rows_table(rows).explaining_intervals(on_intervals.get(title, ""))
+        sections.append(own.get(title) or Section(title, [table], lead=notes.get(title, "")))
     columns = [(one.title, one.cell(report.overall)) for one in probe_quantities([report.overall])]
     if columns:
         sections.append(Section(probe_means.TITLE, [Table("", ("Name", "Value"), columns)]))
@@ -120,7 +121,8 @@ def with_sections(report: Report, amended: Json) -> Report:
         amended: A copy of plain values that a hook was given; only its ``sections`` may differ.
 
     Raises:
-        ReportError: Something else differs, or a section is not a table of names and plain values.
+        ReportError: Something else differs, a section that was computed among it, or an added section is no
+            table of names and plain values.
     """
     computed: Json = msgspec.to_builtins(report)
     changed = [
@@ -134,15 +136,21 @@ def with_sections(report: Report, amended: Json) -> Report:
     sections = amended.get("sections")
     if not isinstance(sections, dict):
         raise ReportError(f"report['sections']={sections!r}, but must be a dict of titles to tables.")
+    own = computed["sections"]
+    touched = [title for title in own if title not in sections or _differs(own, sections, title)]
+    if touched:
+        raise ReportError(
+            f"pytest_libero_max_report changed report['sections'][{touched[0]!r}], which is computed from "
+            "the pairs. Add rows under a title of your own."
+        )
     for title, table in sections.items():
+        if title in own:
+            continue
         if not isinstance(title, str) or not title or not isinstance(table, dict):
             raise ReportError(
                 f"report['sections'][{title!r}]={table!r}, but must be a title with a dict of values by name."
             )
-        own = computed["sections"].get(title, {})
         for name, value in table.items():
-            if isinstance(value, dict) and value == own.get(name):
-                continue
             plain = value is None or isinstance(value, str | bool | int)
             if not isinstance(name, str) or not (plain or (isinstance(value, float) and isfinite(value))):
                 raise ReportError(

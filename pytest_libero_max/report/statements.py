@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from pytest_libero_max.benchmark.tracks import GENUINE, PAPER_LITE, track_names, unexamined_cases
+from pytest_libero_max.errors import counted
 from pytest_libero_max.report.published import authors_cases
 
 CAVEATS_TITLE = "Notes on pairs"
@@ -14,11 +15,11 @@ LIMITS_TITLE = "What these numbers do not show"
 """Heading of the statements."""
 
 STATEMENTS: Mapping[str, str] = {
-    "interval": "An interval describes how precisely these cases measure this policy. It does not "
-    "cover how much the policy would differ if it were trained again.",
-    "generalisation": "The first interval of a paired change is for these tasks played again with "
-    "other initial states and seeds. The interval by task is for other tasks of the same kind, and "
-    "needs 30 tasks of which 15 have a changed pair.",
+    "interval": "An interval shows how precisely these cases measure this policy. It does not cover "
+    "how much the policy would differ if it were trained again.",
+    "generalisation": "The interval of a paired change is for these tasks, played again with other "
+    "initial states and seeds. The interval by task is for other tasks of the same kind; it needs 30 "
+    "tasks, 15 of them with a changed pair.",
     "policies": "Policies differ in size, training data and serving at once. A difference between "
     "policies, or between families of policies, does not show which architecture or "
     "design is more robust.",
@@ -39,6 +40,7 @@ STATEMENTS: Mapping[str, str] = {
 }
 """Sentences by a stable key. They hold for every run: a part of a track, any substrate, no played pair."""
 
+_OF_INTERVALS = ("interval", "generalisation")
 
 OWN_CASES = (
     "These are not the authors' cases, but others that the paper's rules choose from what is installed. "
@@ -69,14 +71,17 @@ def own_cases_text(case_set: str, suites: Sequence[str]) -> str | None:
     return f"{OWN_CASES} By suite, these {len(suites):,} and their {sum(theirs.values()):,}: {counts}."
 
 
-def statements_of(case_set: str, cases: Collection[str]) -> dict[str, str]:
+def statements_of(case_set: str, cases: Collection[str], *, with_intervals: bool = True) -> dict[str, str]:
     """Return the sentences of a report, with what is known about the screening of its cases.
 
     Args:
         case_set: Name of the case set, as the header of a run has it: ``track NAME`` or ``manifest PATH``.
         cases: Ids of the cases.
+        with_intervals: False where a rule has ended the run, so that there are none.
     """
-    return {**STATEMENTS, "screening": _screening(case_set, cases)}
+    left_out = () if with_intervals else _OF_INTERVALS
+    sentences = {key: text for key, text in STATEMENTS.items() if key not in left_out}
+    return sentences | {"screening": _screening(case_set, cases)}
 
 
 def _screening(case_set: str, cases: Collection[str]) -> str:
@@ -91,6 +96,6 @@ def _screening(case_set: str, cases: Collection[str]) -> str:
     if not left_out:
         return f"The cases of the tracks were {done}. {people}"
     return (
-        f"{len(cases) - len(left_out)} of the {len(cases)} cases were {done}; the other {len(left_out)} need "
-        f"models that are in no package, and were not examined. {people}"
+        f"{len(cases) - len(left_out)} of {counted(len(cases), 'case')} were {done}. The other "
+        f"{len(left_out)} need models that are in no package, and were not examined. {people}"
     )

@@ -19,10 +19,10 @@ from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_i
 PROBE = "motion"
 TITLE = "How long it took"
 NOTE = (
-    "An episode without success counts with the steps that it may take. Base is measured from the step of "
-    "the event in Dynamic. Medians are over the pairs that have the quantity. Stages are the first touch, "
-    "grasp, lift, arrival above the destination and satisfaction of a fact of the goal, and success; one "
-    "that was reached before the event does not count again. A range in brackets is a 95% interval."
+    "An episode without success counts with the steps that it may take. Times of Base begin at the step of "
+    "the event in Dynamic. Medians are over the pairs that have the quantity. A stage is the first touch, "
+    "grasp, lift, arrival above the destination or satisfaction of a fact of the goal, or success; a stage "
+    "reached before the event does not count again."
 )
 
 _ARMS = (BASE, DYNAMIC)
@@ -64,6 +64,7 @@ class Timing(ReportSection):
     name = "timing"
     quantities = (*_MEANS, _DIFFERENCE, _CLUSTERED, *_SUCCESS, *_NEXT_STAGE, *_WAYS, *_JERKS)
     notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
+    interval_notes: ClassVar[Mapping[str, str]] = {TITLE: "A range in brackets is a 95% interval."}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
         """Return the times of all pairs, and those after the event."""

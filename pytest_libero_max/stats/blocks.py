@@ -65,7 +65,7 @@ class Interval(Block, frozen=True, kw_only=True):
     """Upper end; None where there is none."""
 
 
-class IntervalByTask(Block, frozen=True, kw_only=True):
+class IntervalByTask(Block, frozen=True, kw_only=True, omit_defaults=True):
     """A 95% interval for statements about other tasks: tasks are resampled with all their pairs."""
 
     tasks: Count
@@ -79,6 +79,8 @@ class IntervalByTask(Block, frozen=True, kw_only=True):
     """Lower end; None where too few tasks changed to decide."""
     upper: WideDifference | None
     """Upper end; None where too few tasks changed to decide."""
+    withheld: bool = False
+    """True if a rule stopped the run, so that it has no intervals."""
 
     @property
     def interval(self) -> intervals.Interval | None:
@@ -90,7 +92,7 @@ class IntervalByTask(Block, frozen=True, kw_only=True):
         return intervals.Interval(self.lower, self.upper)
 
 
-class TaskInterval(IntervalByTask, frozen=True, kw_only=True):
+class TaskInterval(IntervalByTask, frozen=True, kw_only=True, omit_defaults=True):
     """A 95% interval for statements about other tasks, with the estimate."""
 
     value: WideDifference | None

@@ -49,7 +49,7 @@ class ConditionRate(SourceRate, frozen=True, kw_only=True):
     """The same within each source."""
 
 
-class GroupInterval(Block, frozen=True, kw_only=True):
+class GroupInterval(Block, frozen=True, kw_only=True, omit_defaults=True):
     """An interval that resamples groups of cases."""
 
     groups: Count
@@ -62,6 +62,8 @@ class GroupInterval(Block, frozen=True, kw_only=True):
     """Lower end of the 95% interval; None where too few groups changed to decide."""
     upper: WideDifference | None
     """Upper end of the same."""
+    withheld: bool = False
+    """True if a rule stopped the run, so that it has no intervals."""
 
 
 class ConditionContrast(Mean, frozen=True, kw_only=True):

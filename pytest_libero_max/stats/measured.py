@@ -28,10 +28,11 @@ _OF_INTERVALS = ("lower", "upper", "p_value", "log10_p_value", "log10_p_value_ho
 
 
 def without_intervals(block: B) -> B:
-    """Return a block whose intervals and p-values are None, those of all blocks in it too."""
+    """Return a block of a run that a rule stopped: intervals and p-values are None, also of blocks in it."""
     fields = structs.asdict(block)
     changed = {name: _without_intervals(value) for name, value in fields.items()}
     changed |= dict.fromkeys(fields.keys() & _OF_INTERVALS)
+    changed |= {"withheld": True} if "withheld" in fields else {}
     if isinstance(block, blocks.Measure) and block.value is not None:
         changed["lack"] = ""  # which says why there is no interval
     return structs.replace(block, **changed)

@@ -12,10 +12,10 @@ MARGIN = 0.05
 """Difference from which on it matters."""
 
 WORDS: dict[Word, str] = {
-    "significant": "the difference is shown",
-    "bounded null": f"none is shown, and none of {100 * MARGIN:g} points or more is left open",
-    "uninformative": "none is shown, and a large one is left open",
-    "powerless": "so few pairs differ that no outcome of theirs could have been significant",
+    "significant": "a difference is shown",
+    "bounded null": f"no difference is shown, and {100 * MARGIN:g} points or more are excluded",
+    "uninformative": f"no difference is shown, and {100 * MARGIN:g} points or more are possible",
+    "powerless": "too few pairs differ for any result to be significant",
 }
 """The words with their meaning. The words are those of paired-eval; a bounded null is shown equivalence."""
 

@@ -24,7 +24,7 @@ def test_a_gate_is_planned(capsys: pytest.CaptureFixture[str]) -> None:
     out = capsys.readouterr().out
     assert "decided on 100 pairs" in out
     assert "no effect" in out
-    assert "with -19.0 pp, at 100, 200, " in out
+    assert "with -19.0 pp: 100, 200, " in out
     assert main(["plan", "gates", "--base", "0.9", "--gate", "event.camera_shift.delta >= -30%"]) == 0
     assert "decided on 4 pairs" in capsys.readouterr().out
     for wrong, words in (

@@ -9,7 +9,14 @@ from PIL import ImageColor
 from pytest_libero_max.changes import Nothing
 from pytest_libero_max.events.schedules import Arm, Entry, arms_of, change_of, program_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
-from pytest_libero_max.films.drawing import EVENT_STEPS, film_frames, labels, shared_steps, strip_px
+from pytest_libero_max.films.drawing import (
+    EVENT_STEPS,
+    arm_title,
+    film_frames,
+    labels,
+    shared_steps,
+    strip_px,
+)
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.report.palette import EVENT
@@ -26,6 +33,12 @@ def _words(record: PairRecord, arm: str, step: int) -> list[str]:
 def _frames(played: Played) -> list[Image]:
     ticks = play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE))
     return [frame for _, frame in film_frames(played.record, played.traces, ticks, SIZE)]
+
+
+def test_an_arm_with_a_policy_of_its_own_is_titled_with_it(played: Played) -> None:
+    dynamic = played.record.arms["dynamic"]
+    assert arm_title("dynamic", dynamic) == "Dynamic"
+    assert arm_title("dynamic_other", replace(dynamic, policy={"name": "other"})) == "dynamic_other: other"
 
 
 def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> None:

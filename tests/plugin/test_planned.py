@@ -114,7 +114,7 @@ def test_a_pair_that_is_played_again_after_an_error_counts_and_is_named(
     assert report["pairs"]["complete"]
     assert report["pairs"]["repaired_pairs"] == ["libero-spatial-t00-i00-camera_shift-v0"]
     result.stdout.fnmatch_lines(
-        ["Measured when played again after an error: 1 (libero-spatial-t00-i00-camera_shift-v0)."]
+        ["Measured when played again after an error: 1 pair (libero-spatial-t00-i00-camera_shift-v0)."]
     )
 
 

@@ -128,7 +128,7 @@ def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
     result = run(*rule, "-n2", "--junitxml=junit.xml", policy=slow(pytester, sleep_s=0.02), subprocess=True)
     lines, report = results()
     verdict = (
-        "gate pass  base_sr < 50%: passed, whatever the 7 pairs left are: it is at most 43.8% over all 16"
+        "gate pass  base_sr < 50%: passed, however the last 7 pairs may end: it is at most 43.8% over 16"
     )
     assert lines[-1] == {
         "line": "stopped",
@@ -141,7 +141,7 @@ def test_a_run_stops_once_its_gate_is_certain_and_has_its_verdict(
     assert report["overall"]["base_success"]["lower"] is None
     assert report["pairs"]["stopped"]["watched"][0]["verdict"] == "passed"
     result.stdout.fnmatch_lines(
-        ["STOPPED by rule certain at 9 of 16: *", f"{verdict} pairs*", "Exit status 0:*"]
+        ["STOPPED by rule certain at pair 9 of 16: *", f"{verdict} pairs*", "Exit status 0:*"]
     )
     before = (pytester.path / "libero-max-results" / "pairs.jsonl").read_bytes()
     again = run(*rule, "--libero-max-resume", "-n2", policy="slow.py", subprocess=True)

@@ -33,7 +33,8 @@ def test_a_part_of_the_cases_is_named_as_such_everywhere(
     done.stdout.fnmatch_lines(
         [
             "*manifest tiny.json (16 cases, digest *; selection: -k camera_shift), substrate tiny*",
-            f"reacher (H=8 Q=4) on tiny, {text}:*",
+            "reacher (8 actions per query, 4 executed) on tiny, 2 of 16 cases of manifest tiny.json*",
+            "*camera_shift):",
         ]
     )
     folder = pytester.path / "libero-max-results"

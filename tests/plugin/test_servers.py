@@ -57,7 +57,9 @@ def test_a_policy_of_poses_plays_pairs_and_header_and_records_say_so(run: Run, r
     with fakes.http(answer) as port:
         result = run("--libero-max-profile=xvla", "-k", "distractor_burst", policy=f"http://127.0.0.1:{port}")
     result.assert_outcomes(passed=2)
-    result.stdout.fnmatch_lines(["x-vla (H=30 Q=30, absolute control, not repeatable) on tiny, *"])
+    result.stdout.fnmatch_lines(
+        ["x-vla (30 actions per query, 30 executed, absolute control, not repeatable) on tiny, *"]
+    )
     pairs, report = results()
     assert {pair["policy"]["control"] for pair in pairs} == {"absolute"}
     assert all(pair["arms"]["dynamic"]["firings"] for pair in pairs)

@@ -53,7 +53,7 @@ def test_a_cause_belongs_to_one_row_at_most_and_exists() -> None:
 
 def test_base_that_solves_nothing_says_what_to_mend() -> None:
     report = _report(0, reach_m=0.01)
-    assert next_step(report).startswith("Base solves 0 of 8, so events have nothing to break. Fix Base first")
+    assert next_step(report).startswith("Fix Base first")
     assert ADVICE[2].meaning in next_step(report)
     lines = broken_lines(report, {report.base_failures[0].item_ids[2]: "films/x.webp"})
     assert any(line.startswith("8 x not_attempted") for line in lines)
@@ -65,7 +65,7 @@ def test_base_that_solves_nothing_says_what_to_mend() -> None:
 
 def test_a_base_that_solves_some_is_no_wrong_adapter() -> None:
     text = next_step(_report(3, reach_m=0.01))
-    assert text.startswith("Base solves 3 of 8, so events have little to break.")
+    assert text.startswith("Base solves 3 of 8 pairs, so events have little to break.")
     assert "Fix" not in text
     assert "its own evaluation" in text, "the next step"
 

@@ -63,7 +63,7 @@ def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> 
     assert "R   camera_shift-dropped-01  filmed" in lines
     assert lines[-1] == "Films: run/films; libero-max view run shows them beside their cases."
     assert sum(line.startswith("R   ") for line in lines) == 14
-    assert "19 more: in the table of cases of report.html, by outcome and cause." in lines
+    assert "19 more are in the table of cases of report.html, by outcome and cause." in lines
     assert sum(line.startswith("G   ") for line in lines) == 2
     assert not any("libero-max film" in line for line in lines)
     assert "--libero-max-film=all -k target_relocation" in broken_lines(report(MANY))[-1]
@@ -84,7 +84,7 @@ def test_markdown_has_a_table_of_those_that_broke_and_one_of_those_gained() -> N
     row = "| R | `camera_shift-dropped-01` | camera_shift | dropped (2) | It was dropped. | [film]"
     assert f"{row}(films/one.mp4) |" in text
     assert text.count("| R | ") == 20
-    assert "13 more: `changed_pairs` of report.json, and report.html." in text
+    assert "report.html and `changed_pairs` of report.json have 13 more." in text
     assert text.count("| G | ") == 2
     assert "Film |" not in markdown(report(MANY))
 

@@ -148,7 +148,7 @@ def test_certain_stops_where_nothing_can_change_a_gate_and_the_gate_is_decided(t
     (result,) = decide_on(gates, stored, report, tmp_path)
     assert (result.verdict, result.value) == ("failed", None)
     assert result.reason.startswith(
-        "delta >= -20%: failed, whatever the 25 pairs left are: it is at most -20.3%"
+        "delta >= -20%: failed, however the last 25 pairs may end: it is at most -20.3%"
     )
     assert len(result.lost) == 51  # 25 of the others could still be gained
     (other,) = decide_on(parse_gates(["base_sr >= 10%"]), stored, report, tmp_path)

@@ -278,7 +278,7 @@ def test_four_alike_pairs_do_not_pass_a_gate_on_the_lower_end() -> None:
 def test_an_interval_by_task_needs_tasks() -> None:
     result = evaluate_gate(parse_gate("delta.clustered.lower >= -0.5"), REPORT)
     assert result.verdict == "undecidable"
-    assert "of the run, too few tasks (1; 30 are needed)" in result.reason
+    assert "of the run, too few tasks (1 of 30 needed)" in result.reason
     assert evaluate_gate(parse_gate("delta.clustered >= -0.5"), REPORT).passed
 
 
@@ -359,7 +359,7 @@ def test_a_change_without_fired_events_or_base_successes_is_undecidable() -> Non
     planned = plan()
     never = [record_of(pair, True, True, **NEVER_TRIGGERED) for pair in planned]
     failing = [record_of(pair, False, False) for pair in planned]
-    for records, words in ((never, "the event happened in 0/32 pairs"), (failing, "Base succeeds in 0/32")):
+    for records, words in ((never, "happened in 0 of 32 pairs"), (failing, "Base solves 0 of ")):
         report = build_report(records, [], planned, PROVENANCE)
         for text in ("delta.lower >= -15%", "regressions <= 3", "family.geometry.delta >= -50%"):
             result = evaluate_gate(parse_gate(text), report)
@@ -521,3 +521,19 @@ def test_no_outcome_lies_beyond_the_extreme_ones(name: str, end: str | None) -> 
             )
             value = decided_value(gate, measure(outcome))
             assert value is None or min(found) - 1e-12 <= value <= max(found) + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("name", "gate"),
+    [
+        ("change", "delta"),
+        ("paired_change", "delta"),
+        ("base_success", "base_sr"),
+        ("dynamic", "dynamic_sr"),
+        ("lost", "conditional_regression"),
+        ("event.camera_shift.change", "delta"),
+    ],
+)
+def test_a_quantity_by_its_name_in_tables_is_answered_with_its_name_in_gates(name: str, gate: str) -> None:
+    with pytest.raises(OptionError, match=f"Did you mean '{gate}'"):
+        parse_gate(f"{name} >= 0.1")

@@ -34,17 +34,17 @@ def test_the_extreme_categories_of_each_source_are_named() -> None:
     rows = {what: (where, value) for what, where, value in highlight_rows(REPORT)}
     where, value = rows["Lowest Base success, plus"]
     assert where == "plus-part_1"
-    assert value.startswith("0.0%; ")
-    assert value.endswith("% is expected by chance of 2")
+    assert value.startswith("0.0%, the lowest of 2; ")
+    assert value.endswith("% expected by chance")
     assert rows["Lowest paired change, plus"][0] == "plus-part_0"
-    assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp; ")
+    assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp, the lowest of 2; ")
     assert rows["Unweighted mean, Base to Dynamic"] == ("4 source categories", "50.0% to 25.0%, -25.0 pp")
 
 
 def test_what_chance_explains_is_no_finding() -> None:
     alike = build_report([record_of(pair, True, True) for pair in PAIRS], [], PAIRS, PROVENANCE)
     rows = {what: (where, value) for what, where, value in highlight_rows(alike)}
-    found = "none stands out", "lowest 100.0% of 2; 100.0% is expected by chance"
+    found = "none stands out", "the lowest of 2 is 100.0%; 100.0% expected by chance"
     assert rows["Lowest Base success, plus"] == found
     assert rows["Largest split of Dynamic success"][0] == "none stands out"
     one = [record_of(pair, True, number > 0) for number, pair in enumerate(PAIRS)]

@@ -124,7 +124,7 @@ def test_pairs_without_a_result_count_as_failures_in_a_second_rate() -> None:
     assert (rates["base_success"]["count"], rates["base_success"]["of"]) == (28, 32)
     assert (rates["dynamic_success"]["count"], rates["dynamic_success"]["of"]) == (14, 32)
     assert rates["paired_change"]["value"] == -14 / 32
-    said = "With 4 pairs without a result as failures of both arms, as in the paper: Base 87.5%"
+    said = "If 4 pairs without a result counted as failures of both arms, as in the paper: Base 87.5%"
     flat = " ".join(" ".join(summary_lines(report)).split())
     for text in (flat, markdown(report), html(report, [], ["pytest"])):
         assert said in text

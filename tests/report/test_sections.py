@@ -46,6 +46,20 @@ def test_nothing_may_be_taken_out() -> None:
         with_sections(REPORT, {"sections": {}})
 
 
+def test_computed_rows_stay_as_they_are_and_rows_of_a_hook_are_shown() -> None:
+    report = build_report(records_of(PAIRS), [], PAIRS, PROVENANCE)
+    sections = plain(report)["sections"]
+    added = {"Mine": {"step": 30000}}
+    shown = with_sections(report, {**plain(report), "sections": {**sections, **added}})
+    assert "## Mine\n\n| Name | Value |\n| --- | --- |\n| step | 30000 |" in markdown(shown)
+    rows = sections[TITLE]
+    changes: tuple[dict[str, object], ...]
+    changes = ({}, {TITLE: {}}, {TITLE: {**rows, "mine": 1}}, {TITLE: {**rows, "Pairs played": 1}})
+    for changed in changes:
+        with pytest.raises(ReportError, match="under a title of your own"):
+            with_sections(report, {**plain(report), "sections": {**changed, **added}})
+
+
 class Adding(ReportSection):
     """A section of another package."""
 

@@ -11,8 +11,8 @@ def test_what_is_said_of_screening_holds_for_the_cases_of_the_run() -> None:
     ids = [case.case_id for case in load_track("genuine/lite")]
     unexamined = unexamined_cases("genuine/lite")
     genuine = statements_of("track genuine/lite", ids)["screening"]
-    assert genuine.startswith("598 of the 800 cases were screened by program")
-    assert "the other 202 need models" in genuine
+    assert genuine.startswith("598 of 800 cases were screened by program")
+    assert "The other 202 need models" in genuine
     examined = [one for one in ids if one not in unexamined]
     assert statements_of("track genuine/lite", examined)["screening"] == embedded
     own = statements_of("manifest mine.json", ids)["screening"]

@@ -15,7 +15,7 @@ from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.studies.study_tables import study_csv
 from pytest_libero_max.report.writers.markdown import markdown
-from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
+from pytest_libero_max.report.writers.summary import quiet_lines, stopped_texts, summary_lines
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from tests.report.made_up import plain
@@ -66,6 +66,12 @@ def test_a_stopped_report_prints_no_interval(name: str) -> None:
     texts += [] if report.study is None else [study_csv(report.study)]
     assert [found for text in texts for found in _INTERVAL.findall(text)] == []
     assert not any("the interval holds 0" in text for text in texts)
+    ruled = " ".join(stopped_texts(report.pairs))
+    for text in texts[:1] + texts[2:]:
+        about = text.replace(ruled, "").splitlines()
+        speaking = [line for line in about if "95%" in line and "have no 95% intervals" not in line]
+        assert speaking == []
+    assert "too few" not in texts[0].replace("too few pairs", "")
 
 
 def test_a_stopped_report_says_that_its_estimates_are_beyond_the_truth() -> None:

@@ -64,10 +64,10 @@ policy = "other"
 schedule = [{ trigger = "event", change = "event" }]
 """
 LABELS = [
-    "policy of Base d=0 (0 ms) H=8 Q=2",
-    "policy of Base d=0 (0 ms) H=8 Q=4 (own)",
-    "policy of Base d=2 (100 ms) H=8 Q=4",
-    "other d=0 (0 ms) H=6 Q=3",
+    "approaching d=0 (0 ms) H=8 Q=2",
+    "approaching d=0 (0 ms) H=8 Q=4 (own)",
+    "approaching d=2 (100 ms) H=8 Q=4",
+    "other after approaching d=0 (0 ms) H=6 Q=3",
 ]
 
 
@@ -113,6 +113,9 @@ def test_a_file_spells_a_study_and_its_part_of_the_report(header: Json, record: 
     assert [*tables["Contrasts of arms"].head][1:] == ["reset - base", "dynamic - reset"]
     own, other = rows[LABELS[1]], rows[LABELS[3]]
     assert other[1] == own[1]  # it goes on from the same Base
+    less_own = [one.title for one in tables["Settings"].head[1:]].index("Base less own") + 1
+    assert [row[less_own] == "reference" for row in rows.values()] == [False, True, False, True]
+    assert (own[less_own + 1], other[less_own + 1] == "reference") == ("reference", False)
     study = study_of([record], ["libero_spatial/0"], {"study": header})
     assert study is not None
     assert (study.title, study.about) == ("Who goes on, and when", study_from_dict(header).program.about)  # type: ignore[union-attr]
@@ -129,9 +132,25 @@ def test_a_program_with_these_arms_is_reported_in_the_same_tables(header: Json, 
     assert {title: table.texts() for title, table in laid.items()} == {
         title: table.texts() for title, table in studied.items()
     }
-    assert (
-        tables_of({}, [record])["Success by arm"].texts()[-1][0] == "dynamic_other"
-    )  # from the records alone
+    from_records = [row[0] for row in tables_of({}, [record])["Success by arm"].texts()]
+    assert from_records[-1] == "dynamic_other (policy approaching, H=6 Q=3)"
+    assert "dynamic_late (d=2 (100 ms))" in from_records
+
+
+def test_an_arm_with_a_policy_or_cadence_of_its_own_says_so_in_every_table(
+    header: Json, record: PairRecord
+) -> None:
+    program = parse_program({key: header["document"][key] for key in ("name", "arms")})
+    document = program.to_dict()
+    for arm in document["arms"]:
+        if arm["name"] in ("dynamic_other", "dynamic_often"):
+            arm["schedule"] = [{"trigger": {"type": "at_start"}, "change": "event"}]  # no setting then
+    tables = tables_of({"program": {**document, "digest": ""}}, [record])
+    names = [row[0] for row in tables["Success by arm"].texts()]
+    assert {"dynamic_often (Q=2)", "dynamic_other (policy other, H=6 Q=3)"} <= {*names}
+    assert set(names) <= set(tables["Success by arm and event"].headings())
+    contrasts = tables["Contrasts of arms"].headings()
+    assert "dynamic_other (policy other, H=6 Q=3) - base" in contrasts
 
 
 def test_a_default_that_is_spelled_out_changes_nothing(

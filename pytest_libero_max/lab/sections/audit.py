@@ -18,12 +18,14 @@ from pytest_libero_max.stats.significance import holm, mcnemar
 
 TITLE = "Success without an input"
 NOTE = (
-    "Paired with Base over the cases that were played in both. Exact 95% intervals, each for itself. The "
-    "p-value of the exact McNemar test is adjusted for the number of arms (Holm), and decides at 5%. A "
-    "policy that reads the simulator (privileged) can do without any of its inputs. Black images, zeros "
-    "and missing words are unlike all that a policy was trained on: a loss says that it uses the input, "
-    "and not how. Where the paraphrase, another task's instruction or its scene would be the case's own, "
-    "the arm is not played."
+    "Each arm is paired with Base over the cases that were played in both. A policy that reads the simulator "
+    "(privileged) can do without any of its inputs. Black images, zeros and missing words are unlike all "
+    "training data: a loss shows that the policy uses the input, not how. An arm is not played where its "
+    "input would be the case's own."
+)
+INTERVAL_NOTE = (
+    "Exact 95% intervals, each for itself. The p-value of the exact McNemar test is adjusted for the number "
+    "of arms (Holm), and decides at 5%."
 )
 
 _INPUTS = {
@@ -157,7 +159,7 @@ def input_tables(report: Report) -> list[Table]:
             )
         )
     head = ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict")
-    return [Table(TITLE, head, cells, NOTE, narrow=4)]
+    return [Table(TITLE, head, cells, NOTE, narrow=4).explaining_intervals(INTERVAL_NOTE)]
 
 
 def audit_document(report: Report) -> Document:

@@ -22,8 +22,10 @@ TITLE = "Sham event: other seeds alone"
 NOTE = (
     "At the event's moment the policy is given other seeds, and nothing changes. Of rollouts that are played "
     "twice, flips by chance are the mean of those of two Bases and of two Dynamics; flips beyond chance are "
-    "the mean of (Dynamic - Base) of the first rollouts times that of the second, which is without bias. "
-    "Where their interval holds 0, the flips are not shown to be more than this policy's own chance makes."
+    "the mean of (Dynamic - Base) of the first rollouts times that of the second, which is without bias."
+)
+INTERVAL_NOTE = (
+    "Where the interval of the flips beyond chance holds 0, the policy's own chance may explain all flips."
 )
 
 NOISE_TITLE = "Noise floor: Base played twice"
@@ -91,6 +93,7 @@ class Sham(ReportSection):
     )
     option = "--libero-max-noise=sham:SHARE"
     notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
+    interval_notes: ClassVar[Mapping[str, str]] = {TITLE: INTERVAL_NOTE}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
         """Return the outcomes of the sham event and of the event, and the flips by chance."""

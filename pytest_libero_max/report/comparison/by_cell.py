@@ -161,7 +161,7 @@ def _require_alike(old: RunOutcomes, new: RunOutcomes) -> None:
     both = set(old.case_ids) & set(new.case_ids)
     if both:
         raise ReportError(
-            f"{len(both)} cases are in both runs, for example {min(both)!r}, but old less new is of "
+            f"The runs share {counted(len(both), 'case')}, for example {min(both)!r}, but old less new is of "
             "different cases. Give the run of a fresh draw second, or leave out --by-cell."
         )
 
@@ -212,8 +212,9 @@ def document_of(result: OldLessNew) -> Document:
         rows = [(event, rows[arm]) for event, rows in result.by_event.items()]
         tables.append(table_of(f"{arm}, by event (each interval for itself)", "", _QUANTITIES, rows))
     left_out = f"Left out: {counted(result.left_out, 'case')}, in cells that only one of the runs has."
+    cells = counted(result.cells, "cell")
     return Document(
-        f"Old less new: {old} less {new}, within {result.cells} cells of source, event and variant",
+        f"Old less new: {old} less {new}, within {cells} of source, event and variant",
         sections=[
             Section(tables=tables),
             Section(texts=[*([left_out] if result.left_out else []), *_meaning(result)]),
@@ -226,14 +227,14 @@ def _meaning(found: OldLessNew) -> Iterator[str]:
     for arm in fitted:
         row = found.arms[arm]
         yield (
-            f"Over-fitted in {arm}: of {percent(row.old.value)} on the old cases, "
-            f"{points(row.difference.value)} pp are not there on new ones of the same cells."
+            f"{arm} is over-fitted: of {percent(row.old.value)} success on the old cases, "
+            f"{points(row.difference.value)} pp are lost on new cases of the same cells."
         )
     for arm, row in found.arms.items():
         if arm not in fitted:
             most = max(0.0, row.difference.interval.upper)
             yield (
-                f"No over-fitting shown in {arm}: by the interval, at most {100 * most:.1f} pp of "
-                f"{percent(row.old.value)} are of the old cases alone."
+                f"{arm} shows no over-fitting: by the interval, at most {100 * most:.1f} pp of "
+                f"{percent(row.old.value)} are lost on new cases."
             )
-    yield "What the draws differ in by chance is in the intervals; a policy that knows no case shows it."
+    yield "The intervals include the difference of the draws by chance; a policy that knows no case shows it."

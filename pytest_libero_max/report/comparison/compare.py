@@ -277,6 +277,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
         statements=statements_of(
             next(iter(outcomes.values())).run.provenance["case_set"]["name"],
             [pair.case_id for pair in common.planned],
+            with_intervals=len(stopped) < len(outcomes),
         ),
     )
 

@@ -55,13 +55,13 @@ _LISTED_AT_THE_END = 5
 _LEVEL = 0.05
 
 _APART = (
-    "Listed apart: policies that do not support all suites of the others. Their rows are over the cases that "
-    "they support, and they change nothing else here. --restrict compares all runs on the cases they share."
+    "Policies that do not support all suites of the others are listed apart. Their rows are over the cases "
+    "that they support, and nothing else here uses them. --restrict compares all runs on their common cases."
 )
 
 _RANKS: tuple[Quantity[ComparedRun], ...] = (
     Quantity("rank", "Rank", lambda run: run.rank, Number("g", missing="--")),
-    Quantity("open_ranks", "Open ranks", lambda run: _open_ranks(run), TEXT, "Open"),
+    Quantity("possible_ranks", "Possible ranks (95%)", lambda run: _possible_ranks(run), TEXT),
 )
 
 RUNS = quantities_in("runs")
@@ -95,7 +95,8 @@ def comparison_lines(comparison: Comparison, flips: int = _LISTED) -> list[str]:
     """Render a comparison for the terminal: its results, and the statements that concern it most."""
     document = document_of(comparison, flips)
     lines = [*terminal_head(document, comparison), *sections_lines(document.sections)]
-    return [*lines, "", *(line for key in _STATEMENTS for line in wrap(comparison.statements[key], WIDTH))]
+    shown = [comparison.statements[key] for key in _STATEMENTS if key in comparison.statements]
+    return [*lines, "", *(line for text in shown for line in wrap(text, WIDTH))]
 
 
 def terminal_head(document: Document, comparison: Comparison) -> list[str]:
@@ -191,23 +192,23 @@ def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
         values = ", ".join(f"{name} {value}" for name, value in difference.values.items())
         yield f"The runs differ in {difference.field}: {values}."
     if differences:
-        yield "A difference between the results is of these differences and of the policies together."
+        yield "Do not credit the policies alone for a difference between the results."
 
 
 def _runs_table(comparison: Comparison) -> Table:
     last = len(comparison.runs) + 1
     by_task = quantity("paired_change_by_task")
+    ranks = _RANKS if any(run.highest_rank for run in comparison.runs) else _RANKS[:1]
     return table_of(
         "",
         "Run",
-        (*_RANKS, *RUNS[:-1], by_task, RUNS[-1]),
+        (*ranks, *RUNS[:-1], by_task, RUNS[-1]),
         [(run.name, run) for run in sorted(comparison.runs, key=lambda run: run.rank or last)],
-        note="Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.",
     )
 
 
-def _open_ranks(run: ComparedRun) -> str | int | None:
-    """Return the ranks that the cases leave open to a run; None for none."""
+def _possible_ranks(run: ComparedRun) -> str | int | None:
+    """Return the ranks that the simultaneous intervals do not exclude; None for none."""
     if run.highest_rank == run.lowest_rank:
         return run.highest_rank
     return f"{run.highest_rank}-{run.lowest_rank}"
@@ -234,20 +235,20 @@ def _contrast_tables(comparison: Comparison) -> Iterator[Table]:
     """Yield the contrasts of every two runs, those by event, and how far the runs agree about the events."""
     family = len(comparison.contrasts)
     notes = [
-        "The test of a paired change takes the two runs as exchangeable. Its interval does not, and may hold "
-        "0 where p is small.",
+        "The test of a paired change assumes exchangeable runs. Its interval does not, so it may hold 0 "
+        "where p is small.",
         f"Verdicts: {'; '.join(f'{word}, {meaning}' for word, meaning in WORDS.items())}.",
     ]
     if family > 1:
         notes.insert(
             0,
-            f"All {family} intervals of a table together hold the differences with 95% (Bonferroni). Holm's "
-            "p is corrected for as many tests and is a little sharper: it may be below 0.05 where the "
-            "interval still holds 0.",
+            f"All {family} intervals of a table hold together with 95% (Bonferroni). Holm's p is corrected "
+            "for as many tests and a little sharper: it may be below 0.05 where the interval still holds 0.",
         )
     yield contrast_table("Dynamic success", comparison.contrasts)
     yield contrast_table("Base success", comparison.base_contrasts)
-    yield contrast_table("Paired change", comparison.change_contrasts, " ".join(notes))
+    changes = contrast_table("Paired change", comparison.change_contrasts)
+    yield changes.explaining_intervals(" ".join(notes))
     yield from _by_event(comparison)
     yield from _profiles(comparison)
 
@@ -276,9 +277,7 @@ def _ends(lower: float, upper: float) -> intervals.Interval:
     return intervals.Interval(lower, upper)
 
 
-def contrast_table(
-    quantity: str, contrasts: Sequence[SuccessContrast | ChangeContrast], note: str = ""
-) -> Table:
+def contrast_table(quantity: str, contrasts: Sequence[SuccessContrast | ChangeContrast]) -> Table:
     """Return the contrasts of every two runs in one quantity."""
     family = len(contrasts)
     verdict: Quantity[Any] = Quantity("verdict", "Verdict", lambda row: _verdict(row, family), TEXT)
@@ -287,7 +286,7 @@ def contrast_table(
         simultaneous = replaced(simultaneous, title="95%")
     columns = (difference, simultaneous, _BY_TASK, _HOLM, verdict)
     rows = [(f"{row.second} against {row.first}", row) for row in contrasts]
-    return table_of(f"{quantity}, contrasts", "Second against first", columns, rows, note=note)
+    return table_of(f"{quantity}, contrasts", "Second against first", columns, rows)
 
 
 def _verdict(contrast: AnyContrast, family: int) -> str:
@@ -303,18 +302,19 @@ def _verdict(contrast: AnyContrast, family: int) -> str:
 
 def _by_event(comparison: Comparison) -> Iterator[Table]:
     """Yield the contrasts by event: each for two runs, those with a small p counted for more."""
-    note = "Holm's correction and the simultaneous intervals are over all events and pairs of runs."
+    note = "Holm's correction and the simultaneous intervals cover all events and pairs of runs."
     for title, field in (("Dynamic success", "dynamic_success"), ("Paired change", "paired_change")):
         rows: Sequence[tuple[str, list[GroupContrast]]] = [
             (event, getattr(contrasts, field)) for event, contrasts in comparison.by_event.items()
         ]
-        more = {"note": note, "dimension": "event"}
+        heading = f"{title} by event, contrasts"
         if len(comparison.runs) == 2:
             single = [(event, contrast) for event, (contrast,) in rows]
-            yield table_of(f"{title} by event, contrasts", "Event", (*_DIFFERENCE, _HOLM), single, **more)
+            table = table_of(heading, "Event", (*_DIFFERENCE, _HOLM), single, dimension="event")
+            yield table.explaining_intervals(note)
         else:
             small: Quantity[Any] = Quantity("small", f"Contrasts with Holm p < {_LEVEL:g}", _small, TEXT)
-            yield table_of(f"{title} by event, contrasts", "Event", (small,), rows, **more)
+            yield table_of(heading, "Event", (small,), rows, note=note, dimension="event")
 
 
 def _small(contrasts: Iterable[GroupContrast]) -> str:
@@ -329,7 +329,7 @@ def _profiles(comparison: Comparison) -> Iterator[Table]:
         yield table_of(title, "Event", _OVER_RUNS, comparison.events.items(), dimension="event")
     if len(comparison.by_event) > 1:
         profiles = comparison.event_profiles
-        note = "Agreement of the event profiles: n/a, no two runs have profiles that vary."
+        note = "Agreement of the event profiles: n/a, because no two runs have profiles that vary."
         if profiles.mean_spearman is not None:
             note = (
                 f"Agreement of the event profiles (Spearman): mean {profiles.mean_spearman:.2f}, from "
@@ -349,13 +349,13 @@ def _flips(comparison: Comparison, changed: int) -> Section:
         for flip in comparison.flips
     ]
     if changed > len(items):
-        items.append(f"... and {changed - len(items)} more")
+        items.append(f"... {changed - len(items)} more")
     replay = [f"{run.name}: {replay_text(run.replay)}" for run in comparison.runs]
     return Section(
         f"{counted(changed, 'case')} changed, (Base, Dynamic) in {', '.join(names)}:",
         items=[
             *items,
-            "To play one of them again, append its name (commands as the folders of the runs name them):",
+            "To play one again, append its name to the command of a run:",
             *(f"  {command}" for command in replay),
         ],
     )

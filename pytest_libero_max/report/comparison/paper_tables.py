@@ -24,6 +24,9 @@ _RATE, _CHANGE = Tenths(signed=False, missing=MISSING), Tenths(missing=MISSING)
 
 Column = Quantity[PolicyRow]
 
+_ORIGIN: Column = Quantity("from", "From", lambda row: _origin_of(published=row.published), TEXT)
+"""Tells published rows from those of runs."""
+
 _OUTCOME_TITLES = ("Preserved (1,1)", "Gained (0,1)", "Regressed (1,0)", "Failed (0,0)")
 
 _PARTS: tuple[tuple[str, str, Format], ...] = (
@@ -41,7 +44,8 @@ def paper_tables(rows: Sequence[PolicyRow]) -> list[Table]:
         rows: Policies in the order of the tables, those of the paper last.
     """
     mixed = len({row.published for row in rows}) > 1
-    named = [(f"{row.name} (paper)" if mixed and row.published else row.name, row) for row in rows]
+    named = [(row.name, row) for row in rows]
+    origin = [_ORIGIN] if any(row.published for row in rows) else []
     apart = sum(not row.published for row in rows) if mixed else 0
     tables = []
     for key, (title, columns, note) in _tables(rows).items():
@@ -51,8 +55,14 @@ def paper_tables(rows: Sequence[PolicyRow]) -> list[Table]:
             if any(number is not None for row in rows for number in column.numbers(row).values())
         ]
         if known:
-            tables.append(table_of(title, "Policy", known, named, note=note, key=key, apart=apart))
+            tables.append(
+                table_of(title, "Policy", [*origin, *known], named, note=note, key=key, apart=apart)
+            )
     return tables
+
+
+def _origin_of(*, published: bool) -> str:
+    return "paper" if published else "run"
 
 
 def _tables(rows: Sequence[PolicyRow]) -> dict[str, tuple[str, Sequence[Column], str]]:
@@ -70,7 +80,7 @@ def _tables(rows: Sequence[PolicyRow]) -> dict[str, tuple[str, Sequence[Column],
             Quantity("paired_change", "Change", lambda row: row.outcomes.change.value, _CHANGE),
             Quantity("paired_change", "95%", _interval, Interval()),
             *_by_group(rows, "family", "change"),
-        ], f"{UNITS} The interval is the melded exact one of the change. Columns of families are changes."),
+        ], f"{UNITS} 95%: the melded exact interval of the change. Columns of families are changes."),
         "outcomes": ("Paired outcomes (Base, Dynamic)", [
             *(
                 Quantity(key, title, lambda row, key=key: getattr(row.outcomes, key), TEXT)  # type: ignore[misc]
@@ -187,6 +197,10 @@ def _agreement(rows: Sequence[PolicyRow]) -> str:
     return text if not kept else f"{text} {sum(kept)} of {len(kept)} orders by Dynamic success are the same."
 
 
+_SuiteRow = tuple[str, Rates, bool]
+"""A suite, a policy's rates there, and True for results of the paper."""
+
+
 def partial_tables(runs: Sequence[ApartRun], published: PartialPolicy | None = None) -> list[Table]:
     """Return a table of the policies that play a part of the suites, by suite; none without such a policy.
 
@@ -199,12 +213,14 @@ def partial_tables(runs: Sequence[ApartRun], published: PartialPolicy | None = N
         by_suite = {suite: _measured(row) for suite, row in run.by_suite.items()}
         by_suite |= dict.fromkeys(run.unsupported_suites, Rates(None, None, None, None))
         name = run.name if run.policy is None else f"{run.policy['name']} ({run.name})"
-        rows += _suites(name, by_suite, _measured(run.result))
+        rows += _suites(name, by_suite, _measured(run.result), published=False)
     apart = len(rows)
     if published is not None:
         printed = {suite: Rates.printed(*values) for suite, values in published.by_suite.items()}
-        rows += _suites(published.name, printed, Rates.printed(*published.total))
-    columns: list[Quantity[tuple[str, Rates]]] = [
+        rows += _suites(published.name, printed, Rates.printed(*published.total), published=True)
+    origin: Quantity[_SuiteRow] = Quantity("from", "From", lambda row: _origin_of(published=row[2]), TEXT)
+    columns: list[Quantity[_SuiteRow]] = [
+        *([] if published is None else [origin]),
         Quantity("suite", "Suite", lambda row: row[0], TEXT),
         Quantity("pairs", "Pairs", lambda row: row[1].pairs, TEXT),
         Quantity("base_success", "Base", lambda row: row[1].base, _RATE),
@@ -222,10 +238,10 @@ def _measured(row: Result) -> Rates:
 
 
 def _suites(
-    name: str, by_suite: Mapping[str, Rates], total: Rates
-) -> Iterator[tuple[str, tuple[str, Rates]]]:
+    name: str, by_suite: Mapping[str, Rates], total: Rates, *, published: bool
+) -> Iterator[tuple[str, _SuiteRow]]:
     for suite, rates in [*sorted(by_suite.items()), ("all supported", total)]:
-        yield name, (suite, rates)
+        yield name, (suite, rates, published)
 
 
 def _words(name: str) -> str:

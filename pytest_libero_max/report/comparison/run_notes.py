@@ -25,8 +25,8 @@ def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
     warnings = [warning_of(result)]
     if run.stopped is not None and run.stopped_by_rule:
         warnings.append(
-            f"{run.stopped.text}. It has no 95% intervals and no p-values here: those hold for a number of "
-            "pairs that is fixed before."
+            f"{run.stopped.text}. It has no 95% intervals and no p-values here: these need a number of pairs "
+            "that is fixed before the run."
         )
         warnings.append(bias_of(run.stopped))
     return [text for text in warnings if text]

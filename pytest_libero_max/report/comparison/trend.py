@@ -13,8 +13,9 @@ from pytest_libero_max.report.comparison.comparison_sections import RUNS, docume
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.document import Document, Section, Table
 from pytest_libero_max.report.formats import change_text, counted, interval_text, percent, points
+from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable
 from pytest_libero_max.report.page.page_frame import document_page
-from pytest_libero_max.report.plots import Plot, change_row, direction, rates_row
+from pytest_libero_max.report.plots import Plot, change_plot, change_row, direction, rates_row
 from pytest_libero_max.report.quantities import Quantity, quantity
 from pytest_libero_max.runs.store import read_pairs
 
@@ -45,12 +46,14 @@ def trend_of(comparison: Comparison, causes: Causes) -> Document:
     all_causes = [cause for cause, _ in _ordered(sum(causes, Counter()))]
     lost = [(name, *(own[cause] for cause in all_causes)) for name, own in zip(names, causes, strict=True)]
     head = ("Run", *(cause.replace("_", " ") for cause in all_causes))
-    alone = "Intervals are 95%, of each run alone: libero-max compare has the paired contrasts of two."
+    alone = (
+        "The 95% intervals are of each run alone. libero-max compare has the paired contrasts of two runs."
+    )
     return replace(
         document_of(comparison),
         title=f"Trend of {counted(len(names), 'run')} on {common}",
         sections=[
-            Section("Runs", [replace(_table(comparison, names, RUNS), note=alone)]),
+            Section("Runs", [_table(comparison, names, RUNS).explaining_intervals(alone)]),
             Section("Causes of what was lost", [Table("", head, lost)]),
         ],
     )
@@ -101,7 +104,7 @@ def change_by_run(comparison: Comparison) -> Plot:
         change_row(name, "", run.paired_change, change_text(run.paired_change))
         for name, run in _numbered(comparison).items()
     ]
-    return Plot("Paired change by run", ("Run", "pp [95%]"), rows)
+    return change_plot("Paired change by run", "Run", rows)
 
 
 def _rates(run: ComparedRun) -> str:
@@ -117,6 +120,8 @@ def trend_html(comparison: Comparison, causes: Causes) -> str:
     first, last = comparison.runs[0], comparison.runs[-1]
     change = last.paired_change
     shown = (last.name, f"{points(change.value)} pp", interval_text(change, signed=True), direction(change))
+    if not is_measurable(last):
+        shown = (last.name, NOT_MEASURABLE, "", "neutral")
     return document_page(
         "trend.html",
         trend_of(comparison, causes),

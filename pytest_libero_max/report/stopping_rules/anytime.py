@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.formats import points
 from pytest_libero_max.report.gate_bounds import Ending
@@ -127,7 +127,7 @@ class Anytime(GateRule):
                 level=self.level,
                 not_shown=False,
                 detail=f"at level {self.level:g} it is between {points(lower)} and {points(upper)} "
-                f"percentage points over all {self._pairs} pairs.",
+                f"percentage points over all {counted(self._pairs, 'pair')}.",
             )
         ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from pytest_libero_max.errors import counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.stopping_rule import StoppingRule
@@ -33,4 +34,4 @@ class Errors(StoppingRule):
         self._left -= isinstance(pair, PairError)
         if self._left > 0:
             return None
-        return f"{self._allowed} pair{'s' if self._allowed > 1 else ''} could not be measured"
+        return f"{counted(self._allowed, 'pair')} could not be measured"

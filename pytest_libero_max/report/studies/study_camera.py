@@ -14,7 +14,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.document import Table, table_of
-from pytest_libero_max.report.formats import Change, Interval, Number, Rate, interval_text
+from pytest_libero_max.report.formats import NOT_AVAILABLE, Change, Interval, Number, Rate, interval_text
 from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.report.studies.study_document import Camera, JointOutcome
 from pytest_libero_max.stats.blocks import Bootstrap
@@ -198,6 +198,8 @@ class _Groups(Interval):
     """An interval over groups of cases."""
 
     def long(self, value: GroupInterval) -> str:
+        if value.withheld:
+            return NOT_AVAILABLE
         if value.lower is None:
             return f"too few ({value.groups}, changed {value.changed})"
         return f"{interval_text(value, self.signed)}  {value.groups} groups"
@@ -250,10 +252,11 @@ def camera_tables(study: Camera) -> list[Table]:
             "Condition",
             [_OF_RATE[0], *within, _OF_RATE[1]],
             rates,
-            note="Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution, "
-            "with the composition of the sources kept: for comparison with it, and far too narrow for rare "
-            "outcomes.",
             narrow=2,
+        ).explaining_intervals(
+            "Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution with the "
+            "composition of the sources kept. They are for comparison with the paper, and far too narrow for "
+            "rare outcomes."
         ),
         _joint(study),
         table_of(
@@ -261,12 +264,14 @@ def camera_tables(study: Camera) -> list[Table]:
             "Contrast",
             _OF_CONTRAST,
             named,
-            note="Gain: only the first condition succeeds; loss: only the second. The interval of the "
-            "difference is exact; the paper's resamples cases within each source, and is too narrow where"
-            " few differ. All are pointwise: no number of contrasts is corrected for. Reset and Mid-task "
-            "differ in more than the moment: in how long the new view is seen, in the states visited and "
-            "in the steps left.",
+            note="Gain: only the first condition succeeds; loss: only the second. Reset and Mid-task differ "
+            "in more than the moment: in how long the new view is seen, in the states visited and in the "
+            "steps left.",
             narrow=5,
+        ).explaining_intervals(
+            "The interval of the difference is exact. The paper's resamples cases within each source, and is "
+            "too narrow where few differ. Each interval is for itself, without correction for the number of "
+            "contrasts."
         ),
         *(
             [table_of("Mid-task less Reset, between strengths", "Contrast", _OF_CONTRAST[2:], gaps)]
@@ -278,9 +283,10 @@ def camera_tables(study: Camera) -> list[Table]:
             "Contrast",
             [*changes, *groups],
             [*named, *gaps],
-            note="By source, the same interval as over all cases. Reference tasks are resampled jointly "
-            "across the sources, whose shares stay fixed; tasks of each source, and configurations (task and "
-            "initial state), within each source. The case-weighted estimate stays the same.",
+        ).explaining_intervals(
+            "By source, the same interval as over all cases. Reference tasks are resampled jointly across "
+            "the sources, whose shares stay fixed; tasks of each source, and configurations (task and "
+            "initial state), within each source. The case-weighted estimate stays the same."
         ),
         _approach_table(study),
     ]

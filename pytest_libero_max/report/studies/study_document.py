@@ -64,10 +64,11 @@ class Setting(Result, frozen=True, kw_only=True):
     """async where the robot goes on with the chunk before, sync where it waits for the answer."""
     policy: Text | None
     """Name of the policy that goes on from the event; None for that of Base."""
-    base_cost: MeanDifference
-    """Success in Base less that of the run's own, the mean over the cases."""
-    dynamic_cost: MeanDifference
-    """Success in Dynamic less that of the run's own, the mean over the cases."""
+    base_cost: MeanDifference | None
+    """Success in Base less that of the run's own, the mean over the cases; None where it is the run's own."""
+    dynamic_cost: MeanDifference | None
+    """Success in Dynamic less that of the run's own, the mean over the cases; None where it is the run's
+    own."""
     held: Share | None
     """Share of the executed steps of Base and Dynamic in which the robot waited for an answer."""
 
@@ -129,6 +130,8 @@ class Study(Block, frozen=True, kw_only=True):
     """Pairs of arms that differ from Base and Dynamic in cadence, latency or policy alone, and these."""
     best: dict[str, BestSetting] = {}  # noqa: RUF012
     """Best setting for base_success and for dynamic_success; empty without further settings."""
+    ways: dict[str, str] = {}  # noqa: RUF012
+    """Policy, H and Q, and latency of the arms that have their own, in words; without those in settings."""
     arms: dict[str, Rate] | None = None
     """Success by arm, over the cases that were played in it; None where all arms are in settings, and for a
     camera study."""

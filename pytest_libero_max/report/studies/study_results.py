@@ -12,7 +12,12 @@ from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, 
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.studies.study_camera import camera_results
 from pytest_libero_max.report.studies.study_document import ArmContrast, Executed, Study
-from pytest_libero_max.report.studies.study_settings import best_settings, measured_settings, settings_of
+from pytest_libero_max.report.studies.study_settings import (
+    best_settings,
+    measured_settings,
+    own_ways,
+    settings_of,
+)
 from pytest_libero_max.stats.blocks import Rate
 from pytest_libero_max.stats.measured import ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_difference
@@ -49,14 +54,16 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
     if isinstance(study, CameraStudy):
         return Study(**head, camera=camera_results(study.strengths, records, tasks))
     if study is not None and study.has_section:
-        return Study(**head, arms=success_by_arm(records))
-    settings = settings_of(() if program is None else program.arms, records) if records else []
+        return Study(**head, arms=success_by_arm(records), ways=own_ways((), records, _names(records)))
+    spelled = () if program is None else program.arms
+    settings = settings_of(spelled, records) if records else []
     paired = {name for setting in settings for name in (setting.base, setting.dynamic)}
     further = {name for record in records for name in record.arms} - _USUAL - paired
     return Study(
         **head,
         settings=measured_settings(settings, records, tasks),
         best=best_settings(settings, records) if settings else {},
+        ways=own_ways(spelled, records, [name for name in _names(records) if name in further]),
         **(_arms(records, further) if further or not settings else {}),
     )
 
@@ -104,12 +111,17 @@ def _contrast(first: str, second: str, event: str | None, records: Sequence[Pair
 
 def success_by_arm(records: Sequence[PairRecord]) -> dict[str, Rate]:
     """Success by arm, over the cases that were played in it, in the order of the arms."""
-    names = dict.fromkeys(name for record in records for name in record.arms if name != BASE_AGAIN)
     rates: dict[str, Rate] = {}
-    for name in names:
+    for name in _names(records):
         ends = [record.arms[name].success for record in records if name in record.arms]
         rates[name] = rate_of(Ratio(sum(ends), len(ends)))
     return rates
+
+
+def _names(records: Sequence[PairRecord]) -> list[str]:
+    """Return the arms of all cases, in their order."""
+    names = dict.fromkeys(name for record in records for name in record.arms)
+    return [name for name in names if name != BASE_AGAIN]
 
 
 def executed(records: Sequence[PairRecord]) -> Executed:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -84,6 +84,31 @@ def _as_short(entry: Json) -> Json:
     return {key: value for key, value in entry.items() if usual.get(key) != value}
 
 
+def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterable[str]) -> dict[str, str]:
+    """Return policy, H and Q, and latency of the arms that have their own, in words.
+
+    Args:
+        arms: The arms of a program or a study, as data; what they lack is read from the records.
+        records: Measured cases.
+        names: Arms that some case has.
+    """
+    spelled = {arm["name"]: arm for arm in arms}
+    ways = {}
+    for name in names:
+        first = next(record for record in records if name in record.arms)
+        played, base = first.arms[name], first.arm(BASE)
+        cadence = {"H": "horizon", "Q": "query_interval"}
+        arm = spelled.get(name, {})
+        spec = arm.get("cadence", {}) | (played.policy or {})
+        words = [f"policy {arm.get('policy', spec['name'])}"] if played.policy else []
+        words += [" ".join(f"{letter}={spec[key]}" for letter, key in cadence.items() if key in spec)]
+        if played.latency is not None and played.latency != base.latency:
+            words.append(latency_words(Latency.parse(played.latency)))
+        if text := ", ".join(filter(None, words)):
+            ways[name] = text
+    return ways
+
+
 def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
     """Return policy, latency, Q and H of an arm."""
     name, played = arm.get("policy", ""), (record.arms.get(arm["name"]) for record in records)
@@ -105,7 +130,7 @@ def measured_settings(
     Raises:
         ReportError: A record lacks an arm.
     """
-    labels = _labels(settings)
+    labels = _labels(settings, records)
     return [_measured(*one, records, tasks) for one in zip(settings, labels, strict=True)]
 
 
@@ -114,28 +139,35 @@ def best_settings(settings: Sequence[PlayedSetting], records: Sequence[PairRecor
     best = {}
     for part in ("base", "dynamic"):
         arms: dict[str, str] = {}  # settings of several policies may have one Base
-        for label, setting in zip(_labels(settings), settings, strict=True):
+        for label, setting in zip(_labels(settings, records), settings, strict=True):
             if all({setting.base, setting.dynamic} <= record.arms.keys() for record in records):
                 arms.setdefault(getattr(setting, part), label)
         best[f"{part}_success"] = best_of({label: _ends(records, arm) for arm, label in arms.items()})
     return best
 
 
-def _labels(settings: Sequence[PlayedSetting]) -> list[str]:
+def _labels(settings: Sequence[PlayedSetting], records: Sequence[PairRecord]) -> list[str]:
     """Return what tells each setting from the others, in words."""
     varies = [len({setting[place] for setting in settings}) > 1 for place in range(4)]
-    return [" ".join(_words(setting, varies)) for setting in settings]
+    of_base = str(records[0].policy["name"]) if records else ""
+    return [" ".join(_words(setting, varies, of_base)) for setting in settings]
 
 
-def _words(setting: PlayedSetting, varies: Sequence[bool]) -> Iterator[str]:
+def _words(setting: PlayedSetting, varies: Sequence[bool], of_base: str) -> Iterator[str]:
     if varies[0]:
-        yield setting.policy or "policy of Base"
+        yield f"{setting.policy} after {of_base}" if setting.policy else of_base
     if varies[1]:
-        steps, runner = setting.latency.steps, setting.latency.runner
-        delay = f"d={steps} ({1000 * steps // CONTROL_HZ} ms)" + (" sync" if runner == "sync" else "")
-        yield str(setting.latency) if setting.latency.drawn else delay
+        yield latency_words(setting.latency)
     if varies[2] or varies[3]:
         yield f"H={setting.horizon} Q={setting.query_interval}"
+
+
+def latency_words(latency: Latency) -> str:
+    """Return a latency for tables: ``d=2 (100 ms)``, or the range that it is drawn from."""
+    if latency.drawn:
+        return str(latency)
+    sync = " sync" if latency.runner == "sync" else ""
+    return f"d={latency.steps} ({1000 * latency.steps // CONTROL_HZ} ms){sync}"
 
 
 def _measured(
@@ -151,7 +183,9 @@ def _measured(
     arms = [record.arm(name) for record in played for name in names]
     columns = columns_of(played, [task for _, task in rows], *names)
     costs: dict[str, Any] = {
-        f"{part}_cost": table_change_of(tabulate(_ends(played, part), _ends(played, name)))
+        f"{part}_cost": None
+        if name == part  # a contrast with itself
+        else table_change_of(tabulate(_ends(played, part), _ends(played, name)))
         for part, name in zip((BASE, DYNAMIC), names, strict=True)
     }
     spans = [arm.returned[1] for arm in arms if arm.returned]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 
@@ -26,7 +26,7 @@ from pytest_libero_max.report.quantities import Cell, Quantity
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.studies.study_camera import camera_tables
 from pytest_libero_max.report.studies.study_document import Executed, Setting, Study
-from pytest_libero_max.stats.blocks import StaleActions
+from pytest_libero_max.stats.blocks import MeanDifference, StaleActions
 from pytest_libero_max.stats.condition_blocks import BestSetting, SettingDifference
 
 _ENOUGH = 30
@@ -45,7 +45,7 @@ def study_tables(study: Study) -> list[Table]:
     if study.settings:
         tables.append(_settings(study.settings))
         best = {part: study.best[f"{part.lower()}_success"] for part in ("Base", "Dynamic")}
-        tables += [_best(part, setting) for part, setting in best.items() if setting.differences]
+        tables += [_best(part, found) for part, found in best.items() if found.differences and found.count]
     return [*tables, *_arms(study)]
 
 
@@ -59,8 +59,8 @@ def study_notes(study: Study) -> list[str]:
         as_pairs = "with a Base for every other arm, as in runs of their own"
         ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
     notes = [study.about] * bool(study.about) + [
-        f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. What arms share was executed once: "
-        f"{done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
+        f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. Shared parts of arms were executed "
+        f"once: {done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
     if study.camera is not None:
         notes.append(
@@ -74,11 +74,10 @@ def study_notes(study: Study) -> list[str]:
                 "exact ones."
             )
     if len({setting.horizon for setting in study.settings}) > 1:
-        notes.append("H differs between the settings, so differences between them are not those of Q alone.")
+        notes.append("H differs between the settings, so Q alone does not explain their differences.")
     if any(setting.returned > setting.horizon for setting in study.settings):
         notes.append(
-            "A cut chunk is the beginning of a longer one: a policy with that H of its own may answer "
-            "otherwise."
+            "A cut chunk is the beginning of a longer one. A policy trained with that H may answer otherwise."
         )
     return notes
 
@@ -126,10 +125,11 @@ def _arms(study: Study) -> Iterator[Table]:
     """Yield success of arms, and where they are compared by event, the contrasts of all cases and of each."""
     if study.arms is None:
         return
+    titles = {name: f"{name} ({study.ways[name]})" if name in study.ways else name for name in study.arms}
     yield Table(
         "Success by arm",
         ("Arm", "Success"),
-        [(name, Cell(rate, Rate())) for name, rate in study.arms.items()],
+        [(titles[name], Cell(rate, Rate())) for name, rate in study.arms.items()],
         "Each arm over the cases that were played in it. All other numbers are of base and dynamic.",
         narrow=2,
     )
@@ -137,7 +137,7 @@ def _arms(study: Study) -> Iterator[Table]:
         return
     yield Table(
         "Success by arm and event",
-        ("Event", *study.arms),
+        ("Event", *titles.values()),
         [
             (event, *(Cell(rates[arm], Counts()) if arm in rates else "" for arm in study.arms))
             for event, rates in study.by_event.items()
@@ -145,8 +145,8 @@ def _arms(study: Study) -> Iterator[Table]:
         narrow=1 + len(study.arms),
     )
     contrasts = study.contrasts or []
-    names = list(dict.fromkeys(f"{row.first} - {row.second}" for row in contrasts))
-    yield Table(
+    names = list(dict.fromkeys(f"{titles[row.first]} - {titles[row.second]}" for row in contrasts))
+    table = Table(
         "Contrasts of arms",
         ("Event", *names),
         [
@@ -156,9 +156,10 @@ def _arms(study: Study) -> Iterator[Table]:
             )
             for event in dict.fromkeys(row.event for row in contrasts)
         ],
-        "Over the cases that were played in both. Exact 95% intervals, each for itself.",
+        "Over the cases that were played in both arms.",
         narrow=1 + len(names),
     )
+    yield table.explaining_intervals("Exact 95% intervals, each for itself.")
 
 
 # Settings: cadence, latency and policy.
@@ -175,12 +176,25 @@ class _Stale(Format):
         return {"_median": value.median, "_mean": value.mean}
 
 
+@dataclass(frozen=True)
+class _Cost(Format):
+    """A difference from the run's own setting, which itself has none."""
+
+    has_interval: ClassVar[bool] = True
+
+    def long(self, value: MeanDifference | None) -> str:
+        return "reference" if value is None else Change().long(value)
+
+    def numbers(self, value: MeanDifference | None) -> dict[str, float | None]:
+        return {} if value is None else Change().numbers(value)
+
+
 _SETTING: tuple[Quantity[Setting], ...] = (
     Quantity("base_success", "Base", lambda row: row.base_success, Rate()),
     Quantity("dynamic_success", "Dynamic", lambda row: row.dynamic_success, Rate()),
     Quantity("paired_change", "Change", lambda row: row.paired_change, Change()),
-    Quantity("base_cost", "Base: less own", lambda row: row.base_cost, Change()),
-    Quantity("dynamic_cost", "Dynamic: less own", lambda row: row.dynamic_cost, Change()),
+    Quantity("base_cost", "Base less own", lambda row: row.base_cost, _Cost()),
+    Quantity("dynamic_cost", "Dynamic less own", lambda row: row.dynamic_cost, _Cost()),
     Quantity("lost", "Lost", lambda row: row.conditional_regression.value, Percent()),
     Quantity("response_coverage", "Query after", lambda row: row.response_coverage, Counts()),
     Quantity("stale", "Stale", lambda row: row.stale_actions, _Stale()),
@@ -188,15 +202,35 @@ _SETTING: tuple[Quantity[Setting], ...] = (
 )
 """The columns of the table of settings."""
 
-_NOTE = (
-    "Every cadence and every latency has an executed prefix of its own; another policy goes on from that "
-    "of Base. Less own: success less that of the run's own Base or Dynamic, over the same cases. Stale: "
-    "median and mean of the steps from the event to the first action after a query that followed it, "
-    "which is a delay of feedback and no measure of safety. Waiting: share of the steps without an action"
-    " to execute. d: control steps from an observation to the first action that may follow from it; until"
-    " then the robot goes on with the chunk before, or with sync waits. A smaller change alone is no "
-    "better result: read it with Dynamic success."
+_LESS_OWN = (
+    "Less own: success less that of the run's own Base or Dynamic, over the same cases. Stale: median / mean "
+    "of the steps from the event to the first action that a later query returned: a delay of feedback, no "
+    "measure of safety. A smaller change alone is not a better result: read it with Dynamic success."
 )
+_OWN_PREFIX = "Each cadence and each latency has its own executed prefix."
+_AFTER = (
+    "X after Y: policy Y plays Base and the executed prefix, policy X goes on from the event. Its Change and "
+    "Lost are against the Base of Y."
+)
+_CADENCE = "H: actions that a query returns. Q: actions executed before the next query."
+_LATE = (
+    "d: control steps that an answer takes. Meanwhile the robot executes the previous chunk, or with sync "
+    "waits. Waiting: share of the steps without an action to execute."
+)
+
+
+def _settings_note(settings: Sequence[Setting]) -> str:
+    """Return the help for reading the table, without what these settings do not have."""
+    late = any(setting.steps for setting in settings)
+    cadences = len({(setting.horizon, setting.query_interval) for setting in settings}) > 1
+    parts = [
+        _CADENCE if cadences else "",
+        _LATE if late else "",
+        _OWN_PREFIX if late or cadences else "",
+        _AFTER if any(setting.policy for setting in settings) else "",
+        _LESS_OWN,
+    ]
+    return " ".join(filter(None, parts))
 
 
 def setting_text(setting: Setting) -> str:
@@ -212,30 +246,26 @@ def _settings(settings: list[Setting]) -> Table:
     late = any(setting.steps for setting in settings)
     columns = [one for one in _SETTING if late or one.key != "held"]
     rows = [(setting_text(setting), setting) for setting in settings]
-    return table_of("Settings", "Setting", columns, rows, note=_NOTE, narrow=4)
+    return table_of("Settings", "Setting", columns, rows, note=_settings_note(settings), narrow=4)
 
 
 def _best(what: str, best: BestSetting) -> Table:
-    rows: list[tuple[Any, ...]] = [(best.setting, Cell(best, Rate()), "best")]
-    rows += [
-        (
-            name,
-            Cell(_turned(difference), Change()),
-            "n/a"
-            if difference.lower is None
-            else "not shown to be worse"
-            if name in best.not_worse
-            else "worse",
-        )
-        for name, difference in best.differences.items()
-    ]
-    return Table(
-        f"Best setting for {what}",
-        (f"Best for {what}", "Success, or less than the best", "Verdict"),
+    equal = any(difference.value == 0 for difference in best.differences.values())
+    rows: list[tuple[Any, ...]] = [(best.setting, Cell(best, Rate()), "equal highest" if equal else "best")]
+    for name, difference in best.differences.items():
+        verdict = "not shown to be worse" if name in best.not_worse else "worse"
+        verdict = "n/a" if difference.lower is None else verdict
+        verdict = "equal highest" if difference.value == 0 else verdict
+        rows.append((name, Cell(_turned(difference), Change()), verdict))
+    table = Table(
+        f"Highest success in {what}",
+        ("Setting", "Success, then differences from it", "Verdict"),
         rows,
-        "The first of equals is listed as the best. The intervals account for the choice: those of all rates "
-        "hold together with 95%, and so do those of the differences of all pairs of settings.",
         narrow=3,
+    )
+    return table.explaining_intervals(
+        "The intervals account for the choice: those of all rates hold together with 95%, and so do those of "
+        "the differences of all pairs of settings."
     )
 
 

@@ -47,22 +47,22 @@ def gate_plan_lines(
     count = pairs if isinstance(pairs, int) else len(planned)
     lines = [
         f"{gate.text}, decided on {counted(count, 'pair')}",
-        f"{'Dynamic success there' if gate.run else 'Base'} {base:.1%}; by chance {chance:.1%} of the pairs "
-        "are lost and as many gained",
+        f"{'Dynamic success there' if gate.run else 'Base'} {base:.1%}; chance loses {chance:.1%} of the "
+        "pairs and gains as many",
         "",
         f"{'True change':>11}  {'passes':>7}",
     ]
     losses = [chance + effect for effect in LOSSES] if loss is None else [chance, loss]
     for lost in dict.fromkeys(lost for lost in losses if loss is not None or lost <= base):
         passing = chance_of_passing(gate, count, Chances(base, lost, chance), planned)
-        note = "  no effect: what it fails here are false alarms" if lost == chance else ""
+        note = "  no effect: each failure here is a false alarm" if lost == chance else ""
         lines.append(f"{100 * (chance - lost):>+8.1f} pp  {passing:>7.1%}{note}")
     if loss is not None and gate.name != "delta.clustered":
         sizes = ", ".join(map(str, useful_sizes(gate, base, chance, loss))) or "none"
         lines += [
             "",
-            f"Of {SIZES[0]} to {SIZES[-1]} pairs it fails at most {FALSE_ALARM:.0%} without an effect, and",
-            f"passes at most {MISS:.0%} with {100 * (chance - loss):+.1f} pp, at {sizes}.",
+            f"Numbers of pairs, {SIZES[0]} to {SIZES[-1]}, at which at most {FALSE_ALARM:.0%} of runs fail",
+            f"without an effect and at most {MISS:.0%} pass with {100 * (chance - loss):+.1f} pp: {sizes}.",
         ]
     return lines
 
@@ -76,20 +76,20 @@ def advice_lines(base: float, chance: float, effect: float) -> list[str]:
         effect: Share of pairs that the loss costs beside, above 0.
     """
     lines = [
-        f"Gates that find a loss of {100 * effect:g} points: with it they pass at most {MISS:.0%}, and "
-        f"without at least {1 - FALSE_ALARM:.0%}",
+        f"Gates that find a loss of {100 * effect:g} points: with the loss at most {MISS:.0%} of runs pass, "
+        f"without it at least {1 - FALSE_ALARM:.0%}",
         "",
     ]
     rows = [("gate", "pairs", "passes without", "with it", "options")]
     for advice in advised(base, chance, effect):
         if advice.pairs is None:
-            rows.append((advice.gate.text, "none", "", "", f"none of up to {SIZES[-1]} pairs suffices"))
+            rows.append((advice.gate.text, "none", "", "", f"no number up to {SIZES[-1]} suffices"))
             continue
         track, size = next(one for one in TRACK_SIZES.items() if one[1] >= advice.pairs)
         limit = f" --libero-max-limit={advice.pairs}" if advice.pairs < size else ""
         passes = (f"{advice.without:.1%}", f"{advice.hurt:.1%}")
         rows.append((advice.gate.text, str(advice.pairs), *passes, f"--libero-max-track={track}{limit}"))
-    beside = "Gate base_sr and trigger_coverage beside it: a policy that solves little has little to lose."
+    beside = "Add gates on base_sr and trigger_coverage: a policy that solves little has little to lose."
     return [*lines, *aligned(rows), "", beside]
 
 

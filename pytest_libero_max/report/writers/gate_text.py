@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gates import SUCCESS_OF, Finding, GateResult, shown
 from pytest_libero_max.runs.replay_command import replay_text
 
@@ -74,7 +75,7 @@ def not_passed_text(results: Sequence[GateResult]) -> str | None:
     counts: Counter[str] = Counter(result.verdict for result in results)
     said = {"failed": "failed", "undecidable": "cannot be decided"}
     words = [
-        f"{counts[verdict]} of {len(results)} gates {word}"
+        f"{counts[verdict]} of {counted(len(results), 'gate')} {word}"
         for verdict, word in said.items()
         if counts[verdict]
     ]

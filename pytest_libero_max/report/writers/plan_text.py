@@ -70,18 +70,18 @@ def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet
 def _learnt(stored: StoredRun, costs: Sequence[Cost]) -> str:
     mean = [sum(values) / len(costs) for values in zip(*costs, strict=True)]
     return (
-        f"Learnt from {len(stored.records)} measured pairs. A pair here is expected to take a worker "
+        f"Learnt from {counted(len(stored.records), 'measured pair')}. A pair is expected to take a worker "
         f"{mean[0]:.2f} s, and {mean[1]:.0f} calls of the policy, which took {mean[2]:.2f} s."
     )
 
 
 def _fleet_words(fleet: Fleet) -> str:
-    words = _count(fleet.workers, "worker")
+    words = counted(fleet.workers, "worker")
     if not fleet.servers:
         query = "" if fleet.query_s is None else f", {1e3 * fleet.query_s:.4g} ms a query"
         return f"{words}, the policy in each of them{query}"
     assert fleet.query_s is not None
-    words += f", {_count(fleet.servers, 'policy server')}, {1e3 * fleet.query_s:.4g} ms a query"
+    words += f", {counted(fleet.servers, 'policy server')}, {1e3 * fleet.query_s:.4g} ms a query"
     if fleet.batch > 1:
         full = fleet.answer_s(fleet.batch)
         words += f", up to {fleet.batch} together in {1e3 * full:.4g} ms"
@@ -103,7 +103,7 @@ def _too_many(costs: Sequence[Cost], played: Played, fleet: Fleet) -> list[str]:
     if played.bottleneck != "controller" or most is None or fleet.workers <= most:
         return []
     return [
-        f"  one controller feeds {_count(most, 'worker')} with such pairs, and the others would wait: play "
+        f"  one controller feeds {counted(most, 'worker')} with such pairs, and the others would wait: play "
         f"at least {-(-fleet.workers // most)} shards at once (--libero-max-shard), a controller each"
     ]
 
@@ -136,10 +136,6 @@ def shard_lines(stored: StoredRun, cases: Sequence[Case], count: int) -> list[st
     if not mean:
         raise ReportError("The policy of the run supports no suite of these cases.")
     return [
-        f"{count} shards: {duration(mean)} of one worker on average, the longest {duration(longest)}, "
+        f"{counted(count, 'shard')}: {duration(mean)} of one worker on average, at most {duration(longest)}, "
         f"{longest / mean:.2f} times that. More shards than are played at once share the work better."
     ]
-
-
-def _count(number: int, name: str) -> str:
-    return f"{number} {name}{'' if number == 1 else 's'}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.report.measures import measures_of
 from pytest_libero_max.report.render.terminal import aligned
@@ -74,12 +74,12 @@ def chance_of(report: Report) -> tuple[float, str]:
     chance = next(filter(None, (section.chance(measures) for section in SECTIONS.values())), None)
     if chance is None:
         flips, pairs = min(outcomes.change_associated_success, outcomes.regression), report.overall.played
-        seen = f"the fewer of the run's gains and losses: {flips} of {pairs} pairs"
+        seen = f"the smaller of the run's gains and losses: {flips} of {counted(pairs, 'pair')}"
     else:
         flips, pairs = max(chance.lost, chance.gained), chance.pairs
-        seen = f"{chance.measured_by}: {chance.lost} lost, {chance.gained} gained of {pairs} pairs"
+        seen = f"{chance.measured_by}: {chance.lost} lost, {chance.gained} gained of {counted(pairs, 'pair')}"
     most = float(stats.beta.ppf(0.95, flips + 1, pairs - flips)) if flips < pairs else 1.0
-    return most, f"By chance at most {most:.1%} of the pairs are lost, and gained (95% upper end; {seen})."
+    return most, f"Chance loses, and gains, at most {most:.1%} of the pairs (95% upper end; {seen})."
 
 
 def power_lines(expectations: tuple[Expectation, ...], change: float | None = None) -> list[str]:

@@ -113,7 +113,12 @@ def write_figures(report: Report, folder: Path) -> list[Path]:
 
 
 def all_figures(report: Report) -> dict[str, str]:
-    """Return the SVG documents of a report by the stem of their file name, those of its study included."""
+    """Return the SVG documents of a report by the stem of their file name, those of its study included.
+
+    Without a played pair there is nothing to draw.
+    """
+    if not report.pairs.played:
+        return {}
     figures = {stem: drawn(plot(report)) for stem, plot in RUN_PLOTS.items()}
     figures["time-to-success"] = survival_curves(report.success_curves)
     return figures | study_figures(report.study)

@@ -11,7 +11,7 @@ from pytest_libero_max.report.broken import broken_line, broken_lines
 from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.formats import change_text, count_text, counted, percent, points
 from pytest_libero_max.report.group_tables import group_table
-from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable, warning_of
 from pytest_libero_max.report.measures import measure_text
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
 from pytest_libero_max.report.render.terminal import table_lines
@@ -22,9 +22,11 @@ from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Result, Substrate
 
 GIVEN_RESPONSE_NOTE = (
-    "Whether a query follows the event is itself decided by the rollout, so these results describe the "
-    "pairs that have one. They do not replace the results over all pairs."
+    "The rollout itself decides whether a query follows the event. These results describe the pairs that "
+    "have such a query; they do not replace the results over all pairs."
 )
+
+_WORDS = "What the words mean: libero-max list words"
 
 _NAMED = 3
 
@@ -66,7 +68,7 @@ def summary_lines(
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
     lines += [*_caveat_lines(report.caveats), *wrap(clipping_text(report) or "", 100)]
-    return [*lines, *broken_lines(report, films, show), *_written(paths)]
+    return [*lines, *broken_lines(report, films, show), _WORDS, *_written(paths)]
 
 
 def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
@@ -78,7 +80,7 @@ def quiet_lines(report: Report, paths: Sequence[str] = ()) -> list[str]:
         rates = f"{percent(overall.base_success.value)} to {percent(overall.dynamic_success.value)}"
         change = change_text(overall.paired_change)
         lines += [
-            f"{title_text(report)}: {rates}, {change}",
+            f"{title_text(report)}: {f'{rates}, {change}' if is_measurable(overall) else rates}",
             *filter(None, [warning_of(overall)]),
             *section_warnings(report),
             broken_line(report),
@@ -92,8 +94,12 @@ def _overall_lines(overall: Result) -> Iterator[str]:
         for column in QUANTITIES
         if column.line is not None and not (column.line.optional and _is_empty(column, overall))
     ]
-    for title, cells in groupby(shown, key=lambda cell: cell[1].title):
-        texts = []
+    for title, group in groupby(shown, key=lambda cell: cell[1].title):
+        cells, texts = [*group], []
+        if cells[0][0].of_change and not is_measurable(overall):
+            if cells[0][0].key == "paired_change":
+                yield f"{title:<32}{NOT_MEASURABLE}"
+            continue
         for column, line in cells:
             value = column.short(overall) if line.short else column.long(overall)
             texts.append(f"{line.mark} {value}".strip())
@@ -116,8 +122,8 @@ def clipping_text(report: Report) -> str | None:
         return None
     return (
         f"Actions outside [-1, 1] in {clipped.pairs} of {counted(report.pairs.played, 'pair')}, up to "
-        f"{clipped.largest_share:.1%} of the components of a rollout. They are clipped. Check the units "
-        "and the normalisation of the adapter's actions."
+        f"{clipped.largest_share:.1%} of the components of a rollout: they were clipped. Check the units and "
+        "the normalisation of the adapter's actions."
     )
 
 
@@ -159,7 +165,7 @@ def substrate_lines(substrate: Substrate) -> list[str]:
     """Return what belongs wherever scores are printed: of a stand-in substrate, or of other cases."""
     if substrate.scores_comparable_with_published is not False:
         return wrap(substrate.note or "", 100)
-    return [f"Scores on the {substrate.name} substrate are not comparable with published ones."]
+    return [f"Scores on {substrate.name} scenes are not comparable with published ones."]
 
 
 def incomplete_text(pairs: PairCounts) -> str:
@@ -168,7 +174,7 @@ def incomplete_text(pairs: PairCounts) -> str:
     if stopped is not None and stopped.rule is not None:
         invalid = f", {pairs.invalid} invalid" if pairs.invalid else ""
         return (
-            f"STOPPED by rule {stopped.rule} at {stopped.at} of {stopped.of}: {stopped.reason}. "
+            f"STOPPED by rule {stopped.rule} at pair {stopped.at} of {stopped.of}: {stopped.reason}. "
             f"{pairs.played} of {pairs.planned} planned pairs played{invalid}. No score."
         )
     shards = "".join(f", shard {shard} not among the merged runs" for shard in pairs.missing_shards)
@@ -186,8 +192,8 @@ def stopped_texts(pairs: PairCounts) -> list[str]:
         return []
     return [
         *(watched.text for watched in stopped.watched),
-        "Rates and changes have no 95% intervals and no p-value: those hold for a number of pairs that is "
-        "fixed before.",
+        "Rates and changes have no 95% intervals and no p-value: these need a number of pairs that is fixed "
+        "before the run.",
         *([] if stopped.bias is None else [stopped.bias]),
     ]
 
@@ -196,7 +202,7 @@ def _header(report: Report) -> list[str]:
     pairs = report.pairs
     title, played = title_text(report), f"{pairs.played} of {pairs.planned} planned pairs played"
     line = f"{title}: {played}"
-    return [line] if len(line) <= 100 else [f"{title}:", played]
+    return [line] if len(line) <= 100 else [*wrap(f"{title}:", 100), played]
 
 
 def title_text(report: Report) -> str:
@@ -218,9 +224,9 @@ def unsupported_text(pairs: PairCounts) -> str | None:
     if not pairs.unsupported:
         return None
     return (
-        f"PARTIAL: {pairs.unsupported} pairs of {', '.join(pairs.unsupported_suites)} are unavailable, "
-        "because the policy declares that it does not support these suites. They are neither played nor "
-        "failed. Results over the other pairs are not ranked with those of whole runs."
+        f"PARTIAL: the policy does not support {', '.join(pairs.unsupported_suites)}. Its "
+        f"{counted(pairs.unsupported, 'pair')} there count neither as played nor as failed. Partial runs are "
+        "not ranked with whole runs."
     )
 
 
@@ -230,8 +236,8 @@ def missing_text(report: Report) -> str | None:
     if rates is None:
         return None
     return (
-        f"With {counted(rates.without_result, 'pair')} without a result as failures of both arms, as in the "
-        f"paper: Base {percent(rates.base_success.value)} ({count_text(rates.base_success)}), Dynamic "
+        f"If {counted(rates.without_result, 'pair')} without a result counted as failures of both arms, as "
+        f"in the paper: Base {percent(rates.base_success.value)} ({count_text(rates.base_success)}), Dynamic "
         f"{percent(rates.dynamic_success.value)} ({count_text(rates.dynamic_success)}), change "
         f"{points(rates.paired_change.value)} pp. Not a score."
     )
@@ -243,7 +249,8 @@ def repaired_text(pairs: PairCounts) -> str | None:
     if not names:
         return None
     more = f", and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return f"Measured when played again after an error: {len(names)} ({', '.join(names[:_NAMED])}{more})."
+    named = f"{', '.join(names[:_NAMED])}{more}"
+    return f"Measured when played again after an error: {counted(len(names), 'pair')} ({named})."
 
 
 def selection_text(report: Report) -> str:
@@ -255,7 +262,7 @@ def selection_text(report: Report) -> str:
 
 
 def policy_title(report: Report) -> str:
-    """Return the policy with H and Q, and what else is to be known of it, on one line."""
+    """Return the policy with its chunks, and what else is to be known of it, on one line."""
     spec = report.policy
     if spec is None:
         return str(report.provenance["policy"]["reference"])
@@ -264,8 +271,8 @@ def policy_title(report: Report) -> str:
     wrappers = "".join(f", {words}" for words in spec.get("wrappers", ()))
     wrappers += "" if spec.get("repeatable", True) else ", not repeatable"
     returned = returned_text(report.returned, spec["horizon"])
-    horizon = f"H={spec['horizon']}{returned} Q={spec['query_interval']}"
-    return f"{spec['name']} ({horizon}{privileged}{control}{wrappers})"
+    cadence = f"{counted(spec['horizon'], 'action')}{returned} per query, {spec['query_interval']} executed"
+    return f"{spec['name']} ({cadence}{privileged}{control}{wrappers})"
 
 
 def returned_text(returned: Returned | None, horizon: int) -> str:
@@ -273,7 +280,7 @@ def returned_text(returned: Returned | None, horizon: int) -> str:
     if returned is None or (returned.least, returned.most) == (horizon, horizon):
         return ""
     span = f"{returned.least}" if returned.least == returned.most else f"{returned.least} to {returned.most}"
-    return f" [{span} returned]"
+    return f" of {span} returned"
 
 
 def _written(paths: Sequence[str]) -> list[str]:

@@ -74,8 +74,8 @@ def test_a_policy_that_was_fitted_to_the_old_cases_is_found_out() -> None:
         lines[0]
         == "Old less new: track lite less track 2026Q4/lite, within 32 cells of source, event and variant"
     )
-    assert any(line.startswith("Over-fitted in Base: of ") for line in lines)
-    assert any(line.startswith("Over-fitted in Dynamic: of ") for line in lines)
+    assert any(line.startswith("Base is over-fitted: of ") for line in lines)
+    assert any(line.startswith("Dynamic is over-fitted: of ") for line in lines)
 
 
 def test_fitting_to_the_events_alone_is_found_in_dynamic_alone() -> None:
@@ -91,7 +91,7 @@ def test_an_able_policy_is_rarely_called_fitted() -> None:
     )
     assert called <= 2
     found = judged((0.8, 0.6), (0.8, 0.6))
-    assert any(line.startswith("No over-fitting shown in Base: ") for line in _lines(found))
+    assert any(line.startswith("Base shows no over-fitting: ") for line in _lines(found))
 
 
 def test_cells_of_one_run_alone_are_left_out() -> None:
@@ -105,7 +105,7 @@ def test_cells_of_one_run_alone_are_left_out() -> None:
 
 def test_what_cannot_be_compared_is_refused() -> None:
     old, new = run_of(OLD, 0.9, 0.9, "lite", 1), run_of(NEW, 0.9, 0.9, "new", 2)
-    with pytest.raises(ReportError, match="160 cases are in both runs"):
+    with pytest.raises(ReportError, match="share 160 cases"):
         old_less_new(old, old)
     with pytest.raises(ReportError, match=r"of the policies scripted \(H=10 Q=5\) and another"):
         old_less_new(old, run_of(NEW, 0.9, 0.9, "new", 2, policy={**POLICY, "name": "another"}))
@@ -133,7 +133,7 @@ def test_the_command_prints_and_writes_it(tmp_path: Path, capsys: pytest.Capture
         store.close()
         folders.append(str(tmp_path / name))
     assert main(["compare", *folders, "--by-cell", "--json", str(tmp_path / "found.json")]) == 0
-    assert "Over-fitted in Dynamic" in capsys.readouterr().out
+    assert "Dynamic is over-fitted" in capsys.readouterr().out
     found = json.loads((tmp_path / "found.json").read_text())
     assert found["arms"]["Base"]["old"] == {"count": 160, "of": 160}
     assert main(["compare", folders[0], "--by-cell"]) != 0

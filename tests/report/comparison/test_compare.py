@@ -355,8 +355,7 @@ def test_what_belongs_to_the_numbers_of_a_run_is_said_wherever_they_are_printed(
     assert second.warnings == []
     assert [(caveat.name, caveat.pairs) for caveat in second.caveats] == [("not_repeatable", 32)]
     for text in _texts(comparison):
-        assert "fails: The paired change says next to nothing" in text
-        assert "0/32" in text
+        assert "fails: Not measurable: Base solves 0 of 32 pairs" in text
     full = "32 of 32 pairs of noisy: The policy draws noise of its own"
     assert [full in text for text in _texts(comparison)] == [False, False, True, True, True]
     assert all("not_repeatable 32" in text for text in _texts(comparison)[:2])
@@ -374,12 +373,11 @@ def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
 
 COMPARISON = """\
 old and new on 32 common cases
-Scores on the embedded substrate are not comparable with published ones.
+Scores on embedded scenes are not comparable with published ones.
 
-Run  Rank  Open    Base  Dynamic         Change [95%]  95% by task  Lost
-old     1   1-2  100.0%   100.0%  +0.0 [-10.9, +10.9]          n/a  0/32
-new     2   1-2  100.0%    87.5%  -12.5 [-29.0, +2.8]          n/a  4/32
-Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.
+Run  Rank  Possible ranks (95%)    Base  Dynamic         Change [95%]  95% by task  Lost
+old     1                   1-2  100.0%   100.0%  +0.0 [-10.9, +10.9]          n/a  0/32
+new     2                   1-2  100.0%    87.5%  -12.5 [-29.0, +2.8]          n/a  4/32
 
 Dynamic success, contrasts
 Second against first  Difference, pp            95%  95% by task  Holm p    Verdict
@@ -392,10 +390,10 @@ new against old                 +0.0  [-10.9, +10.9]          n/a   1.000  power
 Paired change, contrasts
 Second against first  Difference, pp             95%  95% by task  Holm p        Verdict
 new against old                -12.5  [-36.4, +12.5]          n/a   0.125  uninformative
-The test of a paired change takes the two runs as exchangeable. Its interval does not, and may hold
-0 where p is small. Verdicts: significant, the difference is shown; bounded null, none is shown, and
-none of 5 points or more is left open; uninformative, none is shown, and a large one is left open;
-powerless, so few pairs differ that no outcome of theirs could have been significant.
+The test of a paired change assumes exchangeable runs. Its interval does not, so it may hold 0 where
+p is small. Verdicts: significant, a difference is shown; bounded null, no difference is shown, and
+5 points or more are excluded; uninformative, no difference is shown, and 5 points or more are
+possible; powerless, too few pairs differ for any result to be significant.
 
 Dynamic success by event, contrasts
 Event                  Difference, pp  Simultaneous 95%  Holm p
@@ -407,7 +405,7 @@ target_relocation                +0.0    [-76.4, +76.4]   1.000
 receptacle_relocation            +0.0    [-76.4, +76.4]   1.000
 distractor_burst                -50.0    [-97.7, +66.6]   1.000
 obstacle_insertion              -50.0    [-97.7, +66.6]   1.000
-Holm's correction and the simultaneous intervals are over all events and pairs of runs.
+Holm's correction and the simultaneous intervals cover all events and pairs of runs.
 
 Paired change by event, contrasts
 Event                  Difference, pp  Simultaneous 95%  Holm p
@@ -419,27 +417,27 @@ target_relocation                +0.0  [-152.7, +152.7]   1.000
 receptacle_relocation            +0.0  [-152.7, +152.7]   1.000
 distractor_burst                -50.0  [-166.6, +142.1]   1.000
 obstacle_insertion              -50.0  [-166.6, +142.1]   1.000
-Holm's correction and the simultaneous intervals are over all events and pairs of runs.
+Holm's correction and the simultaneous intervals cover all events and pairs of runs.
 
 Lowest paired change of an event
 Run  Value, pp  By chance, pp            Event
 old       +0.0           +0.0  none stands out
 new      -50.0          -38.1  none stands out
-Agreement of the event profiles: n/a, no two runs have profiles that vary.
+Agreement of the event profiles: n/a, because no two runs have profiles that vary.
 
 4 cases changed, (Base, Dynamic) in old, new:
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v0
 (1,1) (1,0)  pro-spatial-t00-distractor_burst-v1
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v0
 (1,1) (1,0)  pro-spatial-t00-obstacle_insertion-v1
-To play one of them again, append its name (commands as the folders of the runs name them):
+To play one again, append its name to the command of a run:
   old: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
   new: pytest --libero-max-policy=scripted.py --libero-max-track=smoke --libero-max-substrate=embedded --libero-max-prefix=fork --libero-max-output=libero-max-replay -k
 
-The first interval of a paired change is for these tasks played again with other initial states and
-seeds. The interval by task is for other tasks of the same kind, and needs 30 tasks of which 15 have
+The interval of a paired change is for these tasks, played again with other initial states and
+seeds. The interval by task is for other tasks of the same kind; it needs 30 tasks, 15 of them with
 a changed pair.
-An interval describes how precisely these cases measure this policy. It does not cover how much the
+An interval shows how precisely these cases measure this policy. It does not cover how much the
 policy would differ if it were trained again.
 Policies differ in size, training data and serving at once. A difference between policies, or
 between families of policies, does not show which architecture or design is more robust.
@@ -492,7 +490,7 @@ def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
     lines = comparison_lines(comparison)
     warnings = comparison_warnings(comparison)
     assert "The runs differ in versions.mujoco: old 3.3.7, new 3.4.0." in warnings
-    assert warnings[-1].startswith("A difference between the results is of these differences and of the pol")
+    assert warnings[-1].startswith("Do not credit the policies alone")
     page = comparison_html(comparison, common_cases(runs))
     assert all(f"WARNING: {said}" in lines and said in page for said in warnings)
     assert not any("WARNING" in line for line in comparison_lines(compare_runs({"a": other, "b": other})))

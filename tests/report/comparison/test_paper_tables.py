@@ -196,7 +196,7 @@ def test_the_partial_policy_is_the_papers_digit_for_digit() -> None:
     (table,) = partial_tables([], published_partial())
     _, *rows = _rows(table)
     assert len(rows) == 5
-    for _, suite, *cells in rows:
+    for _, _, suite, *cells in rows:
         row = printed["supported_total" if suite == "all supported" else suite]
         if row["base_sr"] is None:
             assert cells[1:] == ["--"] * 3
@@ -335,8 +335,9 @@ def test_published_rows_are_marked_beside_others() -> None:
     own = row_of("mine", POLICY, CASES, _counted(published_policies()[0]), frozenset())
     (table, *_) = [table for table in paper_tables([own, *PUBLISHED]) if table.key == "main"]
     names = [row[0] for row in _rows(table)[1:]]
-    assert names[:2] == ["mine", "pi_0.5 (paper)"]
-    assert [row[0] for row in csv.reader(io.StringIO(table_csv(table)))][1:3] == names[:2]
+    assert names[:2] == ["mine", "pi_0.5"]
+    rows = [*csv.DictReader(io.StringIO(table_csv(table)))]
+    assert [row["from"] for row in rows] == ["run", *["paper"] * len(PUBLISHED)]
 
 
 MAX = next(file for file in RELEASED if file.file == "libero_max_8000.json")
@@ -408,6 +409,6 @@ def test_figures_are_well_formed_and_inside_their_frames(figure: str, rows: list
 def test_the_command_writes_the_published_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["compare", "--published", "--tables", str(tmp_path / "tables")]) == 0
     assert "tables.md, and" in capsys.readouterr().out
-    assert "| pi_0.5 | 79.7 | 65.7 | -13.9 |" in (tmp_path / "tables" / "tables.md").read_text()
+    assert "| pi_0.5 | paper | 79.7 | 65.7 | -13.9 |" in (tmp_path / "tables" / "tables.md").read_text()
     assert main(["compare", "--published"]) != 0
     assert "Give --tables=FOLDER as well" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.studies.study_figures import study_figures
-from pytest_libero_max.report.studies.study_tables import study_csv
+from pytest_libero_max.report.studies.study_tables import study_csv, study_tables
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import plain
@@ -68,12 +68,32 @@ def test_the_best_settings_are_those_the_paper_names(report: Report) -> None:
     assert best["dynamic_success"]["upper"] > own["upper"]
 
 
-def test_equal_settings_differ_by_a_zero_without_a_sign_of_its_own() -> None:
+def test_of_equal_settings_none_is_the_best() -> None:
     report = sweep({"": (2, 1), "_q2": (2, 1)}, 3, "2")
-    text = "\n".join(summary_lines(report))
-    assert plain(report)["study"]["best"]["base_success"]["setting"] == "H=16 Q=2"
-    assert "-0.0" not in text
-    assert "not shown to be worse" in text
+    assert report.study is not None
+    tables = {table.title: table.texts() for table in study_tables(report.study)}
+    for part in ("Base", "Dynamic"):
+        assert [row[2] for row in tables[f"Highest success in {part}"]] == ["equal highest"] * 2
+    assert "-0.0" not in "\n".join(summary_lines(report))
+
+
+def test_where_no_case_succeeds_no_setting_is_the_best() -> None:
+    report = sweep({"": (2, 0), "_q2": (1, 0)}, 3, "2")
+    assert report.study is not None
+    highest = [table for table in study_tables(report.study) if table.title.startswith("Highest")]
+    assert [table.title for table in highest] == ["Highest success in Base"]
+    assert [row[2] for row in highest[0].texts()] == ["best", "not shown to be worse"]
+
+
+def test_the_own_setting_is_the_reference_and_the_note_explains_what_is_there() -> None:
+    report = sweep({"": (2, 1), "_q2": (1, 1)}, 3, "2")
+    assert report.study is not None
+    table = study_tables(report.study)[0]
+    (own,) = (row for row in table.texts() if row[0].endswith("(own)"))
+    assert own.count("reference") == 2
+    assert "Q: actions" in table.note
+    for absent in ("Waiting", "d: control", "goes on from the event"):
+        assert absent not in table.note
 
 
 def test_settings_that_are_not_shown_to_be_worse() -> None:

@@ -32,8 +32,9 @@ def test_what_does_not_exist_is_an_empty_cell() -> None:
 def test_latex_escapes_and_ends_with_the_whole_run() -> None:
     text = latex_text(REPORT)
     assert text.startswith(
-        "% scripted (H=10 Q=5) on embedded, 32 cases of track smoke (selection not recorded)\n"
-        "% Percent; changes in percentage points with their 95\\% interval.\n"
+        "% scripted (10 actions per query, 5 executed) on embedded, 32 cases of track smoke "
+        "(selection not recorded)\n"
+        "% Percent; changes in percentage points with their 95\\% intervals.\n"
         "% Measured on the embedded substrate"
     )
     assert r"camera\_shift & 4 & " in text
