@@ -195,13 +195,12 @@ def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
 
 
 def _runs_table(comparison: Comparison) -> Table:
-    last = len(comparison.runs) + 1
     by_task = quantity("paired_change_by_task")
     return table_of(
         "",
         "Run",
         (*_RANKS, *RUNS[:-1], by_task, RUNS[-1]),
-        [(run.name, run) for run in sorted(comparison.runs, key=lambda run: run.rank or last)],
+        [(run.name, run) for run in comparison.runs],
         note="Open: the ranks that the simultaneous intervals of Dynamic success below do not exclude.",
     )
 
