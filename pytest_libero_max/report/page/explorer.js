@@ -4,13 +4,13 @@ class Explorer {
   constructor(data, place) {
     this.data = data;
     this.table = new Table(data);
-    this.shown = data.columns.filter((column) => column.shown);
+    this.shown = data.columns.filter((column) => column.shown && (column.labels || column.values.some((value) => value !== null)));
     this.start = { ...emptyView(), chosen: data.start ?? {} };
     this.place = place;
     this.inputs = new Map();
     this.parts = [];
     this.status = element("p", { role: "status" });
-    this.steps = [
+    this.steps = !data.items.some((_, row) => this.table.lost(row)) ? [] : [
       ["Previous regression", "p", -1],
       ["Next regression", "n", 1],
     ].map(([title, key, by]) => element("button", { type: "button", "aria-keyshortcuts": key, onclick: () => this.step(by) }, title, element("kbd", {}, key)));

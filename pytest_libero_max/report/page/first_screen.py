@@ -6,6 +6,10 @@ import shlex
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
+from msgspec.structs import replace
+
+from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.comparison.comparison_sections import with_short_names
 from pytest_libero_max.report.formats import count_text, counted, interval_text, percent, points
 from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.plots import direction, outcome_bar
@@ -56,8 +60,13 @@ def facts(report: Report) -> Iterator[str]:
         yield "not repeatable"
 
 
-def first_screen(report: Report) -> dict[str, Any]:
-    """Return the values of the first screen of a run with played pairs, by their names in the template."""
+def first_screen(report: Report, earlier: Comparison | None = None) -> dict[str, Any]:
+    """Return the values of the first screen of a run with played pairs, by their names in the template.
+
+    Args:
+        report: Of the run.
+        earlier: The comparison of an earlier run with it; None for none.
+    """
     overall = report.overall
     change, lost = overall.paired_change, overall.conditional_regression
     lacks = lacks_of(overall)
@@ -80,6 +89,7 @@ def first_screen(report: Report) -> dict[str, Any]:
         "outcomes": outcome_bar(overall.outcomes),
         "forest": forest(report) if any(not lacks_of(group) for group in groups) else None,
         "regressions_of_run": overall.outcomes.regression,
+        "since": None if earlier is None else _since(earlier),
         "buttons": [*_buttons(report)],
     }
 
@@ -97,6 +107,20 @@ def _verdict(overall: Result) -> str:
         "neutral": f"No change is shown: success is {base} without the event and {dynamic} with it, and the "
         "interval of the change holds 0.",
     }[direction(overall.paired_change)]
+
+
+def _since(earlier: Comparison) -> str:
+    """Return what changed since an earlier run, and whether the runs differ in more than their outcomes."""
+    (contrast,) = with_short_names(replace(earlier, flips=[])).contrasts
+    difference = contrast.difference
+    text = (
+        f"Since {contrast.first}: Dynamic success {points(difference.value)} pp "
+        f"{interval_text(difference, signed=True)}, {counted(contrast.first_only, 'case')} lost and "
+        f"{contrast.second_only} won of {contrast.cases}."
+    )
+    if earlier.differences or earlier.policies:
+        text += " The runs differ in more: see libero-max compare."
+    return text
 
 
 def _buttons(report: Report) -> Iterator[CopyButton]:

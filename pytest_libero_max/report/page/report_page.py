@@ -7,6 +7,7 @@ from dataclasses import replace
 from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.page.broken_cards import broken_cards
 from pytest_libero_max.report.page.events import events_of
@@ -30,6 +31,7 @@ def html(
     cases: Json | None = None,
     pairs_name: str = PAIRS_NAME,
     gates: Sequence[GateRow] = (),
+    earlier: Comparison | None = None,
 ) -> str:
     """Render a report as a page.
 
@@ -43,6 +45,7 @@ def html(
             None leaves it out.
         pairs_name: The file of the pairs beside the page.
         gates: Verdicts on the gates that the run was given.
+        earlier: The comparison of an earlier run with this one, if there was one to compare with.
     """
     pairs = report.pairs
     played = {} if stored is None else {record.item_id: record for record in stored.records}
@@ -68,7 +71,7 @@ def html(
         films=films or {},
         words=words(),
         colours_note=COLOURS_NOTE,
-        **(first_screen(report) if pairs.played else {}),
+        **(first_screen(report, earlier) if pairs.played else {}),
     )
 
 

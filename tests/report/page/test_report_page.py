@@ -8,6 +8,7 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import parse_gates
@@ -145,7 +146,7 @@ def test_a_page_and_markdown_show_each_gate_with_its_verdict_in_the_unit_of_the_
     base, change = FULL.overall.base_success, FULL.overall.paired_change
     assert [row.value for row in rows] == [*map(percent, (base.value, change.upper, change.lower)), "n/a"]
     page = html(FULL, [], REPLAY, gates=rows)
-    first_screen = page[page.index("<body>") : page.index("Source categories")]
+    first_screen = page[page.index("<body>") : page.index("Source categories")].replace("<wbr>", "")
     for row in rows:
         kind = row.finding.replace(" ", "-")
         assert re.search(rf"<b class='{kind}'>{row.finding}</b>\s*<(span|details)>", first_screen)
@@ -189,3 +190,19 @@ def test_figures_are_written_as_files(tmp_path: Path) -> None:
     paths = write_figures(FULL, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
     assert (tmp_path / "paired-change.svg").read_text() == drawn(forest(FULL))
+
+
+def test_the_first_screen_says_what_changed_since_an_earlier_run() -> None:
+    runs = {
+        name: StoredRun(
+            Run(tuple(PAIRS), PROVENANCE),
+            tuple(record_of(pair, True, index >= lost) for index, pair in enumerate(PAIRS)),
+            (),
+            torn=False,
+        )
+        for name, lost in (("out/before", 2), ("out/after", 9))
+    }
+    report = build_report(runs["out/after"].records, [], PAIRS, PROVENANCE)
+    page = html(report, [], REPLAY, earlier=compare_runs(runs))
+    assert re.search(r"Since before: Dynamic success -10\.9 pp \[.*\], 7 cases lost and 0 won of 64\.", page)
+    assert "Since before" not in html(report, [], REPLAY)
