@@ -114,14 +114,15 @@ def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is(
     report = structs.replace(report, changed_pairs=[*changed, gained])
     pair = next(pair for pair in PAIRS if pair.item_id == names[3])
     record = record_of(pair, True, False)
-    assert record.trigger is not None
+    trigger = record.trigger
+    assert trigger is not None
     other = structs.replace(record.arms["dynamic"], policy={**record.policy, "name": "nurse"})
     record = structs.replace(record, arms={**record.arms, "dynamic": other})
     lost, won = broken_cards(report, {names[3]: [f"a b/{names[3]}--base-dynamic.mp4"]}, {names[3]: record})
     assert lost.part.title == "What broke: 16 of 128 Base successes lost"
     first, second = lost.cards
     assert (first.number, first.cause, first.what) == (15, "missed moved goal", "camera_shift")
-    begins = record.trigger.step / 20 + 0.1
+    begins = trigger.step / 20 + 0.1
     assert (first.film, first.sentence) == (f"a%20b/{names[3]}--base-dynamic.mp4#t={begins:g}", "S3.")
     assert first.arms == ["Base", "Dynamic (nurse)"]
     assert first.view == "event=camera_shift&outcome=regression&cause=missed_moved_goal"

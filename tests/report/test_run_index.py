@@ -170,3 +170,27 @@ def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, 
     table.get_by_role("button", name="Policy").click()
     assert names() == ["a-middle", "a-good", "a-bad"]
     assert table.locator("th[aria-sort=descending]").count() == 1
+
+
+def test_authors_and_model_stand_beside_a_run_that_states_them(unaltered: Path, tmp_path: Path) -> None:
+    run, folder = unaltered.parent / "run-a-good", tmp_path / "published"
+    stated = ["--authors", "A. <b> and B.", "--model", "https://example.org/model"]
+    assert main(["publish", "pack", str(run), str(folder), *stated]) == 0
+    text = index_html(run_index(published_in([folder]), {}), tmp_path)
+    assert "A. &lt;b&gt; and B." in text
+    assert "<a href='https://example.org/model'>example.org/model</a>" in text
+    assert "Authors" not in index_html(run_index(published_in([unaltered]), {}), tmp_path)
+
+
+@pytest.mark.parametrize("model", ["javascript:alert(1)", "example.org"])
+def test_a_model_is_an_address_on_the_web(
+    unaltered: Path, tmp_path: Path, model: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, folder = unaltered.parent / "run-a-good", tmp_path / "published"
+    assert main(["publish", "pack", str(run), str(folder), "--model", model]) != 0
+    assert f"--model={model!r}, but must be an address" in capsys.readouterr().err
+    assert not folder.exists()
+    shutil.copytree(unaltered / "a-good", folder)
+    (folder / "about.json").write_text(json.dumps({"model": model}))
+    ((_, reason),) = run_index(published_in([folder]), {}).refused
+    assert "must be an address on the web" in reason

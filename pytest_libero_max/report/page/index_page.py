@@ -35,6 +35,8 @@ _OVERVIEW = (*quantities_in("runs"),)
 _ALL_NOTE = "Compare runs of the same cases alone: each set of cases has a table of its own below."
 
 _WORDS: tuple[Quantity[IndexedRun], ...] = (
+    Quantity("authors", "Authors", lambda run: run.about.authors, TEXT),
+    Quantity("model", "Model", lambda run: _model(run), TEXT),
     Quantity("date", "Played on", lambda run: _date(run.report), TEXT),
     Quantity("commit", "Commit", lambda run: _commit(run.report), TEXT),
     Quantity("revision", "Revision of the policy", lambda run: _revision(run.report), TEXT),
@@ -85,7 +87,7 @@ def _overview(index: RunIndex, beside: Path) -> Table:
         for title, group in index.groups.items()
         for run in group
     ]
-    head = ["Policy", "Cases", *_OVERVIEW, "Played on"]
+    head: list[str | Quantity[Any]] = ["Policy", "Cases", *_OVERVIEW, "Played on"]
     return Table("", head, rows, _ALL_NOTE, sortable=True)
 
 
@@ -124,6 +126,12 @@ def _notes(report: Report) -> list[str]:
 
 def _fingerprint(report: Report) -> str:
     return str(report.provenance.get("fingerprint") or "")
+
+
+def _model(run: IndexedRun) -> str:
+    """Return a link to the page of the model, named by its host and path; empty where none is stated."""
+    address = run.about.model
+    return Link(address.partition("://")[2].rstrip("/"), address) if address else ""
 
 
 def _date(report: Report) -> str:
