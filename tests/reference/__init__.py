@@ -37,6 +37,7 @@ PAGES: Mapping[str, str] = {
         "probes",
         "records",
         "report",
+        "rules",
         "worlds",
     )
 }
@@ -49,6 +50,7 @@ SCHEMAS: Mapping[str, tuple[str, str]] = {
     "pytest_libero_max/report/record.schema.json": ("records", "schema"),
     "pytest_libero_max/report/report.schema.json": ("report", "report_schema"),
     "pytest_libero_max/report/comparison.schema.json": ("report", "comparison_schema"),
+    "pytest_libero_max/conformance/conformance.schema.json": ("rules", "schema"),
 }
 """Path of each JSON Schema in the repository, and the module and function here that return it."""
 
