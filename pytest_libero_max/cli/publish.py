@@ -31,6 +31,8 @@ def add_command(commands: Commands) -> None:
         "Also the recorded actions, with which others replay pairs without the policy (the run must "
         "have kept them: --libero-max-traces=all)",
     )
+    option(publish, "--authors TEXT", "Names of the authors, for the page of libero-max publish index")
+    option(publish, "--model ADDRESS", "Address of the model's page on the web, for the same")
     publish.set_defaults(run=_publish)
 
     check = commands.add_parser(
@@ -91,9 +93,17 @@ def add_command(commands: Commands) -> None:
 
 
 def _publish(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.about import About
     from pytest_libero_max.report.publication import publish
 
-    print(f"Written: {', '.join(map(str, publish(options.run_folder, options.folder, options.actions)))}")
+    about = None
+    if options.authors or options.model:
+        try:
+            about = About(options.authors or "", options.model or "")
+        except ValueError as error:
+            raise OptionError(f"--{error}.") from error
+    written = publish(options.run_folder, options.folder, options.actions, about)
+    print(f"Written: {', '.join(map(str, written))}")
 
 
 def _verify_run(options: argparse.Namespace) -> int:

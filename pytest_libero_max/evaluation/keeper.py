@@ -56,6 +56,7 @@ from pytest_libero_max.substrates.registry import SUBSTRATES, describe_substrate
 from pytest_libero_max.worlds.rendering import gl
 
 if TYPE_CHECKING:
+    from pytest_libero_max.report.comparison.comparison_document import Comparison
     from pytest_libero_max.report.gates import GateResult
     from pytest_libero_max.report.report_document import PairCounts, Report
 
@@ -380,17 +381,20 @@ class RunKeeper:
         if not all(verdict.passed for verdict in self.verdicts):
             self.replay = replay_command(stored)
 
-    def write(self, amend: Callable[[Report], Report] | None = None) -> list[Path]:
+    def write(
+        self, amend: Callable[[Report], Report] | None = None, earlier: Comparison | None = None
+    ) -> list[Path]:
         """Write the reports from what is on disk, and return the files to look at.
 
         Args:
             amend: Returns the report with sections of the user's own.
+            earlier: The comparison of an earlier run with this one, for the page; None for none.
         """
         from pytest_libero_max.report.writers.report_files import write_reports
 
         self.records = ()  # so that memory holds them once
         folder = self.settings.output
-        self.report, written = write_reports(folder, amend, self.problems.append, self.verdicts)
+        self.report, written = write_reports(folder, amend, self.problems.append, self.verdicts, earlier)
         return written
 
     def ending(self) -> tuple[int, str] | None:

@@ -31,6 +31,7 @@ from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
 from pytest_libero_max.runs.store import read_pairs
 
 if TYPE_CHECKING:
+    from pytest_libero_max.report.comparison.comparison_document import Comparison
     from pytest_libero_max.report.report_document import Report
 
 
@@ -156,12 +157,14 @@ class RunEnd:
     def _report(self) -> None:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
         from pytest_libero_max.report.broken import to_look_at
+        from pytest_libero_max.report.comparison.comparison_sections import short_lines
         from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
         keeper = self.keeper
-        written = keeper.write(self._add_sections)
+        compared = self._compared(here)
+        written = keeper.write(self._add_sections, None if isinstance(compared, str) else compared)
         report, verdicts = keeper.report, keeper.verdicts
         assert report is not None
         paths = [str(_relative(path, here)) for path in written]
@@ -173,10 +176,8 @@ class RunEnd:
         self.lines += self._suites_lines(report)
         self.lines += [] if self._query_times is None else [f"Query times: {self._query_times}"]
         self.quiet += quiet_lines(report, paths)
-        if self.settings.compare is not None and keeper.run is not None:
-            from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
-
-            self.lines += comparison_at_the_end(self.settings.compare, folder, keeper.run, here)
+        if compared is not None:
+            self.lines += ["", *([compared] if isinstance(compared, str) else short_lines(compared))]
         self.lines += set_aside_lines(report.pairs.invalid_pairs)
         self.lines += refused_lines(report.pairs.invalid_pairs)
         self._tell_reported(report)
@@ -189,6 +190,15 @@ class RunEnd:
                 _append_step_summary(folder / "report.md")
             except OSError as error:
                 self.lines.append(f"The step summary was not written: {error}")
+
+    def _compared(self, here: Path) -> Comparison | str | None:
+        """Return the comparison that was asked for, or why there is none; None where none was asked for."""
+        from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
+
+        asked, run = self.settings.compare, self.keeper.run
+        if asked is None or run is None:
+            return None
+        return comparison_at_the_end(asked, self.settings.output, run, here)
 
     def _suites_lines(self, report: Report) -> list[str]:
         """Return the option with which the limit takes no unsupported pair, if it took one."""

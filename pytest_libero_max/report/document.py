@@ -108,7 +108,7 @@ class Section:
     plots: Sequence[Drawable | str] = ()
     """Plots above its tables, or figures as SVG, on pages; other renderers leave them out."""
     folded: bool = False
-    """True if a page shows the titles of its tables, which unfold."""
+    """True if a page shows its title alone, which unfolds."""
     key: str = ""
     """Name by which a page knows it; empty for none."""
 

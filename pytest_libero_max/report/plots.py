@@ -152,13 +152,17 @@ def rates_row(name: Viewed | str, note: str, base: float | None, dynamic: float 
 
 
 def change_row(name: Viewed | str, note: str, change: Estimate, text: str) -> Row:
-    """Return a row of a change with its interval, in the colour of what that shows."""
+    """Return a row of a change: its dot in the colour of its sign, its line in that of what it shows."""
     if change.value is None:
         return Row(name, note, text)
-    kind = direction(change)
     ends = (change.lower, change.upper)
-    span = None if ends[0] is None or ends[1] is None else (ends[0], ends[1], kind)
-    return Row(name, note, text, [(change.value, kind)], span)
+    span = None if ends[0] is None or ends[1] is None else (ends[0], ends[1], direction(change))
+    sign = "loss" if change.value < 0 else "gain" if change.value > 0 else "neutral"
+    return Row(name, note, text, [(change.value, sign)], span)
+
+
+COLOURS_NOTE = "A dot is red below 0 and blue above. Its line is the 95% interval, grey where that holds 0."
+"""Explanation of the colours of :func:`change_row`."""
 
 
 class Segment(NamedTuple):

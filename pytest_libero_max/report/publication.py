@@ -22,6 +22,7 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.pairing.trace import trace_name
+from pytest_libero_max.report.about import ABOUT_NAME, About
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import (
@@ -42,7 +43,7 @@ from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
 
 
-def publish(run: Path, folder: Path, actions: bool = False) -> list[Path]:
+def publish(run: Path, folder: Path, actions: bool = False, about: About | None = None) -> list[Path]:
     """Write the packed pairs of a finished run and its report in Markdown.
 
     The same pairs give the same files.
@@ -52,6 +53,7 @@ def publish(run: Path, folder: Path, actions: bool = False) -> list[Path]:
         folder: Made where it is missing. Files of these names are replaced.
         actions: True to write the recorded actions as well, with which others replay the pairs without the
             policy.
+        about: Authors and model, for the index; None writes nothing of them.
 
     Raises:
         ReportError: The run cannot be read or is not complete, keeps no actions of a pair, or the files
@@ -68,6 +70,8 @@ def publish(run: Path, folder: Path, actions: bool = False) -> list[Path]:
         files[PACKED_PAIRS_NAME] = gzip.compress(read_content(pairs_file(run)), mtime=0)
     except OSError as error:
         raise ReportError(f"Cannot read the pairs of {run}: {error}.") from error
+    if about is not None:
+        files[ABOUT_NAME] = about.to_json().encode()
     written = [folder / name for name in files]
     make_folder(folder)
     if actions:

@@ -10,6 +10,7 @@ from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.broken import broken_sections
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Code, Document, Section, Strong, Table
+from pytest_libero_max.report.formats import IntervalByTask, lack_of_tasks
 from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.published import published_beside
@@ -30,6 +31,7 @@ from pytest_libero_max.report.writers.summary import (
 )
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.store import StoredRun
+from pytest_libero_max.stats.blocks import Result
 
 GATES, BROKEN, BREAKDOWNS, PROVENANCE = "gates", "broken", "breakdowns", "provenance"
 """Keys of sections. A page shows the first two in another way."""
@@ -62,32 +64,48 @@ def run_document(
 def _sections(report: Report, films: Mapping[str, str], gates: Sequence[GateRow]) -> Iterator[Section]:
     if gates:
         yield Section("Gates", [_gates(gates)], key=GATES)
-    overall = report.overall
-    rows = [(one.title, one.cell(overall)) for one in quantities_in("summary")]
-    yield Section("All pairs", [Table("", ("Quantity", "Value"), rows)])
-    yield from (replace(section, key=BROKEN) for section in broken_sections(report, films))
-    if report.study is not None:
-        yield _study(report.study)
-    if (beside := published_beside(report)) is not None:
-        tables = [replace(beside, title="", note="")] if beside.rows else []
-        yield Section(beside.title, tables, lead=beside.note)
-    if overall.played:
-        about = "Paired change in percentage points. Cells hold different cases and describe them."
-        yield Section("Source categories", lead=about, plots=[category_map(report)])
-    by_event = {**report.by["event"], ALL_PAIRS: overall}
-    coverage = group_table("coverage", "Event", by_event)
-    yield Section("Coverage and stale actions", [coverage], plots=[stale_actions(report)])
-    given = group_table("given_response", "Event", by_event)
-    yield Section("Given a query after the event", [given], lead=GIVEN_RESPONSE_NOTE)
-    what = Table("", ("What", "Where", "Value"), highlights.highlight_rows(report))
-    yield Section(highlights.TITLE, [what], lead=highlights.NOTE)
-    yield _breakdowns(report)
+    if report.overall.played:
+        yield from _results(report, films)
     if report.pairs.invalid_pairs:
         faults = [(Code(one.item_id), one.phase, one.kind, one.message) for one in report.pairs.invalid_pairs]
         yield Section("Invalid pairs", [Table("", ("Pair", "Phase", "Error", "Message"), faults)])
     for section in shown_sections(report):
         curves = [survival_curves(report.success_curves)] if section.title == timing.TITLE else []
         yield replace(section, plots=[*section.plots, *curves])
+
+
+def _results(report: Report, films: Mapping[str, str]) -> Iterator[Section]:
+    """Yield the sections on the pairs that were played, of which there is one at least."""
+    overall = report.overall
+    yield _all_pairs(overall)
+    yield from (replace(section, key=BROKEN) for section in broken_sections(report, films))
+    if report.study is not None:
+        yield _study(report.study)
+    if (beside := published_beside(report)) is not None:
+        tables = [replace(beside, title="", note="")] if beside.rows else []
+        yield Section(beside.title, tables, lead=beside.note)
+    about = "Paired change in percentage points. Cells hold different cases and describe them."
+    yield Section("Source categories", lead=about, plots=[category_map(report)], folded=True)
+    by_event = {**report.by["event"], ALL_PAIRS: overall}
+    coverage = group_table("coverage", "Event", by_event)
+    yield Section("Coverage and stale actions", [coverage], plots=[stale_actions(report)], folded=True)
+    given = group_table("given_response", "Event", by_event)
+    yield Section("Given a query after the event", [given], lead=GIVEN_RESPONSE_NOTE, folded=True)
+    what = Table("", ("What", "Where", "Value"), highlights.highlight_rows(report))
+    yield Section(highlights.TITLE, [what], lead=highlights.NOTE, folded=True)
+    yield _breakdowns(report)
+
+
+def _all_pairs(overall: Result) -> Section:
+    """Return every quantity over all pairs; a note says once why there are no intervals by task."""
+    rows, lacks = [], []
+    for one in quantities_in("summary"):
+        if isinstance(one.format, IntervalByTask) and one.value(overall).lower is None:
+            lacks.append(lack_of_tasks(one.value(overall)))
+        else:
+            rows.append((one.title, one.cell(overall)))
+    note = f"No interval by task: {'; '.join(dict.fromkeys(lacks))}." if lacks else ""
+    return Section("All pairs", [Table("", ("Quantity", "Value"), rows, note)])
 
 
 def _gates(gates: Sequence[GateRow]) -> Table:
@@ -134,7 +152,7 @@ def _provenance(report: Report, stored: StoredRun | None) -> Section:
         origin = report.provenance
         rows = [*origin_rows(report, stored), *rows, ("MUJOCO_GL", origin.get("gl_backend") or "not set")]
         rows.append(("command", shlex.join(origin["command"])))
-    return Section("Provenance", [Table("", ("Part", "Version"), rows)], key=PROVENANCE)
+    return Section("Provenance", [Table("", ("Part", "Version"), rows)], key=PROVENANCE, folded=True)
 
 
 def _origin(report: Report) -> Iterator[tuple[str, str]]:

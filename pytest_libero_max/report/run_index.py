@@ -16,6 +16,7 @@ import msgspec
 from pytest_libero_max.benchmark.documents import canonical_digest, read_content
 from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
+from pytest_libero_max.report.about import About, about_of
 from pytest_libero_max.report.publication import checked
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of, write_text
@@ -55,6 +56,8 @@ class IndexedRun:
     """MuJoCo and what drew its images, as its records have them."""
     cases_checked: bool
     """True if its cases were compared with a frozen track."""
+    about: About
+    """Its authors and its model, as they are stated beside it."""
     again: PlayedAgain | None
     """The last check that played pairs of it; None for none."""
 
@@ -101,12 +104,12 @@ def run_index(folders: Sequence[Path], known: Mapping[str, PlayedAgain]) -> RunI
         try:
             lines = [*checked(folder)]
             stored = read_pairs(folder / PACKED_PAIRS_NAME)
-            report, digest = report_of(stored), pairs_digest(folder)
+            report, digest, about = report_of(stored), pairs_digest(folder), about_of(folder)
         except LiberoMaxError as error:
             refused.append((folder, str(error)))
             continue
         compared = any(line.startswith("cases: ") for line in lines)
-        run = IndexedRun(folder, report, digest, _versions(stored), compared, known.get(digest))
+        run = IndexedRun(folder, report, digest, _versions(stored), compared, about, known.get(digest))
         groups.setdefault(_played(report, stored), []).append(run)
     titles = Counter(title for title, _ in groups)
     ordered = {

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from urllib.parse import urlencode
 
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.report.formats import Estimate, interval_text, percent, points
+from pytest_libero_max.report.formats import Estimate, count_text, interval_text, percent, points
 from pytest_libero_max.report.group_tables import FLOOR_MARK, FLOOR_NOTE
 from pytest_libero_max.report.plots import (
     Drawable,
@@ -29,11 +29,16 @@ def forest(report: Report) -> Plot:
     events = report.by["event"].items()
     shown = sorted(events, key=lambda item: (item[1].paired_change.value or 0.0, item[0]))
     rows = [
-        change_row(_name(name, row), _pairs(row), row.paired_change, _change(row.paired_change))
+        change_row(_name(name, row), _pairs(row), row.paired_change, _lost_and_change(row))
         for name, row in [("all pairs", report.overall), *shown]
     ]
-    title = "Paired change in percentage points by event"
-    return change_plot(title, "Event (pairs)", rows, _floor_note(report))
+    interval = " [95%]" if any(row.span for row in rows) else ""
+    return Plot(
+        "Paired change in percentage points by event",
+        ("Event (pairs)", f"Lost of Base successes, change in pp{interval}"),
+        rows,
+        note=_floor_note(report),
+    )
 
 
 def base_to_dynamic(report: Report) -> Plot:
@@ -106,6 +111,15 @@ def _floor_note(report: Report) -> str:
 
 def _pairs(row: Result) -> str:
     return str(row.played) if row.played == row.planned else f"{row.played}/{row.planned}"
+
+
+def _lost_and_change(row: Result) -> str:
+    """Return the lost Base successes as counts, the gains where there are some, and the paired change."""
+    if not row.played:
+        return _change(row.paired_change)
+    gains = row.outcomes.change_associated_success
+    lost = f"{count_text(row.conditional_regression)} lost{f', {gains} gained' if gains else ''}"
+    return f"{lost}, {_change(row.paired_change)}"
 
 
 def _change(change: Estimate) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from pytest_libero_max.report.about import About
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
@@ -42,7 +43,7 @@ def test_a_run_of_one_pair(base: bool, dynamic: bool) -> None:
     report = build_report([record], [], [pair], PROVENANCE)
     runs = {name: StoredRun(Run((pair,), PROVENANCE), (record,), (), torn=False) for name in ("a", "b")}
     comparison = compare_runs(runs)
-    index = RunIndex({"cases": [IndexedRun(Path("a"), report, "0" * 64, "MuJoCo", True, None)]}, [])
+    index = RunIndex({"cases": [IndexedRun(Path("a"), report, "0" * 64, "MuJoCo", True, About(), None)]}, [])
     texts = [
         markdown(report),
         words(html(report, [], ["pytest"])),

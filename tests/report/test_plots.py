@@ -32,8 +32,24 @@ def test_a_forest_has_all_pairs_first_then_the_lowest_event() -> None:
     assert lost.dots == [(-1.0, "loss")]
     assert lost.span is not None
     assert lost.span[0] == -1.0 < lost.span[1] < 0
-    assert lost.text.startswith("-100.0 [-100.0, ")
+    assert lost.text.startswith("16/16 lost, -100.0 [-100.0, ")
     assert {row.dots[0] for row in plot.rows[2:]} == {(0.0, "neutral")}
+
+
+def test_an_event_that_loses_all_of_few_pairs_is_red_beside_a_grey_interval() -> None:
+    few = [pair for pair in PAIRS if pair.source == "pro"][::4]
+    records = [record_of(pair, True, pair.event != "camera_shift") for pair in few]
+    lost = forest(build_report(records, [], few, PROVENANCE)).rows[1]
+    assert lost.text.startswith("2/2 lost, ")
+    assert lost.dots == [(-1.0, "loss")]
+    assert lost.span is not None
+    assert lost.span[2] == "neutral"
+
+
+def test_gains_stand_beside_what_was_lost() -> None:
+    records = [record_of(pair, index % 2 == 0, True) for index, pair in enumerate(PAIRS)]
+    plot = forest(build_report(records, [], PAIRS, PROVENANCE))
+    assert plot.rows[0].text.startswith("0/64 lost, 64 gained, +")
 
 
 def test_a_forest_of_nothing_has_no_dots() -> None:
@@ -96,11 +112,19 @@ def test_what_broke_is_a_card_for_each_cause_and_event_with_a_film_where_one_is(
         sentence="The record holds no stages.",
     )  # fmt: skip
     report = structs.replace(report, changed_pairs=[*changed, gained])
-    lost, won = broken_cards(report, {names[3]: ["films/a b.mp4"]}, {names[3]: 25})
+    pair = next(pair for pair in PAIRS if pair.item_id == names[3])
+    record = record_of(pair, True, False)
+    trigger = record.trigger
+    assert trigger is not None
+    other = structs.replace(record.arms["dynamic"], policy={**record.policy, "name": "nurse"})
+    record = structs.replace(record, arms={**record.arms, "dynamic": other})
+    lost, won = broken_cards(report, {names[3]: [f"a b/{names[3]}--base-dynamic.mp4"]}, {names[3]: record})
     assert lost.part.title == "What broke: 16 of 128 Base successes lost"
     first, second = lost.cards
     assert (first.number, first.cause, first.what) == (15, "missed moved goal", "camera_shift")
-    assert (first.film, first.sentence) == ("films/a%20b.mp4#t=1.35", "S3.")
+    begins = trigger.step / 20 + 0.1
+    assert (first.film, first.sentence) == (f"a%20b/{names[3]}--base-dynamic.mp4#t={begins:g}", "S3.")
+    assert first.arms == ["Base", "Dynamic (nurse)"]
     assert first.view == "event=camera_shift&outcome=regression&cause=missed_moved_goal"
     assert first.case == f"{first.view}&case={names[3]}"
     assert (second.number, second.film, second.sentence) == (1, "", "S0.")

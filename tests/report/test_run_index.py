@@ -126,18 +126,18 @@ def test_names_of_policies_are_text_and_links_lead_to_the_runs(published: Path, 
     assert HOSTILE not in text
     assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
     for link in re.findall(r"href='([^']*)'", text):
-        assert (page.parent / link).is_file()
+        assert link == "#main" or (page.parent / link).is_file()
 
 
 def test_the_installation_of_a_run_stands_beside_the_digest_of_its_pairs(published: Path) -> None:
     folders = published_in([published])
     text = index_html(run_index(folders, {}), published)
-    words = [word.strip() for word in re.split(r"<[^>]*>", text) if word.strip()]
+    cells = [re.sub(r"<[^>]*>", "", cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", text)]
     digests = {folder.name: pairs_digest(folder)[:12] for folder in folders}
-    known = {digest: words[words.index(digest) - 1] for digest in digests.values()}
-    assert known == {
-        digest: "bc025597906d" if name == "a-good" else "not taken" for name, digest in digests.items()
-    }
+    known = {name: cells[cells.index(digest) - 1] for name, digest in digests.items() if name[0] == "a"}
+    assert known == {"a-good": "bc025597906d", "a-middle": "", "a-bad": ""}
+    heads = re.findall(r"<th scope='col'>(.*?)</th>", text)
+    assert heads.count("Fingerprint of the installation") == 1, "no run of the other cases has one"
 
 
 def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, tmp_path: Path) -> None:
@@ -151,7 +151,11 @@ def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, 
         page.goto(path.as_uri())
         assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth")
     assert complaints == []
-    table = page.locator(".sorted").first
+    assert (
+        page.locator(".sorted").first.locator("tbody tr").count() == 4
+    )  # all runs; then those of the same cases
+    page.locator("summary").first.click()
+    table = page.locator(".sorted").nth(1)
 
     def names() -> list[str]:
         return [text.split(" ")[0] for text in table.locator("tbody th").all_inner_texts()]
@@ -166,3 +170,27 @@ def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, 
     table.get_by_role("button", name="Policy").click()
     assert names() == ["a-middle", "a-good", "a-bad"]
     assert table.locator("th[aria-sort=descending]").count() == 1
+
+
+def test_authors_and_model_stand_beside_a_run_that_states_them(unaltered: Path, tmp_path: Path) -> None:
+    run, folder = unaltered.parent / "run-a-good", tmp_path / "published"
+    stated = ["--authors", "A. <b> and B.", "--model", "https://example.org/model"]
+    assert main(["publish", "pack", str(run), str(folder), *stated]) == 0
+    text = index_html(run_index(published_in([folder]), {}), tmp_path)
+    assert "A. &lt;b&gt; and B." in text
+    assert "<a href='https://example.org/model'>example.org/model</a>" in text
+    assert "Authors" not in index_html(run_index(published_in([unaltered]), {}), tmp_path)
+
+
+@pytest.mark.parametrize("model", ["javascript:alert(1)", "example.org"])
+def test_a_model_is_an_address_on_the_web(
+    unaltered: Path, tmp_path: Path, model: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, folder = unaltered.parent / "run-a-good", tmp_path / "published"
+    assert main(["publish", "pack", str(run), str(folder), "--model", model]) != 0
+    assert f"--model={model!r}, but must be an address" in capsys.readouterr().err
+    assert not folder.exists()
+    shutil.copytree(unaltered / "a-good", folder)
+    (folder / "about.json").write_text(json.dumps({"model": model}))
+    ((_, reason),) = run_index(published_in([folder]), {}).refused
+    assert "must be an address on the web" in reason

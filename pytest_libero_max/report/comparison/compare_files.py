@@ -12,13 +12,14 @@ from pytest_libero_max.report.comparison.comparison_plots import (
     COMPARISON_PLOTS,
     event_changes,
     outcome_shares,
+    success_differences,
 )
 from pytest_libero_max.report.comparison.comparison_sections import document_of, with_short_names
 from pytest_libero_max.report.formats import interval_text, points
 from pytest_libero_max.report.page.comparison_cases import beside, comparison_cases
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.page_frame import document_page
-from pytest_libero_max.report.plots import direction
+from pytest_libero_max.report.plots import COLOURS_NOTE, direction
 from pytest_libero_max.report.render.drawing import drawn
 from pytest_libero_max.report.render.markdown import document_markdown
 from pytest_libero_max.report.writers.report_files import make_folder, report_json, write_drawings, write_text
@@ -90,7 +91,8 @@ def comparison_html(
         document_of(comparison),
         cases,
         headline=_headline(shown) if len(shown.runs) == 2 else None,
-        plot=event_changes(shown),
+        plot=success_differences(shown) if len(shown.runs) == 2 else event_changes(shown),
+        colours_note=COLOURS_NOTE,
         shares=outcome_shares(shown).rows,
         events=[] if common is None else events_of(common.planned),
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 from urllib.parse import urlencode
 
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.comparison.paper_rows import PolicyRow, Rates
-from pytest_libero_max.report.formats import percent, points
+from pytest_libero_max.report.formats import interval_text, percent, points
 from pytest_libero_max.report.plots import (
     Bars,
     Drawable,
@@ -15,6 +16,7 @@ from pytest_libero_max.report.plots import (
     Row,
     Scatter,
     Viewed,
+    change_row,
     outcome_bar,
     rates_row,
     run_kind,
@@ -46,6 +48,29 @@ def event_changes(comparison: Comparison) -> Plot:
         numbers = "Median [quartiles], pp"
     legend = [(run_kind(number), run.name) for number, run in enumerate(runs)]
     return Plot("Paired change by event, percentage points", ("Event", numbers), rows, legend)
+
+
+class _Difference(NamedTuple):
+    """A difference with an interval that holds together with those of the other events."""
+
+    value: float | None
+    lower: float | None
+    upper: float | None
+
+
+def success_differences(comparison: Comparison) -> Plot:
+    """Return Dynamic success of the second of two runs less that of the first, by event."""
+    rows = []
+    for event, contrasts in comparison.by_event.items():
+        (contrast,) = contrasts.dynamic_success
+        simultaneous = contrast.difference.simultaneous
+        difference = _Difference(contrast.difference.value, simultaneous.lower, simultaneous.upper)
+        text = f"{points(difference.value)} {interval_text(simultaneous, signed=True)}"
+        name = Viewed(event, urlencode({"event": event}))
+        rows.append(change_row(name, str(contrast.cases), difference, text))
+    first, second = (run.name for run in comparison.runs)
+    title = f"Dynamic success of {second} less that of {first}, by event"
+    return Plot(title, ("Event (cases)", "pp [simultaneous 95%]"), rows)
 
 
 def outcome_shares(comparison: Comparison) -> Bars:

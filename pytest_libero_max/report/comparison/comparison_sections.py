@@ -196,14 +196,13 @@ def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
 
 
 def _runs_table(comparison: Comparison) -> Table:
-    last = len(comparison.runs) + 1
     by_task = quantity("paired_change_by_task")
     ranks = _RANKS if any(run.highest_rank for run in comparison.runs) else _RANKS[:1]
     return table_of(
         "",
         "Run",
         (*ranks, *RUNS[:-1], by_task, RUNS[-1]),
-        [(run.name, run) for run in sorted(comparison.runs, key=lambda run: run.rank or last)],
+        [(run.name, run) for run in comparison.runs],
     )
 
 

@@ -15,7 +15,14 @@ from pytest_libero_max.report.document import Document, Section, Table
 from pytest_libero_max.report.formats import change_text, counted, interval_text, percent, points
 from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable
 from pytest_libero_max.report.page.page_frame import document_page
-from pytest_libero_max.report.plots import Plot, change_plot, change_row, direction, rates_row
+from pytest_libero_max.report.plots import (
+    COLOURS_NOTE,
+    Plot,
+    change_plot,
+    change_row,
+    direction,
+    rates_row,
+)
 from pytest_libero_max.report.quantities import Quantity, quantity
 from pytest_libero_max.runs.store import read_pairs
 
@@ -116,16 +123,26 @@ def _numbered(comparison: Comparison) -> dict[str, ComparedRun]:
 
 
 def trend_html(comparison: Comparison, causes: Causes) -> str:
-    """Render runs as a page: paired change and success over the runs, and the causes of what each lost."""
-    first, last = comparison.runs[0], comparison.runs[-1]
-    change = last.paired_change
-    shown = (last.name, f"{points(change.value)} pp", interval_text(change, signed=True), direction(change))
-    if not is_measurable(last):
-        shown = (last.name, NOT_MEASURABLE, "", "neutral")
+    """Render runs as a page: the last run against the first, all runs, and the causes of what each lost."""
+    first, last = comparison.runs[0].name, comparison.runs[-1].name
+    contrast = next(row for row in comparison.contrasts if (row.first, row.second) == (first, last))
+    difference = contrast.difference
+    kind = direction(difference)
+    if difference.lower is None:
+        verdict = f"A rule stopped one of these runs, so that no difference of {last} from {first} is shown."
+    else:
+        verdict = {
+            "loss": f"{last}, the last run, succeeds less often than {first} when the event happens.",
+            "gain": f"{last}, the last run, succeeds more often than {first} when the event happens.",
+            "neutral": f"No difference between {first}, the first run, and {last}, the last, is shown.",
+        }[kind]
     return document_page(
         "trend.html",
         trend_of(comparison, causes),
-        last=shown,
-        first=(first.name, change_text(first.paired_change)),
+        verdict=verdict,
+        direction=kind,
+        difference=f"{points(difference.value)} pp",
+        interval=interval_text(difference, signed=True),
         plots=[change_by_run(comparison), success_by_run(comparison)],
+        colours_note=COLOURS_NOTE,
     )

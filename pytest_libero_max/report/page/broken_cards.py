@@ -6,14 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from urllib.parse import quote, urlencode
 
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.broken import Group, Part, parts_of
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.runs.media import caption_of
 from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _MOST_CARDS = 8
 
 _AFTER_EVENT_S = 0.1
 """Time in a film at which it shows the event, also with half of its frames."""
+
+
+_TITLES = {BASE: "Base", DYNAMIC: "Dynamic"}
 
 
 class Card(NamedTuple):
@@ -32,6 +38,8 @@ class Card(NamedTuple):
     """View of the table that shows this pair."""
     film: str
     """Address of its film, from just after the event; empty without one."""
+    arms: Sequence[str]
+    """Titles of the arms of the film from left to right, with the policy of those that have their own."""
 
 
 class Cards(NamedTuple):
@@ -47,20 +55,20 @@ class Cards(NamedTuple):
 
 
 def broken_cards(
-    report: Report, films: Mapping[str, Sequence[str]], event_steps: Mapping[str, int]
+    report: Report, films: Mapping[str, Sequence[str]], records: Mapping[str, PairRecord]
 ) -> list[Cards]:
     """Return what Base fails at where it solves little, then the pairs that were lost and that were gained.
 
     Args:
         report: Of the run.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
-        event_steps: Policy steps before the event, by item id.
+        records: The played pairs, by item id.
     """
     parts = parts_of(report, films, most=10**6, most_groups=_MOST_CARDS)
     return [
         Cards(
             part,
-            [_card(part.outcome, group, films, event_steps) for group in part.groups if group.named],
+            [_card(part.outcome, group, films, records) for group in part.groups if group.named],
             sum(group.number for group in part.groups if not group.named),
             urlencode({"outcome": part.outcome}),
         )
@@ -69,24 +77,35 @@ def broken_cards(
 
 
 def _card(
-    outcome: str, group: Group, films: Mapping[str, Sequence[str]], event_steps: Mapping[str, int]
+    outcome: str, group: Group, films: Mapping[str, Sequence[str]], records: Mapping[str, PairRecord]
 ) -> Card:
     pair = next((pair for pair in group.named if pair.item_id in films), group.named[0])
-    film = ""
+    record, film, arms = records.get(pair.item_id), "", []
     if pair.item_id in films:
-        film = quote(films[pair.item_id][0])
-        if group.event:  # the film begins at the event; a failure in Base has none
-            film += f"#t={event_steps.get(pair.item_id, 0) / CONTROL_HZ + _AFTER_EVENT_S:g}"
-    known = {"event": group.event, "outcome": outcome, "cause": group.cause}
-    chosen = {name: value for name, value in known.items() if value}
-    if not group.event:  # the causes of the table of cases are those of Dynamic, if it failed as well
-        chosen = {"outcome": outcome}
+        path = films[pair.item_id][0]
+        film = quote(path)
+        if record is not None:
+            arms = [_title(record, name) for name in caption_of(path, pair.item_id).split("-")]
+            if group.event and record.trigger is not None:  # a failure in Base has no event
+                film += f"#t={record.trigger.step / CONTROL_HZ + _AFTER_EVENT_S:g}"
+    # Base has failed in all other pairs than regressions, and the table keeps its causes apart.
+    cause = {("cause" if outcome == "regression" else "base_cause"): group.cause}
+    known = {"event": group.event, "outcome": outcome if group.event else "", **cause}
+    chosen = {name: value for name, value in known.items() if value} or {"outcome": outcome}
     return Card(
         number=group.number,
         cause=group.cause.replace("_", " "),
         what=group.what,
         view=urlencode(chosen),
         sentence=pair.sentence,
-        case=urlencode({**chosen, "case": pair.item_id} if group.event else {"case": pair.item_id}),
+        case=urlencode({**chosen, "case": pair.item_id}),
         film=film,
+        arms=arms,
     )
+
+
+def _title(record: PairRecord, name: str) -> str:
+    """Return the title of an arm of a film, with its own policy where it has one."""
+    arm = record.arms.get(name)
+    own = "" if arm is None or arm.policy is None else f" ({arm.policy['name']})"
+    return f"{_TITLES.get(name, name.replace('_', ' '))}{own}"

@@ -23,8 +23,16 @@ from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.substrates.registry import SUBSTRATES
 from pytest_libero_max.worlds.contract import CONTROL_HZ
 
-_FILMED = ("yes", "no")
-_FIRED = ("yes", "never")
+_FILMED = {"yes": "film", "no": ""}
+_FIRED = {"yes": "", "never": "never", "not played": ""}
+_NO_CAUSE = "none"
+"""Labels of a case with their texts in the table, which says nothing of what needs no look."""
+
+ORDER = (
+    "regression", "change_associated_success", "invalid", "persistent_failure", "preserved_success",
+    "missing", "unsupported",
+)  # fmt: skip
+"""Outcomes in the order of the table: those to look at first."""
 
 
 def run_cases(
@@ -42,7 +50,8 @@ def run_cases(
         folder: Folder of the run, for its traces; None for none.
 
     Returns:
-        ``items``: the item ids in their order; everything else is in the same order, or by the place in it.
+        ``items``: the item ids, those of regressions first; everything else is in the same order, or by the
+        place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
         :func:`number_column`. ``details``: of each case, see
         :func:`~pytest_libero_max.report.page.evidence.details_of`. ``films`` and ``pictures``: captions and
@@ -51,19 +60,22 @@ def run_cases(
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
-    planned = sorted(stored.run.planned, key=lambda pair: pair.item_id)
     policy = stored.records[0].policy if stored.records else None
-    unsupported = {pair.item_id for pair in unsupported_pairs(planned, policy)}
+    unsupported = {pair.item_id for pair in unsupported_pairs(stored.run.planned, policy)}
+    by_item = {
+        pair.item_id: records[pair.item_id].outcome
+        if pair.item_id in records
+        else _without_record(pair.item_id, errors, unsupported)
+        for pair in stored.run.planned
+    }
+    planned = sorted(stored.run.planned, key=lambda pair: (ORDER.index(by_item[pair.item_id]), pair.item_id))
     found = [records.get(pair.item_id) for pair in planned]
-    outcomes = [
-        record.outcome if record else _without_record(pair.item_id, errors, unsupported)
-        for pair, record in zip(planned, found, strict=True)
-    ]
+    outcomes = [by_item[pair.item_id] for pair in planned]
     steps = {
         f"{arm}_steps": [record and getattr(record, f"{arm}_steps") for record in found]
         for arm in (BASE, DYNAMIC)
     }
-    outcome = label_column("outcome", "Outcome", outcomes, [*OUTCOME_TITLES], OUTCOME_TITLES)
+    outcome = label_column("outcome", "Outcome", outcomes, ORDER, OUTCOME_TITLES)
     columns = [
         *label_columns(planned),
         {**outcome, "outcome": True, "chips": True},
@@ -74,8 +86,8 @@ def run_cases(
         number_column("stale", "Stale actions", [record and record.stale_actions for record in found]),
     ]
     if films:
-        filmed = [_FILMED[pair.item_id not in films] for pair in planned]
-        columns.append(label_column("film", "Film", filmed, _FILMED))
+        filmed = ["yes" if pair.item_id in films else "no" for pair in planned]
+        columns.append(label_column("film", "Film", filmed, [*_FILMED], cells=_FILMED))
     traces = set() if folder is None else {path.name for path in (folder / TRACES_NAME).glob("*.npz")}
     has = {
         str(place): [
@@ -112,20 +124,26 @@ def _views(films: Sequence[str]) -> set[str]:
 def _fired(found: Sequence[PairRecord | None]) -> Iterator[Json]:
     """Return a column that tells pairs whose event never happened, where there are some."""
     if any(record is not None and not record.triggered for record in found):
-        fired = ["not played" if record is None else _FIRED[not record.triggered] for record in found]
-        yield {**label_column("fired", "Event happened", fired, _FIRED), "chips": True}
+        fired = [
+            "not played" if record is None else "yes" if record.triggered else "never" for record in found
+        ]
+        yield {**label_column("fired", "Event happened", fired, [*_FIRED], cells=_FIRED), "chips": True}
 
 
 def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
-    """Return the column of causes, where one is known: that of Dynamic, or else that of Base."""
-    whys = [
-        record and (diagnose(record, DYNAMIC) or (BASE in record.arms and diagnose(record, BASE)) or None)
-        for record in found
+    """Yield a column of the causes of what was lost, and one of those in Base, where one is known."""
+    lost = [
+        diagnose(record, DYNAMIC) if record and record.outcome == "regression" else None for record in found
     ]
-    causes = [why.cause if why else "none" for why in whys]
-    if {*causes} - {"none", NOT_RECORDED}:
-        titles = {cause: cause.replace("_", " ") for cause in causes} | {"none": "no arm failed"}
-        yield {**label_column("cause", "Cause", causes, [*CAUSES, "none"], titles), "chips": True}
+    base = [diagnose(record, BASE) if record and BASE in record.arms else None for record in found]
+    for key, title, whys in (("cause", "Cause", lost), ("base_cause", "Cause in Base", base)):
+        causes = [why.cause if why else _NO_CAUSE for why in whys]
+        if {*causes} - {_NO_CAUSE, NOT_RECORDED}:
+            titles = {cause: cause.replace("_", " ") for cause in causes}
+            column = label_column(
+                key, title, causes, [*CAUSES, _NO_CAUSE], titles, cells={**titles, _NO_CAUSE: ""}
+            )
+            yield {**column, "chips": True}
 
 
 def _commands(stored: StoredRun) -> Iterator[Json]:
@@ -204,9 +222,10 @@ def media_by_place(planned: Sequence[PlannedPair], paths: Mapping[str, Sequence[
 
 
 def label_columns(planned: Sequence[PlannedPair]) -> Iterator[Json]:
-    """Yield the columns that a plan tells: two of the table, and those that can only be filtered by."""
-    yield label_column("event", "Event", [pair.event for pair in planned], [*EVENTS], secondary=True)
-    yield label_column("category", "Source category", [pair.category for pair in planned], secondary=True)
+    """Yield the columns that a plan tells. Item ids say them, so that they only filter and order."""
+    events, categories = [pair.event for pair in planned], [pair.category for pair in planned]
+    yield {**label_column("event", "Event", events, [*EVENTS]), "shown": False}
+    yield {**label_column("category", "Source category", categories), "shown": False}
     for key, names, more in (
         ("suite", [pair.suite for pair in planned], False),
         ("source", [pair.source for pair in planned], True),
@@ -230,7 +249,7 @@ def label_column(
     order: Sequence[str] = (),
     titles: Mapping[str, str] | None = None,
     *,
-    secondary: bool = False,
+    cells: Mapping[str, str] | None = None,
 ) -> Json:
     """Return a column of names, which can be chosen from.
 
@@ -240,7 +259,7 @@ def label_column(
         names: One a case.
         order: The first of the distinct names in their order; the others follow by the alphabet.
         titles: Titles of the names, where they differ from the names.
-        secondary: True if narrow screens leave it out; the item id says it as well.
+        cells: Texts of the names in the table, where they differ from the titles.
     """
     there = set(names)
     labels = [name for name in order if name in there]
@@ -253,9 +272,11 @@ def label_column(
         "at": [places[name] for name in names],
         "shown": True,
         "filter": "choice",
-        "secondary": secondary,
     }
-    return column if titles is None else {**column, "titles": [titles[label] for label in labels]}
+    texts = {"titles": titles, "cells": cells}
+    return column | {
+        name: [known[label] for label in labels] for name, known in texts.items() if known is not None
+    }
 
 
 def number_column(key: str, title: str, values: Sequence[Any], **more: bool) -> Json:

@@ -11,7 +11,7 @@ from urllib.parse import quote
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
-from pytest_libero_max.report.page.case_table import again, label_column, label_columns
+from pytest_libero_max.report.page.case_table import ORDER, again, label_column, label_columns
 from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import films_in
@@ -20,14 +20,13 @@ from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _CHANGED = ("yes", "no")
 
-_SHOWN = ("category", "event")
-"""Labels of a case with a column beside the runs; the others can be filtered by."""
-
 
 def comparison_cases(
     common: CommonCases, names: Mapping[str, str], replays: Mapping[str, Sequence[str]], beside: Json
 ) -> Json:
     """Return the data of the table of cases of a comparison, in the form of that of a run.
+
+    The cases that the last run loses come first.
 
     Args:
         common: The cases, with the outcomes of every run.
@@ -35,20 +34,24 @@ def comparison_cases(
         replays: The command that plays a case of a run again, once its item id is appended, by run.
         beside: See :func:`beside`.
     """
-    order = sorted(range(len(common.planned)), key=lambda index: common.planned[index].item_id)
+    codes = {run: outcome_codes(pairs).tolist() for run, pairs in common.pairs.items()}
+    order = sorted(
+        range(len(common.planned)),
+        key=lambda index: (
+            [ORDER.index(OUTCOMES[of_run[index]]) for of_run in reversed(codes.values())],
+            common.planned[index].item_id,
+        ),
+    )
     planned = [common.planned[index] for index in order]
-    outcomes = {
-        run: [OUTCOMES[code] for code in outcome_codes(pairs)[order].tolist()]
-        for run, pairs in common.pairs.items()
-    }
+    outcomes = {run: [OUTCOMES[of_run[index]] for index in order] for run, of_run in codes.items()}
     stale = {run: pairs.stale[order].tolist() for run, pairs in common.pairs.items()}
     changed = [_CHANGED[len(set(case)) == 1] for case in zip(*outcomes.values(), strict=True)]
     columns = [
-        {**column, "shown": column["key"] in _SHOWN}
-        for column in (*label_columns(planned), label_column("changed", "Changed", changed, _CHANGED))
+        *label_columns(planned),
+        {**label_column("changed", "Changed", changed, _CHANGED), "shown": False},
     ]
     for number, (run, found) in enumerate(outcomes.items(), start=1):
-        column = label_column(f"run{number}", names[run], found, OUTCOMES, OUTCOME_TITLES)
+        column = label_column(f"run{number}", names[run], found, ORDER, OUTCOME_TITLES)
         columns.append({**column, "outcome": True})
     details = [
         {

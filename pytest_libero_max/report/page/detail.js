@@ -39,7 +39,7 @@ function picturesOf(pictures) {
   const figures = pictures.map(([caption, path]) =>
     element("figure", {}, element("img", { src: path, alt: caption, loading: "lazy" }), element("figcaption", {}, caption)),
   );
-  return element("section", {}, element("h4", {}, "Before and after the event"), element("div", { class: "pictures" }, ...figures));
+  return element("section", {}, element("h3", {}, "Before and after the event"), element("div", { class: "pictures" }, ...figures));
 }
 
 function pictured() {
@@ -67,8 +67,9 @@ async function copyText(text, button) {
     document.execCommand("copy");
     area.remove();
   }
+  const title = button.textContent;
   button.textContent = "Copied";
-  setTimeout(() => (button.textContent = "Copy"), 1500);
+  setTimeout(() => (button.textContent = title), 1500);
 }
 
 function command(caption, text) {
@@ -82,7 +83,7 @@ function eventPicture(name) {
   const shown = document.querySelector(`#event-${CSS.escape(name)} img`);
   if (!shown) return [];
   const picture = element("img", { src: shown.src, alt: shown.alt, width: shown.width, height: shown.height });
-  return [element("section", {}, element("h4", {}, "Such an event, on another case"), picture)];
+  return [element("section", {}, element("h3", {}, "Such an event, on another case"), picture)];
 }
 
 // The commands that make sense for what there is of a case.
@@ -96,7 +97,7 @@ function commandsOf(data, row) {
 }
 
 function tablesOf(tables) {
-  return Object.entries(tables).map(([title, part]) => element("section", {}, element("h4", {}, title), valueTable(part)));
+  return Object.entries(tables).map(([title, part]) => element("section", {}, element("h3", {}, title), valueTable(part)));
 }
 
 function detail(data, table, row, values) {
@@ -126,10 +127,10 @@ function detail(data, table, row, values) {
         { class: "facts" },
         ...(moments ? [moments] : []),
         ...(pictures.length ? [picturesOf(pictures)] : []),
-        element("section", {}, element("h4", {}, "Commands"), ...commandsOf(data, row)),
+        element("section", {}, element("h3", {}, "Commands"), ...commandsOf(data, row)),
         ...tablesOf(values.tables),
         ...(pictures.length || films ? [] : eventPicture(`${event}-v${variant}`)),
-        ...(links.length ? [element("section", {}, element("h4", {}, "In the reports of the runs"), element("ul", {}, ...links))] : []),
+        ...(links.length ? [element("section", {}, element("h3", {}, "In the reports of the runs"), element("ul", {}, ...links))] : []),
       ),
     ),
     element("details", {}, element("summary", {}, "Case, parameters and evidence"), element("div", { class: "facts columns" }, ...tablesOf(more))),

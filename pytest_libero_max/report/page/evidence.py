@@ -75,7 +75,12 @@ def _case(pair: PlannedPair) -> Json:
 
 def _arms(record: PairRecord) -> Json:
     """Return a row a quantity, a column an arm."""
-    return {
+    own = {
+        name: (record.policy if arm.policy is None else arm.policy)["name"]
+        for name, arm in record.arms.items()
+    }
+    policies = {"Policy": own} if any(arm.policy is not None for arm in record.arms.values()) else {}
+    return policies | {
         title: {name: getattr(arm, field) for name, arm in record.arms.items()}
         for title, field in (
             ("Success", "success"),

@@ -4,26 +4,56 @@ class Explorer {
   constructor(data, place) {
     this.data = data;
     this.table = new Table(data);
-    this.shown = data.columns.filter((column) => column.shown);
+    this.shown = data.columns.filter((column) => column.shown && (column.labels || column.values.some((value) => value !== null)));
     this.start = { ...emptyView(), chosen: data.start ?? {} };
     this.place = place;
     this.inputs = new Map();
     this.parts = [];
     this.status = element("p", { role: "status" });
+    this.steps = !data.items.some((_, row) => this.table.lost(row)) ? [] : [
+      ["Previous regression", "p", -1],
+      ["Next regression", "n", 1],
+    ].map(([title, key, by]) => element("button", { type: "button", "aria-keyshortcuts": key, onclick: () => this.step(by) }, title, element("kbd", {}, key)));
     this.head = element("tr");
     this.body = element("tbody");
     this.pages = element("div", { class: "pages" });
-    const caption = element("caption", {}, "Choose a name to see the case.");
+    const caption = element("caption", {}, "Choose a name to see the case; Esc closes it.");
     place.append(
       this.controls(),
-      this.status,
+      element("div", { class: "steps" }, this.status, ...this.steps),
       element("table", { class: "cases" }, caption, element("thead", {}, this.head), this.body),
       this.pages,
     );
     window.addEventListener("hashchange", () => {
       if (location.hash.startsWith(PREFIX)) this.read(); // a part of the page leaves the view as it is
     });
+    document.addEventListener("keydown", (event) => this.pressed(event));
     this.read();
+  }
+
+  // Keys, but for those that a control takes itself.
+  pressed(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea")) return;
+    if (event.key === "n") this.step(1);
+    if (event.key === "p") this.step(-1);
+    if (event.key === "Escape" && this.view.open) this.toggle(this.view.open);
+  }
+
+  // Opens the next regression of the view, or the previous one.
+  step(by) {
+    const rows = this.table.sorted(this.table.rows(this.view), this.view.sort);
+    const open = rows.indexOf(this.table.items.indexOf(this.view.open));
+    const [after, before] = [rows.slice(open + 1), rows.slice(0, open < 0 ? rows.length : open)];
+    const row = by > 0 ? after.find((one) => this.table.lost(one)) : before.findLast((one) => this.table.lost(one));
+    if (row === undefined) return;
+    const item = this.table.items[row];
+    this.change({ open: item, page: this.pageOf(item) });
+    this.focus(item);
+    this.drawn.then(() => this.body.querySelector(".open")?.scrollIntoView());
+  }
+
+  focus(item) {
+    for (const button of this.body.querySelectorAll("th button")) if (button.textContent === item) button.focus();
   }
 
   // The view that the address asks for.
@@ -59,7 +89,8 @@ class Explorer {
     const control = (column) => (column.filter === "choice" ? this.choice(column) : this.range(column));
     const filtered = this.data.columns.filter((column) => column.filter);
     const more = filtered.filter((column) => column.more);
-    const orders = [["", "Name"], ...this.shown.flatMap(({ key, title }) => [[key, `${title} ↑`], [`-${key}`, `${title} ↓`]])];
+    const orders = [["", "Regressions first"], ["item", "Name"]];
+    for (const { key, title } of this.data.columns) orders.push([key, `${title} ↑`], [`-${key}`, `${title} ↓`]);
     const order = element("select", {}, ...orders.map(([value, title]) => element("option", { value }, title)));
     order.addEventListener("change", () => this.change({ sort: order.value }));
     this.inputs.set("sort", order);
@@ -72,13 +103,13 @@ class Explorer {
       labelled("Text", text, "search"),
       ...filtered.filter((column) => column.chips).map((column) => this.chips(column)),
       ...filtered.filter((column) => !column.more && !column.chips).map(control),
-      labelled("Order", order, "narrow-only"),
+      labelled("Order", order),
       reset,
       ...(more.length ? [this.more] : []),
     );
   }
 
-  // A button for every name, pressed where it is chosen.
+  // A button for every name that the table shows, pressed where it is chosen.
   chips(column) {
     const place = element("div", { class: "chips" });
     this.inputs.set(column.key, place);
@@ -102,7 +133,8 @@ class Explorer {
   fillChips(column, counts) {
     const place = this.inputs.get(column.key);
     const focused = place.contains(document.activeElement) ? document.activeElement.dataset.label : null;
-    place.replaceChildren(...column.labels.map((_, number) => this.chip(column, number, counts[number])));
+    const chips = column.labels.map((_, number) => (column.cells?.[number] === "" ? [] : [this.chip(column, number, counts[number])]));
+    place.replaceChildren(...chips.flat());
     if (focused) place.querySelector(`[data-label="${CSS.escape(focused)}"]`)?.focus();
   }
 
@@ -180,8 +212,8 @@ class Explorer {
   drawHead() {
     const focused = this.head.contains(document.activeElement) ? document.activeElement.dataset.key : null;
     const column = (key, title, kind) => {
-      const [up, down] = [this.view.sort === key || (key === "item" && !this.view.sort), this.view.sort === `-${key}`];
-      const next = up ? `-${key}` : key === "item" ? "" : key;
+      const [up, down] = [this.view.sort === key, this.view.sort === `-${key}`];
+      const next = up ? `-${key}` : key;
       const button = element("button", { type: "button", "data-key": key }, ...breakable(title + (up ? " ↑" : down ? " ↓" : "")));
       button.addEventListener("click", () => this.change({ sort: next }));
       const sort = up ? "ascending" : down ? "descending" : null;
@@ -201,9 +233,9 @@ class Explorer {
     const button = element("button", { type: "button", "aria-expanded": String(open) }, ...breakable(item));
     button.addEventListener("click", () => this.toggle(item));
     const cells = this.shown.map((column) => {
-      const text = this.table.text(column, row);
+      const text = this.table.cell(column, row);
       const label = column.labels?.[column.at[row]];
-      const named = column.outcome || column.chips ? null : column.title;
+      const named = column.outcome || column.cells || !text ? null : column.title;
       return element("td", { class: this.kind(column), "data-title": named }, column.outcome ? element("span", { class: `outcome ${label}` }, text) : element("span", {}, ...breakable(text)));
     });
     const shown = element("tr", { class: open ? "open" : null }, element("th", { scope: "row" }, button), ...cells);
@@ -223,7 +255,7 @@ class Explorer {
 
   toggle(item) {
     this.change({ page: this.view.page, open: this.view.open === item ? "" : item });
-    for (const button of this.body.querySelectorAll("th button")) if (button.textContent === item) button.focus();
+    this.focus(item);
   }
 
   drawPages(last) {
@@ -264,6 +296,18 @@ function unpack(script) {
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
 }
 
+// A part of the page that the address names is unfolded.
+function unfold() {
+  const part = location.hash.startsWith(PREFIX) ? null : document.getElementById(location.hash.slice(1));
+  if (part instanceof HTMLDetailsElement) part.open = true;
+  part?.scrollIntoView();
+}
+
+// Buttons that copy a command.
+function copyCommands() {
+  for (const button of document.querySelectorAll("[data-copy]")) button.addEventListener("click", () => copyText(button.dataset.copy, button));
+}
+
 // Films on the first screen play while they are pointed at.
 function playPosters() {
   for (const poster of document.querySelectorAll(".poster")) {
@@ -286,12 +330,14 @@ async function start() {
   shown.add("scripted"); // shows what needs the script, hides what it replaces
   try {
     linkViews();
+    copyCommands();
     new Explorer(data, document.getElementById("cases"));
   } catch (error) {
     shown.remove("scripted");
     throw error;
   }
-  if (location.hash && !location.hash.startsWith(PREFIX)) document.getElementById(location.hash.slice(1))?.scrollIntoView();
+  if (location.hash) unfold();
+  window.addEventListener("hashchange", unfold);
 }
 
 start();

@@ -19,10 +19,14 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 from pytest_libero_max.report.document import Document, Link, Table
 from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
+from pytest_libero_max.report.page.words import explained
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
 
 _SCRIPTS = ("table.js", "player.js", "detail.js", "explorer.js")
+
+_NARROW = 5
+"""Most columns of a table that has half of a wide window."""
 
 DETAILS_IN_A_PART = 100
 """Number of cases whose details are packed together. A page unpacks a part when a case of it is opened."""
@@ -57,7 +61,9 @@ def page_table(table: Table) -> PageTable:
     if table.dimension:
         rows = [[name._replace(view=_view(table.dimension, name.text)), *cells] for name, *cells in rows]
     words = all(isinstance(cell.value, str) for row in table.cells() for cell in row[1:])
-    kinds = ["rows", *(["words"] * (words or table.sortable)), *(["sorted"] * table.sortable)]
+    wide = len(table.head) > _NARROW
+    known = {"wide": wide, "words": words or table.sortable, "sorted": table.sortable}
+    kinds = ["rows", *(kind for kind, is_so in known.items() if is_so)]
     return PageTable(table.title, table.headings(), rows, table.note, " ".join(kinds))
 
 
@@ -159,13 +165,15 @@ def _parts(details: list[Any]) -> list[list[Any]]:
 
 @cache
 def _environment() -> Environment:
-    return Environment(
+    environment = Environment(
         autoescape=True,
         loader=FunctionLoader(lambda name: _file(f"templates/{name}")),
         lstrip_blocks=True,
         trim_blocks=True,
         undefined=StrictUndefined,
     )
+    environment.filters["explained"] = explained
+    return environment
 
 
 @cache

@@ -41,6 +41,16 @@ class Table {
     return column.values[row] === null ? "" : String(column.values[row]);
   }
 
+  // The text of a cell: nothing where a case is as most are.
+  cell(column, row) {
+    return column.cells?.[column.at[row]] ?? this.text(column, row);
+  }
+
+  // Whether a case was lost, in any run of a comparison.
+  lost(row) {
+    return this.columns.some((column) => column.outcome && column.labels[column.at[row]] === "regression");
+  }
+
   // The tests of a view by the key of what they test, so that a list of choices can leave its own out.
   tests(view) {
     const tests = new Map();
@@ -71,7 +81,10 @@ class Table {
     const downward = sort.startsWith("-");
     const column = this.byKey[sort.replace(/^-/, "")];
     const ordered = [...rows];
-    if (!column) return downward ? ordered.reverse() : ordered; // the items are in their order
+    if (!column) { // by name, or as the page has them: those to look at first
+      if (sort) ordered.sort((one, other) => (this.items[one] < this.items[other] ? -1 : 1));
+      return downward ? ordered.reverse() : ordered;
+    }
     const values = column.labels ? column.at : column.values;
     return ordered.sort((one, other) => {
       const [a, b] = [values[one], values[other]];

@@ -13,6 +13,7 @@ import msgspec
 from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.gates import GateResult
 from pytest_libero_max.report.page.case_table import run_cases
@@ -51,6 +52,7 @@ def write_reports(
     amend: Callable[[Report], Report] | None = None,
     on_problem: Callable[[str], object] | None = None,
     gates: Sequence[GateResult] = (),
+    earlier: Comparison | None = None,
 ) -> tuple[Report, list[Path]]:
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
@@ -60,6 +62,7 @@ def write_reports(
         on_problem: Called for each file that cannot be made or written. None: the first one is an error.
         gates: Verdicts to show, for example of
             :func:`~pytest_libero_max.report.gate_results.decide_on`.
+        earlier: The comparison of an earlier run with this one, for the page; None for none.
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
@@ -74,7 +77,7 @@ def write_reports(
     files: dict[str, Callable[[], str]] = {
         REPORT_NAME: lambda: report_json(report),
         MARKDOWN_NAME: lambda: markdown(report, films_in(folder), gate_rows(gates)),
-        HTML_NAME: lambda: run_page(report, stored, folder, gates),
+        HTML_NAME: lambda: run_page(report, stored, folder, gates, earlier),
     }
     written = [pairs_file(folder)]
     for name, text in files.items():
@@ -89,7 +92,13 @@ def write_reports(
     return report, written
 
 
-def run_page(report: Report, stored: StoredRun, folder: Path, gates: Sequence[GateResult] = ()) -> str:
+def run_page(
+    report: Report,
+    stored: StoredRun,
+    folder: Path,
+    gates: Sequence[GateResult] = (),
+    earlier: Comparison | None = None,
+) -> str:
     """Return the content of ``report.html``, with links to films and pictures in the run's folder."""
     regressions = sorted(record.item_id for record in stored.records if record.outcome == "regression")
     films: dict[str, list[str]] = {}
@@ -100,7 +109,7 @@ def run_page(report: Report, stored: StoredRun, folder: Path, gates: Sequence[Ga
     films = {item: films[item] for item in sorted(measured & films.keys())}
     cases = run_cases(stored, films, pictures_in(folder), folder)
     name, replay = pairs_file(folder).name, replay_command(stored)
-    return html(report, regressions, replay, films, stored, cases, name, gate_rows(gates))
+    return html(report, regressions, replay, films, stored, cases, name, gate_rows(gates), earlier)
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:

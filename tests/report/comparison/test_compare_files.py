@@ -129,7 +129,9 @@ def test_the_page_of_a_comparison_has_every_case_with_what_became_of_it_in_every
     (tmp_path / "run1" / "report.html").touch()
     page = comparison_html(compare_runs(runs), common_cases(runs), tmp_path / "page")
     data = page_cases(page)
-    assert data["items"] == sorted(pair.item_id for pair in PAIRS)
+    assert {*data["items"]} == {pair.item_id for pair in PAIRS}
+    (last,) = (column for column in data["columns"] if column["title"] == "run1")
+    assert last["at"] == sorted(last["at"]), "the cases that the last run loses come first"
     columns = {column["title"]: column for column in data["columns"]}
     outcomes = {
         name: dict(zip(data["items"], (column["labels"][place] for place in column["at"]), strict=True))

@@ -46,11 +46,12 @@ class Shown:
         width: Of the window, pixels.
         dark: Whether the user prefers dark pages.
         script: Whether scripts run.
+        table: Whether the page has a table of cases.
     """
 
     def __init__(
         self, browser: Any, path: Path, fragment: str = "", *, width: int = 1280, dark: bool = False,
-        script: bool = True,
+        script: bool = True, table: bool = True,
     ) -> None:  # fmt: skip
         scheme = "dark" if dark else "light"
         context = browser.new_context(
@@ -65,7 +66,7 @@ class Shown:
         self.page.on("console", lambda message: self.complaints.append(message.text))
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
         self.page.goto(f"{path.as_uri()}{fragment}")
-        if script:  # the table is drawn once its data are unpacked
+        if script and table:  # the table is drawn once its data are unpacked
             self.page.locator("[role=status]").wait_for()
         if "case=" in fragment:  # and a case once its details are
             self.page.locator(".detail").wait_for()

@@ -14,7 +14,7 @@ from msgspec import structs
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.case_table import label_column, run_cases
+from pytest_libero_max.report.page.case_table import ORDER, label_column, run_cases
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.evidence import flat
 from pytest_libero_max.report.page.origin import origin_rows
@@ -56,7 +56,9 @@ def _column(cases: Json, key: str) -> dict[str, object]:
 def test_every_planned_pair_is_in_the_table_whatever_became_of_it() -> None:
     run = _run()
     cases = run_cases(run, {}, {})
-    assert cases["items"] == sorted(pair.item_id for pair in run.run.planned)
+    places = [ORDER.index(_column(cases, "outcome")[item]) for item in cases["items"]]
+    order = [*zip(places, cases["items"], strict=True)]
+    assert order == sorted(order)  # regressions first, each outcome by name
     outcomes = _column(cases, "outcome")
     fired = _column(cases, "fired")
     assert (fired[PAIRS[1].item_id], fired[PAIRS[2].item_id], fired[PAIRS[10].item_id]) == (
@@ -218,3 +220,15 @@ def test_a_page_may_run_its_own_script_and_load_from_its_own_folder_alone() -> N
 def _report() -> Report:
     run = _run()
     return build_report(run.records, run.errors, run.run.planned, run.run.provenance)
+
+
+@pytest.mark.skipif(not PUBLISHED.is_file(), reason="the source distribution has no reports")
+def test_causes_of_base_are_apart_from_those_of_what_was_lost() -> None:
+    stored = read_pairs(PUBLISHED)
+    cases = run_cases(stored, {}, {})
+    outcome, lost, base = (_column(cases, key) for key in ("outcome", "cause", "base_cause"))
+    assert {lost[item] != "none" for item in lost if outcome[item] == "regression"} == {True}
+    assert {base[item] != "none" for item in base if outcome[item] == "persistent_failure"} == {True}
+    assert all("none" in (lost[item], base[item]) for item in lost)
+    (column,) = (column for column in cases["columns"] if column["key"] == "cause")
+    assert column["cells"][column["labels"].index("none")] == ""

@@ -234,10 +234,10 @@ def test_pages_are_turned_and_groups_lead_to_their_cases(browser: Any, page: Pat
     first = shown.cases()
     shown.page.get_by_role("link", name="Breakdowns").click()
     assert shown.cases() == first
-    shown.page.get_by_role("button", name="Next").click()
+    shown.page.get_by_role("button", name="Next", exact=True).click()
     assert shown.status.endswith("51 to 100 are shown.")
     assert not set(first) & set(shown.cases())
-    shown.page.get_by_role("link", name="regression").click()
+    shown.page.get_by_role("link", name="Regressions").click()
     assert shown.fragment == "#cases?outcome=regression"
     shown.page.locator(".cases > tbody > tr:first-child", has_text="regression").wait_for(timeout=5_000)
 
@@ -269,6 +269,35 @@ def test_a_comparison_fits_its_window_and_shows_what_changed(
     assert shown.page.locator(".detail .command").count() == 3
     assert shown.too_wide() == []
     assert shown.complaints == []
+
+
+def test_keys_open_the_next_regression_and_close_it(browser: Any, page: Path) -> None:
+    shown = Shown(browser, page)
+    lost = shown.page.locator(".cases > tbody > tr", has_text="regression").count()
+    first, second = shown.cases()[:2]
+    assert lost > 1
+    shown.page.keyboard.press("n")
+    shown.page.locator(".detail").wait_for()
+    assert shown.fragment == f"#cases?case={first}"
+    shown.page.keyboard.press("n")
+    assert shown.fragment == f"#cases?case={second}"
+    shown.page.keyboard.press("p")
+    assert shown.fragment == f"#cases?case={first}"
+    shown.page.keyboard.press("Escape")
+    assert shown.page.locator(".detail").count() == 0
+    shown.page.get_by_label("Text").focus()
+    shown.page.keyboard.press("n")
+    assert "case=" not in shown.fragment
+    assert shown.complaints == []
+
+
+def test_parts_are_folded_until_their_link_is_followed(browser: Any, page: Path) -> None:
+    shown = Shown(browser, page)
+    breakdowns = shown.page.locator("#breakdowns table").first
+    assert not breakdowns.is_visible()
+    shown.page.get_by_role("navigation").get_by_role("link", name="Breakdowns").click()
+    breakdowns.wait_for()
+    assert Shown(browser, page, "#breakdowns").page.locator("#breakdowns table").first.is_visible()
 
 
 def test_every_table_has_heads_with_a_scope(browser: Any, page: Path) -> None:

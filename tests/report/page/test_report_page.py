@@ -5,13 +5,17 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.page.words import explained
 from pytest_libero_max.report.render.drawing import drawn
+from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_plots import base_to_dynamic, forest
 from pytest_libero_max.report.writers.gate_text import gate_rows
 from pytest_libero_max.report.writers.markdown import markdown
@@ -59,7 +63,9 @@ def test_a_page_is_whole_and_needs_no_network(name: str) -> None:
     parser.close()
     assert parser.open == []
     assert not re.search(r"<script|<link|url\(|src=", page)  # without a run there is no table of its cases
-    assert set(re.findall(r"href='([^']*)'", page)) <= {"pairs.jsonl"}
+    links = set(re.findall(r"href='([^']*)'", page))
+    assert {link for link in links if not link.startswith("#")} <= {"pairs.jsonl"}
+    assert all(f"id='{link[1:]}'" in page for link in links if link.startswith("#"))
     assert set(re.findall(r"https?://[^'\"<\s]*", page)) <= {"http://www.w3.org/2000/svg"}
     assert "nan" not in re.sub(r"[Pp]rovenance|font[^;}]*", "", page)
     assert "None" not in page
@@ -71,6 +77,48 @@ def test_a_page_says_what_is_wrong_first() -> None:
     assert "qpos is not finite" in page
     assert "Missing pairs" in page
     assert "INCOMPLETE" not in html(FULL, [], REPLAY)
+
+
+def _first_screen(report: Report) -> str:
+    page = html(report, [], REPLAY)
+    return page[page.index("<header>") : page.index("<div class='sections'>")]
+
+
+def test_pairs_that_cannot_show_the_event_have_no_change_on_the_first_screen() -> None:
+    screen = _first_screen(ALIKE)
+    assert "Not measurable" in screen
+    assert "0.0 pp" not in screen
+    assert "class='plot'" not in screen
+    assert "Not measurable" not in _first_screen(FULL)
+
+
+def test_the_first_screen_says_when_and_how_without_letters() -> None:
+    git = {"commit": "c" * 40, "dirty": True}
+    origin = {**PROVENANCE, "started": "2026-05-01T12:30:00+00:00", "git": git}
+    screen = _first_screen(structs.replace(FULL, provenance=origin))
+    for fact in ("64 of 64 planned pairs played", "2026-05-01", f"commit {'c' * 8} with changes"):
+        assert f"<li>{fact}</li>" in screen
+    assert "10 actions a query, 5 of them executed" in screen
+    assert not re.search(r"\b[HQ]=", screen)
+    assert re.search(r"Success (falls|rises) from|No change is shown", screen)
+
+
+def test_a_run_without_a_played_pair_has_no_empty_tables_or_plots() -> None:
+    page = html(EMPTY, [], REPLAY)
+    titles = [re.sub("<[^>]*>", "", title) for title in re.findall(r"<h2>.*?</h2>", page)]
+    assert titles == ["Invalid pairs", "Provenance", "Words", "What these numbers do not show"]
+    assert not re.search(r"class='(plot|heat|histogram|bar)", page)
+    assert "#breakdowns" not in page
+
+
+def test_why_no_interval_by_task_exists_is_said_once() -> None:
+    page = html(FULL, [], REPLAY)
+    assert page.count("too few tasks") == page.count("No interval by task") == 1
+
+
+def test_words_that_need_their_meaning_have_it_where_they_stand() -> None:
+    assert str(explained("Stale & stale actions")).startswith("Stale &amp; <abbr title='")
+    assert explained("<b>") == "&lt;b&gt;"
 
 
 def test_a_page_lists_regressions_with_the_way_to_see_them() -> None:
@@ -98,7 +146,7 @@ def test_a_page_and_markdown_show_each_gate_with_its_verdict_in_the_unit_of_the_
     base, change = FULL.overall.base_success, FULL.overall.paired_change
     assert [row.value for row in rows] == [*map(percent, (base.value, change.upper, change.lower)), "n/a"]
     page = html(FULL, [], REPLAY, gates=rows)
-    first_screen = page[page.index("<body>") : page.index("Source categories")]
+    first_screen = page[page.index("<body>") : page.index("Source categories")].replace("<wbr>", "")
     for row in rows:
         kind = row.finding.replace(" ", "-")
         assert re.search(rf"<b class='{kind}'>{row.finding}</b>\s*<(span|details)>", first_screen)
@@ -142,3 +190,19 @@ def test_figures_are_written_as_files(tmp_path: Path) -> None:
     paths = write_figures(FULL, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in paths)
     assert (tmp_path / "paired-change.svg").read_text() == drawn(forest(FULL))
+
+
+def test_the_first_screen_says_what_changed_since_an_earlier_run() -> None:
+    runs = {
+        name: StoredRun(
+            Run(tuple(PAIRS), PROVENANCE),
+            tuple(record_of(pair, True, index >= lost) for index, pair in enumerate(PAIRS)),
+            (),
+            torn=False,
+        )
+        for name, lost in (("out/before", 2), ("out/after", 9))
+    }
+    report = build_report(runs["out/after"].records, [], PAIRS, PROVENANCE)
+    page = html(report, [], REPLAY, earlier=compare_runs(runs))
+    assert re.search(r"Since before: Dynamic success -10\.9 pp \[.*\], 7 cases lost and 0 won of 64\.", page)
+    assert "Since before" not in html(report, [], REPLAY)

@@ -1,0 +1,75 @@
+"""The pages read by axe-core: names, roles, landmarks, headings and contrast, in both schemes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
+from pytest_libero_max.report.comparison.compare_files import comparison_html
+from pytest_libero_max.report.comparison.trend import trend_html
+from pytest_libero_max.report.page.index_page import index_html
+from pytest_libero_max.report.run_index import RunIndex
+from pytest_libero_max.report.writers.report_files import report_of, run_page
+from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.store import StoredRun
+from tests.report.made_up import PROVENANCE, error_of, plan, record_of
+from tests.report.page.browser import Shown, open_browser
+
+PAIRS = plan()
+
+
+@pytest.fixture(scope="module")
+def axe() -> str:
+    """The source of axe-core, which a package for Playwright brings along."""
+    package = pytest.importorskip("axe_playwright_python", reason="pip install axe-playwright-python")
+    return (resources.files(package) / "axe.min.js").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """A run with a loss of every kind, one without a played pair, a comparison, a trend and an index."""
+    folder = tmp_path_factory.mktemp("pages")
+    runs = {
+        name: StoredRun(
+            Run(tuple(PAIRS), PROVENANCE),
+            tuple(record_of(pair, index % 3 > 0, index % rhythm > 0) for index, pair in enumerate(PAIRS)),
+            (),
+            torn=False,
+        )
+        for name, rhythm in (("first", 2), ("second", 5))
+    }
+    nothing = StoredRun(Run(tuple(PAIRS[:2]), PROVENANCE), (), tuple(map(error_of, PAIRS[:2])), torn=False)
+    comparison = compare_runs(runs)
+    texts = {
+        "run": run_page(report_of(runs["first"]), runs["first"], folder),
+        "nothing": run_page(report_of(nothing), nothing, folder),
+        "comparison": comparison_html(comparison, common_cases(runs), folder),
+        "trend": trend_html(comparison, [Counter(), Counter(missed_moved_goal=2)]),
+        "index": index_html(RunIndex({}, []), folder),
+    }
+    for name, text in texts.items():
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    return {name: folder / f"{name}.html" for name in texts}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with open_browser() as browser:
+        yield browser
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("name", ["run", "nothing", "comparison", "trend", "index"])
+def test_axe_finds_nothing(browser: Any, axe: str, pages: dict[str, Path], name: str, dark: bool) -> None:
+    fragment = f"#cases?case={PAIRS[0].item_id}" if name in ("run", "comparison") else ""
+    shown = Shown(browser, pages[name], fragment, dark=dark, table=name not in ("trend", "index"))
+    shown.page.evaluate("for (const details of document.querySelectorAll('details')) details.open = true")
+    shown.page.evaluate(f"() => {{ {axe} }}")
+    found = shown.page.evaluate("async () => (await axe.run()).violations")
+    assert [(one["id"], one["nodes"][0]["html"][:160]) for one in found] == []
