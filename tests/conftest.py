@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
+
+import pytest
 
 pytest_plugins = ["pytester"]
 
@@ -8,6 +11,16 @@ pytest_plugins = ["pytester"]
 def pytest_pycollect_makemodule() -> None:
     """Prepare with the first test module: whoever plays pairs in a clone loads this file alone."""
     _prepare()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what ``pytest -m quick`` runs."""
+    from tests.quick import slow_functions
+
+    for item in items:
+        name = f"{item.location[0]}::{getattr(item, 'originalname', '')}"
+        if Path(__file__).parent in item.path.parents and name not in slow_functions():
+            item.add_marker("quick")
 
 
 @cache

@@ -106,6 +106,7 @@ class Documented:
     mention: bool = False
 
 
+@cache
 def documented() -> tuple[Documented, ...]:
     """Return every command of every document and docstring."""
     pages = sorted({*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))})

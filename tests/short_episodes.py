@@ -24,7 +24,7 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
     """
     pytester.makepyfile(short_episodes=PLUGIN.format(steps=steps))
     left_out = ("hypothesispytest", "anyio", "unraisableexception")
-    return ("-p", "short_episodes", *(word for name in left_out for word in ("-p", f"no:{name}")))
+    return ("--assert=plain", "-p", "short_episodes", *(word for name in left_out for word in ("-p", f"no:{name}")))
 
 
 def shorten_here(monkeypatch: pytest.MonkeyPatch, steps: int) -> None:
