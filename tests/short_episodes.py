@@ -20,7 +20,7 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
 
     Returns:
         The arguments that load it, and leave out what takes a session longer than its pairs: no assert is
-        rewritten; Hypothesis would be imported for its summary, and garbage be collected five times at the end.
+        rewritten; Hypothesis would be imported for its summary, and garbage be collected five times.
     """
     pytester.makepyfile(short_episodes=PLUGIN.format(steps=steps))
     left_out = ("hypothesispytest", "anyio", "unraisableexception")
