@@ -23,6 +23,7 @@ from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.report.diagnosis import CAUSES, Diagnosis, diagnose
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Observation
+from tests.short_episodes import shorten_here
 
 Actions = NDArray[np.float64]
 
@@ -32,6 +33,12 @@ def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate = EmbeddedSubstrate()
     yield substrate
     substrate.close()
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time for an expert to succeed, and not much more for what fails."""
+    shorten_here(monkeypatch, 150)
 
 
 class Broken(ExpertPolicy):
