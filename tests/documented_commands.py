@@ -28,7 +28,7 @@ from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.plugin.options import resolve
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("pytest_libero_max", "cases", "fixtures", "reports", "tests")
+FOLDERS = ("docs", "pytest_libero_max", "cases", "fixtures", "reports", "tests")
 
 ELSEWHERE = {
     "apt-get": "alters the machine; .ci/run does it",

@@ -75,6 +75,7 @@ READ_ALONE = (
     "libero-max list profiles",
     "libero-max list events",
     "libero-max list published",
+    "libero-max list words",
     "python -m tests.scripts.interaction reports/beyond/compound-servo",
 )
 """Commands that read what is in the repository, and need no simulator."""
@@ -96,7 +97,7 @@ def test_what_reads_the_repository_runs_as_it_is_printed(
 
 
 ON_THE_TINY_SUBSTRATE = {
-    "pytest_libero_max/films/README.md": ("pytest ", "libero-max film", "libero-max report"),
+    "docs/how-to/films.md": ("pytest ", "libero-max film", "libero-max report"),
     "AGENTS.md": ("libero-max check", "pytest ", "libero-max film"),
 }
 """Documents whose commands are run, and the beginnings of those that need no scene of the tracks."""

@@ -18,7 +18,7 @@ from tests.pairing.actors import make_case, shorten
 from tests.policies.forgetting import forget_adapter
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("pytest_libero_max", "cases", "fixtures", "reports", "tests", ".github")
+FOLDERS = ("docs", "pytest_libero_max", "cases", "fixtures", "reports", "tests", ".github")
 DOCUMENTS = sorted({*ROOT.glob("*.md"), *(path for name in FOLDERS for path in (ROOT / name).rglob("*.md"))})
 
 _FENCE = re.compile(r"^(```|~~~).*?^\1", re.M | re.S)

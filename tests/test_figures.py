@@ -45,16 +45,16 @@ def _number(page: str, pattern: str) -> float:
             id="build",
         ),
         pytest.param(
-            "pytest_libero_max/substrates/README.md",
-            r"takes \[2\.1 to ([\d.]+) GiB of memory\]",
+            "docs/explanation/scenes.md",
+            r"\[2\.1 to ([\d.]+) GiB of memory\]",
             "reports/genuine/README.md",
             r"takes 2\.1 to ([\d.]+) GiB",
             0.0,
             id="worker of genuine scenes",
         ),
         pytest.param(
-            "pytest_libero_max/substrates/README.md",
-            r"takes \[[\d.]+ to ([\d.]+) GiB of memory\]",
+            "docs/explanation/scenes.md",
+            r"\[[\d.]+ to ([\d.]+) GiB of memory\]",
             "pytest_libero_max/substrates/libero/kind.py",
             r"worker_gib=([\d.]+)",
             0.0,
@@ -73,9 +73,7 @@ def test_a_page_says_what_was_measured(
 )
 def test_a_page_counts_what_plays_with_own_source_variations(track: str, words: str) -> None:
     cases = load_track(track).cases
-    play = _number(
-        "pytest_libero_max/substrates/README.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}"
-    )
+    play = _number("docs/explanation/scenes.md", rf"at\nreset alone: .*?([\d,]+) {re.escape(words)}")
     assert len(cases) - len(lacking_own(cases)) == play
 
 

@@ -78,7 +78,21 @@ def test_the_development_lock_lies_on_top_and_has_every_extra_of_the_tests() -> 
     assert {*development} == needed - {*runtime}
 
 
-@pytest.mark.parametrize("name", ["runtime.txt", "development.txt"])
+def test_the_lock_of_the_pages_is_complete_alone() -> None:
+    roots = ("mkdocs-material", "mkdocstrings-python", "mike")
+    pytest.importorskip("mkdocs", reason=".ci/docs.txt has it")
+    assert {*_locked("docs.txt")} == _closure(*roots) - UNUSED
+
+
+def test_locks_that_are_installed_together_name_one_version() -> None:
+    versions: dict[str, set[str]] = {}
+    for name in ("runtime.txt", "development.txt", "peers.txt", "libero.txt", "docs.txt"):
+        for package, version in _locked(name).items():
+            versions.setdefault(package, set()).add(version)
+    assert {package: each for package, each in versions.items() if len(each) > 1} == {}
+
+
+@pytest.mark.parametrize("name", ["runtime.txt", "development.txt", "docs.txt"])
 def test_every_line_of_a_lock_names_one_version(name: str) -> None:
     versions = _locked(name)
     assert versions

@@ -52,6 +52,7 @@ _PARTS = {
             "programs": "programs",
             "profiles": "profiles",
             "published": "published",
+            "words": "words",
         },
     ),
     "plan": ("What a run takes and what it can show", {"time": "plan", "pairs": "power", "gates": "power"}),

@@ -1,13 +1,15 @@
-"""What ``libero-max list profiles``, ``events`` and ``programs`` say."""
+"""What ``libero-max list profiles``, ``events``, ``programs`` and ``words`` say."""
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from pytest_libero_max.benchmark.programs import program_names
 from pytest_libero_max.cli import main
+from pytest_libero_max.cli.words import GLOSSARY
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.policies.profile import profile_names
 
@@ -79,3 +81,16 @@ def test_programs_are_listed_with_the_cases_that_they_fit(capsys: pytest.Capture
     assert shown.endswith("pytest --libero-max-policy=POLICY --libero-max-program=there_and_back\n")
     assert main(["list", "programs", "transiant"]) == 1
     assert "Did you mean 'transient'" in capsys.readouterr().err
+
+
+def test_words_are_explained_all_or_one(capsys: pytest.CaptureFixture[str]) -> None:
+    meanings = tomllib.loads(GLOSSARY.read_text(encoding="utf-8"))
+    assert [*meanings] == sorted(meanings, key=str.casefold)
+    assert {*"PRGNUEsHQ", "Base", "Dynamic", "substrate", "stale action", "effective tasks"} <= {*meanings}
+    assert main(["list", "words"]) == 0
+    listed = capsys.readouterr().out.splitlines()
+    assert [line.partition(":")[0] for line in listed if not line.startswith(" ")] == [*meanings]
+    assert main(["list", "words", "paired change"]) == 0
+    assert capsys.readouterr().out.startswith("paired change: ")
+    assert main(["list", "words", "stale actions"]) == 1
+    assert "Did you mean 'stale action'" in capsys.readouterr().err

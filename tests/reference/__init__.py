@@ -1,7 +1,7 @@
 """The reference pages and JSON Schemas, written from the code's own docstrings, structs and tables.
 
-``python -m tests.reference`` writes every page into the folder it is about. A page is one module
-here, with a function ``page`` that returns its text; :data:`PAGES` says where it goes.
+``python -m tests.reference`` writes the pages into ``docs/reference`` and the schemas into the package. A
+page is one module here, with a function ``page`` that returns its text; :data:`PAGES` says where it goes.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import pytest_libero_max
 
 PACKAGE = Path(pytest_libero_max.__file__).parent
+ROOT = PACKAGE.parent
 
 COMMAND = "python -m tests.reference"
 
@@ -22,23 +23,29 @@ WIDTH = 130
 """Characters of a line of a schema."""
 
 PAGES: Mapping[str, str] = {
-    "API.md": "api",
-    "cli/README.md": "commands",
-    "events/README.md": "events",
-    "pairing/README.md": "records",
-    "pairing/probes/README.md": "probes",
-    "plugin/README.md": "options",
-    "report/README.md": "reports",
-    "worlds/README.md": "worlds",
+    f"docs/reference/{name}.md": name
+    for name in (
+        "api",
+        "causes",
+        "commands",
+        "events",
+        "gates",
+        "index",
+        "options",
+        "probes",
+        "records",
+        "report",
+        "worlds",
+    )
 }
-"""Path of each page inside the package, and the module here that writes it."""
+"""Path of each page in the repository, and the module here that writes it."""
 
 SCHEMAS: Mapping[str, tuple[str, str]] = {
-    "report/record.schema.json": ("records", "schema"),
-    "report/report.schema.json": ("reports", "report_schema"),
-    "report/comparison.schema.json": ("reports", "comparison_schema"),
+    "pytest_libero_max/report/record.schema.json": ("records", "schema"),
+    "pytest_libero_max/report/report.schema.json": ("report", "report_schema"),
+    "pytest_libero_max/report/comparison.schema.json": ("report", "comparison_schema"),
 }
-"""Path of each JSON Schema inside the package, and the module and function here that return it."""
+"""Path of each JSON Schema in the repository, and the module and function here that return it."""
 
 
 def page_text(path: str) -> str:
@@ -85,7 +92,7 @@ def file_text(path: str) -> str:
     return page_text(path) if path in PAGES else schema_text(path)
 
 
-def write_pages(folder: Path = PACKAGE) -> list[Path]:
+def write_pages(folder: Path = ROOT) -> list[Path]:
     """Write every page and schema below ``folder`` and return the paths of those that changed."""
     changed = []
     for name in (*PAGES, *SCHEMAS):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.reference import PACKAGE, write_pages
+from tests.reference import ROOT, write_pages
 
 for path in write_pages():
-    print(f"Written: {path.relative_to(PACKAGE.parent)}")
+    print(f"Written: {path.relative_to(ROOT)}")

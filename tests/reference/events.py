@@ -83,12 +83,12 @@ is as it was before. A case carries its program under `program`, beside `scenari
 - An arm other than these two may have a `repetition` above 0, to share nothing with the others, and a
   `cadence`, at which it is played: `query_interval` (Q, the executed actions) and `horizon` (H, the chunk
   size). A `latency` is the time that its queries take, `"4steps"` or `"4steps,sync"`
-  ([meaning](../studies/README.md#latency)). A `policy` is the name of an installed one (`expert`, or an entry
+  ([meaning](../explanation/studies.md)). A `policy` is the name of an installed one (`expert`, or an entry
   point; programs name no file), which goes on from the arm's first entry: the executed prefix and what is
   queued of it are those of the run's policy, so that several controllers go on from one proved state. Its
   first query is that at which the run's policy would be asked, and it begins without a memory.
 - Arms that differ from Base and Dynamic in cadence, latency or policy alone are reported as
-  [settings](../studies/README.md#a-study-of-your-own), the others by event.
+  [settings](../explanation/studies.md), the others by event.
 - `about` says what the program plays. `only` and `without` say which cases it fits, by patterns of `event`,
   `operation` (of its change), `suite` and `entity` (of its trigger), and `because` why; a run leaves the
   others out and says so.

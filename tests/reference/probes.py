@@ -56,8 +56,8 @@ class Lowest(Probe[float]):
 
 ## Those of every pair
 
-Their columns are fields of [an arm's record](../README.md#armrecord), those of `stages` are in its `probes`.
-The rules of a [diagnosis](../../report/README.md#causes) read them.
+Their columns are fields of [an arm's record](records.md#armrecord), those of `stages` are in its `probes`.
+The rules of a [diagnosis](causes.md) read them.
 
 {_table(STANDARD.standard)}
 
@@ -76,7 +76,7 @@ For each that is asked after every step the world's digest is compared, 0.02 ms 
 {prose(description(monitors))}
 
 Four baselines come with the package: `action_spread`, `chunk_change`, `image_change`, `scene_distance`
-([measured](../../../reports/monitors.md)). One of your own is a class under its name in the entry-point group
+([measured](../../reports/monitors.md)). One of your own is a class under its name in the entry-point group
 `{PROBES.group}`:
 
 ```python

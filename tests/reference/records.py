@@ -44,8 +44,8 @@ def page() -> str:
 `planned` pairs (`PlannedPair`). Every other line is a measured pair (`"line": "pair"`, the fields of
 `PairRecord`) or a pair that could not be measured (`"line": "error"`, the fields of `PairError`). A run that
 was stopped ends with the reason (`"line": "stopped"`, the fields of `Stopped`). The schema is
-[`record.schema.json`](../report/record.schema.json). The schema version is {RECORD_VERSION}; files of
-another one are refused.
+[`record.schema.json`](../../pytest_libero_max/report/record.schema.json). The schema version is
+{RECORD_VERSION}; files of another one are refused.
 
 {tables}
 

@@ -7,7 +7,7 @@ import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.substrates.contract import Substrate
-from tests.reference import COMMAND, PACKAGE, PAGES, SCHEMAS, page_text, schema_text
+from tests.reference import COMMAND, PAGES, ROOT, SCHEMAS, page_text, schema_text
 from tests.reference.worlds import OBSERVATIONS
 
 _EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
@@ -15,13 +15,13 @@ _EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_page_is_what_the_code_says(name: str) -> None:
-    committed = (PACKAGE / name).read_text(encoding="utf-8")
+    committed = (ROOT / name).read_text(encoding="utf-8")
     assert committed == page_text(name), f"{name} is out of date. Write it again: {COMMAND}"
 
 
 @pytest.mark.parametrize("name", SCHEMAS)
 def test_every_schema_is_what_the_structs_say(name: str) -> None:
-    committed = (PACKAGE / name).read_text(encoding="utf-8")
+    committed = (ROOT / name).read_text(encoding="utf-8")
     assert committed == schema_text(name), f"{name} is out of date. Write it again: {COMMAND}"
 
 

@@ -327,7 +327,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 HEAD = """# Rules that stop early: how often they err, and how many pairs they save
 
 `--libero-max-stop=certain`, `anytime:LEVEL` and `strata:LEVEL` look after every pair
-([how to use them](../pytest_libero_max/runs/README.md#stopping-early)). Here the level is 0.05, and a run has
+([how to use them](../docs/how-to/long-runs.md#stop-early)). Here the level is 0.05, and a run has
 800 pairs as in `lite`. A row is of 10,000 runs unless its table says otherwise. Made by
 `python -m tests.report.sequential`; a [test](../tests/report/test_sequential.py) makes a small part again.
 

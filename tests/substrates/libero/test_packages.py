@@ -171,7 +171,7 @@ def test_the_documentation_counts_the_cases_that_play_with_and_without_imagemagi
     tracks = [load_track(f"{GENUINE}/{name}").cases for name in ("lite", "max")]
     play = [len(cases) - len(lacking(LiberoSubstrate().installations, cases)) for cases in tracks]
     assert play == [int(number.replace(",", "")) for number in re.findall(r"\d,?\d+", counts)]
-    page = (PACKAGE / "substrates" / "README.md").read_text()
+    page = (PACKAGE.parent / "docs" / "explanation" / "scenes.md").read_text()
     assert counts in " ".join(page.replace("`", "").split())
 
 
