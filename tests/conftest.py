@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
@@ -32,5 +33,10 @@ def _prepare() -> None:
     use_server()
 
     # A test fails for what it says, not because the machine was busy: no limit on the time of an example.
-    settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    settings.register_profile(
+        "untimed",
+        deadline=None,
+        max_examples=int(os.environ.get("LIBERO_MAX_TEST_EXAMPLES", "40")),
+        suppress_health_check=[HealthCheck.too_slow],
+    )
     settings.load_profile("untimed")

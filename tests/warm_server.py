@@ -19,8 +19,6 @@ import socket
 import sys
 import types
 from collections.abc import Mapping, Sequence
-from io import TextIOWrapper
-from typing import cast
 
 import xdist
 from xdist import workermanage
@@ -137,8 +135,8 @@ def go_on(request: Request, installed: list[str]) -> None:
         threads.use_one_blas_thread()
     encoding, _, errors = request.environment.get("PYTHONIOENCODING", "").partition(":")
     if encoding:
-        for stream in (sys.stdin, sys.stdout):
-            cast(TextIOWrapper, stream).reconfigure(encoding=encoding, errors=errors or None)
+        # Not reconfigure(), which takes it to be as seekable as the server's own was.
+        sys.stdout = open(1, "w", encoding=encoding, errors=errors or None, closefd=False)  # noqa: SIM115
     sys.argv[:] = ["-c" if request.code else "-m", *request.arguments]
     if request.code:
         main = sys.modules["__main__"] = types.ModuleType("__main__")
