@@ -1,9 +1,9 @@
 """LIBERO-MAX as a pytest plugin: does a policy still finish when the world changes while it acts?
 
-The names here, and those in the modules among them (``changes``, ``errors``, ``probes``, ``strategies``,
-``transforms``, ``triggers``), are the public interface: they change only with a line in the changelog. Every
-other module may move. A name is imported on first use, because pytest loads this package in every session of
-everybody who has it installed.
+The names here, and those in the modules among them (``changes``, ``conformance``, ``errors``, ``probes``,
+``strategies``, ``transforms``, ``triggers``), are the public interface: they change only with a line in the
+changelog. Every other module may move. A name is imported on first use, because pytest loads this package in
+every session of everybody who has it installed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pytest_libero_max import changes, errors, probes, strategies, transforms, triggers
+    from pytest_libero_max import changes, conformance, errors, probes, strategies, transforms, triggers
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.benchmark.identity import Identity
     from pytest_libero_max.benchmark.latency import Latency
@@ -98,6 +98,7 @@ __all__ = [
     "WorldState",
     "build_report",
     "changes",
+    "conformance",
     "continue_rollout",
     "errors",
     "evaluate",

@@ -37,6 +37,7 @@ ENTRY_POINTS = {
     "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` with `modes`, under its name",
     "pytest_libero_max.commands": "a module with a function `add_command`, under the name of the command",
     "pytest_libero_max.sections": "a subclass of `ReportSection`, under its name",
+    "pytest_libero_max.rules": "a `Rule`, under its id",
     "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
 }
 """The entry-point groups that other packages can add to, and the entries of each."""

@@ -9,6 +9,7 @@ import importlib.util
 import io
 import re
 import shlex
+import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -36,6 +37,8 @@ ELSEWHERE = {
     "eval": "of the shell, for completion",
     "head": "of the system",
     "git": "publishes a release, or clones",
+    "mkdocs": "run by .ci/run",
+    "podman": "of a machine with containers",
     "pre-commit": "of a developer's own machine",
     "register-python-argcomplete": "of the shell, for completion",
     "ruff": "run by .ci/run",
@@ -85,7 +88,10 @@ PLACEHOLDERS = {
 }
 """Words that a reader replaces, where the command wants a value of some form."""
 
-_FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)\n(?P<body>.*?)^(?P=indent)```", re.M | re.S)
+_FENCE = re.compile(
+    r"^(?P<indent> *)```(?P<language>\w*)(?: title=\"(?P<file>[\w./]+)\")?\n(?P<body>.*?)^(?P=indent)```",
+    re.M | re.S,
+)
 _INLINE = re.compile(r"(`+)(?!`)(?P<text>[^`]+)\1(?!`)")
 _STARTS = r"(?:\$ )?(?:\.venv/bin/)?(?:[A-Z_]+=\S+ )*(?:\.venv/bin/)?(?:libero-max|pytest|python|pip)"
 _COMMAND = re.compile(rf"{_STARTS} \S")
@@ -133,6 +139,15 @@ def _of_page(path: Path) -> Iterator[Documented]:
         words = " ".join(inline["text"].split())
         if _COMMAND.match(words):
             yield Documented(name, words, mention=True)
+
+
+@cache
+def files_of_pages() -> dict[str, str]:
+    """Return the content of each file that a page in ``docs`` lets its reader write, by name."""
+    pages = (path.read_text(encoding="utf-8") for path in sorted((ROOT / "docs").rglob("*.md")))
+    return {
+        fence["file"]: fence["body"] for page in pages for fence in _FENCE.finditer(page) if fence["file"]
+    }
 
 
 def _of_source(path: Path) -> Iterator[Documented]:
@@ -188,7 +203,7 @@ def fault_of(command: Documented, config: pytest.Config) -> str | None:
             words = words[1:]
         if not words:
             continue
-        fault = _fault(re.sub(r"^[.\w]+/bin/", "", words[0]), words[1:], command.mention, config)
+        fault = _fault(re.sub(r"^[.\w-]+/bin/", "", words[0]), words[1:], command.mention, config)
         if fault is not None:
             return fault
     return None
@@ -235,8 +250,22 @@ def _filled(words: list[str]) -> list[str]:
     filled = []
     for word in words:
         flag, equals, value = word.partition("=") if word.startswith("--") else ("", "", word)
-        filled.append(f"{flag}{equals}{PLACEHOLDERS.get(value, value)}")
+        filled.append(f"{flag}{equals}{_written(value) or PLACEHOLDERS.get(value, value)}")
     return filled
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory()
+
+
+def _written(name: str) -> str | None:
+    """Return the path of a settings file that a page lets its reader write; None for anything else."""
+    if not name.endswith(".toml") or name not in files_of_pages():
+        return None
+    path = Path(_folder().name, name)
+    path.write_text(files_of_pages()[name], encoding="utf-8")
+    return str(path)
 
 
 def _fault_of_pytest(words: list[str], mention: bool, config: pytest.Config) -> str | None:
@@ -298,7 +327,7 @@ def _fault_of_python(words: list[str]) -> str | None:
         return _fault_of_script(Path(found.origin), arguments)
     if words[0].startswith(SCRIPTS_ELSEWHERE):
         return None
-    return _fault_of_script(ROOT / words[0], words[1:])
+    return None if words[0] in files_of_pages() else _fault_of_script(ROOT / words[0], words[1:])
 
 
 def _fault_of_script(path: Path, arguments: list[str]) -> str | None:

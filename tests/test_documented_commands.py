@@ -146,8 +146,8 @@ def test_what_plays_and_looks_runs_as_it_is_printed(
 
 
 def test_a_policy_is_served_with_what_the_page_names() -> None:
-    page = (ROOT / "pytest_libero_max" / "policies" / "README.md").read_text()
-    needed = re.search(r"environment only has to have ([^:]*): install", page)
+    page = (ROOT / "docs" / "how-to" / "served-policy.md").read_text(encoding="utf-8")
+    needed = re.search(r"environment only has to\s+have ([^:]*): install", page)
     assert needed is not None
     assert [name.strip("`") for name in re.split(r", | and ", needed[1])] == [
         "NumPy",

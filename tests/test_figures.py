@@ -14,6 +14,7 @@ from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.stats.paired_difference import paired_difference
+from pytest_libero_max.stats.verdicts import WORDS
 from pytest_libero_max.substrates.libero.lacking import lacking_own
 
 ROOT = Path(__file__).parents[1]
@@ -83,8 +84,13 @@ def test_the_readme_shows_the_output_of_the_published_run() -> None:
     _, _, printed = (ROOT / "README.md").read_text().partition("== libero-max ==")
     output, _, _ = printed.partition("\nWritten")
     shown = [line for line in output.splitlines()[1:] if line not in ("", "...")]
-    assert len(shown) > 20
+    assert len(shown) > 15
     assert [line for line in shown if line not in said] == []
+
+
+def test_the_page_of_numbers_explains_every_verdict() -> None:
+    page = (ROOT / "docs" / "explanation" / "numbers.md").read_text(encoding="utf-8")
+    assert [word for word in WORDS if f"| {word} | " not in page] == []
 
 
 def test_the_page_of_recoveries_says_what_its_outcomes_say() -> None:

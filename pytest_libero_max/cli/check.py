@@ -5,19 +5,16 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.cli.arguments import Commands, add_cadence, option, switch
-from pytest_libero_max.errors import AdapterError, counted
+from pytest_libero_max.errors import counted
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 
 if TYPE_CHECKING:
-    from pytest_libero_max.benchmark.cases import Case
-    from pytest_libero_max.policies.contract import Policy
-    from pytest_libero_max.policies.finding import Finding, Level
+    from pytest_libero_max.conformance.policy.subject import PolicySubject
 
 
 PATIENCE_S = 5
@@ -88,62 +85,52 @@ class _Tries(logging.Handler):
 
 
 def _examine(options: argparse.Namespace, reference: str) -> int:
-    from pytest_libero_max.policies.check import check_cameras
-    from pytest_libero_max.policies.examination import examine, made_up
-    from pytest_libero_max.policies.loading import check_reference, load_policy
-    from pytest_libero_max.policies.model_inputs import model_inputs, picture_sheet
-    from pytest_libero_max.policies.transforms.images import png_file
-    from pytest_libero_max.substrates.contract import SubstrateOptions
-    from pytest_libero_max.substrates.registry import open_substrate
+    from pytest_libero_max.conformance.lines import STRICT, check_lines
+    from pytest_libero_max.conformance.policy.subject import open_policy
+    from pytest_libero_max.conformance.registry import rules_for
+    from pytest_libero_max.conformance.rules import Examination
+    from pytest_libero_max.policies.loading import check_reference
 
     check_reference(options.policy, options.profile, None)
-    policy = load_policy(
+    subject = open_policy(
         reference,
         horizon=options.horizon,
         query_interval=options.query_interval,
         profile=options.profile,
+        substrate=options.substrate,
     )
-    if policy.spec.privileged:
-        raise AdapterError(
-            f"policy {policy.spec.name!r} reads the simulator (privileged), and check shows observations "
-            "alone. Play a few pairs with it: pytest --libero-max-policy=... --libero-max-limit=4."
-        )
-    with closing(open_substrate(options.substrate, SubstrateOptions())) as substrate:
-        case = _case_for(policy)
-        world = substrate.world(case)
-        check_cameras(policy, world)
-        shown = made_up(policy, world, case.suite)
-    spec = policy.spec
-    print(f"{spec.name} (H={spec.horizon} Q={spec.query_interval}): {', '.join(spec.cameras) or 'no images'}")
-    findings = examine(policy, shown)
-    if options.strict:
-        findings = [finding.strict() for finding in findings]
-    for finding in findings:
-        print(finding)
-    told, who = (
-        model_inputs(policy, shown.observations[0], shown.query(0)),
-        "the images that the model is shown",
-    )
-    if told is None:
-        told, who = (
-            dict(shown.observations[0]),
-            "the images that the policy receives, as the world delivers them",
-        )
-    if any(array.ndim >= 3 for array in told.values()):
-        options.picture.write_bytes(png_file(picture_sheet(told)))
-        print(f"Open {options.picture}: {who}.")
+    outcomes = Examination(lambda: subject, rules_for("policy")).outcomes()
+    lines = check_lines(outcomes, strict=options.strict)
+    print("\n".join(map(str, lines)))
+    _draw_inputs(subject, options.picture)
     if _has_stand_in(options.policy):
         print(
             f"{options.policy} still has the Model of `libero-max init`, which looks at nothing. Put your "
             "own in its place, and check again."
         )
-    wrong, notes, skipped = (_count(findings, level) for level in ("wrong", "note", "skip"))
+    words = [line.word for line in lines]
+    wrong, notes, skipped = (words.count(word) for word in ("wrong", "note", "skip"))
     could_not = f", {skipped} could not be examined" if skipped else ""
     print(f"{wrong} wrong, {notes} to look at{could_not}")
-    probable = sum(finding.probable for finding in findings)
-    if probable:
-        print(f"--strict counts {counted(probable, 'note')} as wrong.")
+    doubts = sum(line.doubtful for line in lines)
+    if doubts:
+        print(f"{STRICT} counts {counted(doubts, 'note')} as wrong.")
     return 1 if wrong else 0
+
+
+def _draw_inputs(subject: PolicySubject, file: Path) -> None:
+    """Draw the images that the model is shown, or those that the policy receives."""
+    from pytest_libero_max.policies.model_inputs import model_inputs, picture_sheet
+    from pytest_libero_max.policies.transforms.images import png_file
+
+    observation, query = subject.shown.observations[0], subject.shown.query(0)
+    arrays, whose = model_inputs(subject.policy, observation, query), "the images that the model is shown"
+    if arrays is None:
+        arrays = dict(observation)
+        whose = "the images that the policy receives, as the world delivers them"
+    if any(array.ndim >= 3 for array in arrays.values()):
+        file.write_bytes(png_file(picture_sheet(arrays)))
+        print(f"Open {file}: {whose}.")
 
 
 def _has_stand_in(reference: str) -> bool:
@@ -154,10 +141,6 @@ def _has_stand_in(reference: str) -> bool:
     return file.suffix == ".py" and file.is_file() and has_stand_in(file.read_text(encoding="utf-8"))
 
 
-def _count(findings: list[Finding], level: Level) -> int:
-    return sum(finding.level == level for finding in findings)
-
-
 def _soon(policy: str) -> str:
     """Return addresses of servers with a patience of seconds, unless they have one; others as they are."""
     if not is_address(policy):
@@ -166,10 +149,3 @@ def _soon(policy: str) -> str:
         part if "patience=" in part else f"{part}{'&' if '?' in part else '?'}patience={PATIENCE_S}"
         for part in policy.split(",")
     )
-
-
-def _case_for(policy: Policy) -> Case:
-    """Return the first case of ``smoke`` that the policy supports; every suite is in that track."""
-    from pytest_libero_max.benchmark.tracks import load_track
-
-    return next(case for case in load_track("smoke").cases if policy.spec.supports(case.suite))

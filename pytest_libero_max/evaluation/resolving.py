@@ -41,6 +41,8 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
             )
         values["manifest"] = path_from(here, values["manifest"])
     values["output"] = _output(values["output"], here, resume=values["resume"])
+    if values["xfails"] is not None:
+        values["xfails"] = path_from(here, values["xfails"])
     values["program"] = _program(values, here)
     values["libero"] = tuple(path_from(here, folder) for folder in values["libero"])
     if values["libero_assets"] is not None:

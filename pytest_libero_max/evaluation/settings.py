@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.benchmark.text_values import count, gibibytes, known_in, order, positive, suites, text
+from pytest_libero_max.conformance.subjects import Subject
 from pytest_libero_max.evaluation import option_values as read
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
@@ -44,13 +45,30 @@ class Settings(ProtocolSettings):
         "file, pytest libero-max plays them, and so does testpaths = libero-max",
         text,
     )
+    conform: Subject | None = setting(
+        "SUBJECT",
+        "Examine a subject instead of playing pairs: one test for each rule that it must keep. SUBJECT is "
+        "policy:ADAPTER, with ADAPTER as for --libero-max-policy, or substrate:NAME",
+        Subject.read,
+        session=True,
+    )
+    xfails: Path | None = setting(
+        "FILE",
+        "Rules that the subject of --libero-max-conform is expected to break: a TOML file with a table for "
+        "each id, which has a reason and may have a link",
+        text,
+        session=True,
+        group="machines",
+    )
     track: str = setting(
         "NAME",
         "Frozen set of cases to play (default: smoke; on the libero substrate, original if what is installed "
         "does not play smoke)",
         text,
     )
-    manifest: Path | None = setting("PATH", "Play the cases of this manifest instead of a track", text)
+    manifest: Path | None = setting(
+        "PATH", "Play the cases of this manifest instead of a track", text, group="protocol"
+    )
     only_installed: bool = switch(
         "Leave out the cases that need something which is not installed (libero-max doctor lists it), where "
         "otherwise nothing is played; before the limit",

@@ -190,7 +190,7 @@ def _resolve(arg: str) -> str:
 
 def pytest_report_header(config: pytest.Config) -> str | None:
     """Return a note on a session that plays no pair though it has options for them; None for others."""
-    if is_run(config):
+    if is_run(config) or config.getoption("libero_max_conform", None) is not None:
         return None
     if not options.policy_in_ini_file(config):
         asked = options.on_command_line(config)

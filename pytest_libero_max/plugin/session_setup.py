@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.plugin import collection, options
+from pytest_libero_max.plugin import collection, conformance, options
 from pytest_libero_max.plugin.stash_keys import DIST_NOTE, END_STATUS
 from pytest_libero_max.report.exit_status import INCOMPLETE
 
@@ -23,6 +23,10 @@ def pytest_configure(config: pytest.Config) -> None:
             adapter or a pair cannot be used.
     """
     options.require_known_keys(config)
+    if conformance.is_asked(config):
+        conformance.aim(config)
+        conformance.configure(config)
+        return
     collection.aim(config)
     in_use = collection.is_run(config)
     if not in_use and config.getoption("libero_max_gate"):

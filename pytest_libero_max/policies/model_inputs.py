@@ -6,16 +6,16 @@ an observation whose images are marked.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import Policy, Query
-from pytest_libero_max.policies.finding import Finding, doubt, ok, skip, wrong
 from pytest_libero_max.policies.transforms import states
 from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
 
@@ -89,45 +89,77 @@ def marked_observation(observation: Observation) -> dict[str, NDArray[Any]]:
     return marked
 
 
-def compare_inputs(inputs: Mapping[str, NDArray[Any]], observation: Observation) -> Iterator[Finding]:
-    """Compare the inputs of a model with the observation that they were made from.
+class View(NamedTuple):
+    """Content of an image: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
+
+    camera: str
+    turn: str
+    whole: bool
+    reversed_colours: bool
+
+
+class ImageInput(NamedTuple):
+    """An image among the inputs of a model that was recognised."""
+
+    name: str
+    view: View
+    meant: str | None
+    """Camera that its name or place stands for; None where neither says."""
+
+
+class StateInput(NamedTuple):
+    """An orientation of the hand among the inputs of a model."""
+
+    name: str
+    form: str
+    """How it is written, in words."""
+    verdict: Literal["sound", "antipodal", "w_first", "misread"]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What was recognised among the inputs of a model."""
+
+    names: tuple[str, ...] = ()
+    """Names of all inputs."""
+    images: tuple[ImageInput, ...] = ()
+    states: tuple[StateInput, ...] = ()
+    unrecognised: tuple[str, ...] = ()
+    """Names of images that are like no camera's."""
+    missing: tuple[str, ...] = ()
+    """Cameras of which no image was recognised."""
+
+
+def read_inputs(inputs: Mapping[str, NDArray[Any]], observation: Observation) -> Inputs:
+    """Recognise the observation from which the inputs of a model were made.
 
     Args:
-        told: The result of :func:`model_inputs`.
+        inputs: The result of :func:`model_inputs`.
         observation: A marked one, see :func:`marked_observation`.
     """
-    names = iter(CAMERAS)
+    places = iter(CAMERAS)
     views = {
-        camera: _views(observation[f"{camera}_image"]) for camera in CAMERAS if _sees(observation, camera)
+        camera: _views(observation[f"{camera}_image"])
+        for camera in CAMERAS
+        if f"{camera}_image" in observation
     }
-    compared: set[str] = set()
-    oriented = False
+    recognised, states, unrecognised = [], [], []
     for name, array in inputs.items():
         images = _images(name, array, observation)
         for part, image in images:
             # Frames of one camera have one place among the inputs.
-            meant = next(names, None) if len(images) < 2 or "," in part else None
+            place = next(places, None) if len(images) < 2 or "," in part else None
             view = _nearest(image, views)
             if view is None:
-                yield skip(
-                    f"input {part!r}", "is like no camera's image in any orientation, nor a part of one"
-                )
+                unrecognised.append(part)
             else:
-                compared.add(view.camera)
-                yield from _one_image(part, view, meant)
+                recognised.append(ImageInput(part, view, _camera_named(part) or place))
         if not images and array.dtype.kind == "f":
-            state = _one_state(name, array.ravel(), observation)
-            oriented |= state is not None
-            yield from filter(None, [state])
-    for camera in views:
-        if camera not in compared:
-            yield skip("inputs", f"no image of {camera} was recognised among {', '.join(inputs)}")
-    if not oriented:
-        yield skip("inputs", f"the orientation of the hand was recognised in none of {', '.join(inputs)}")
-
-
-def _sees(observation: Observation, camera: str) -> bool:
-    return f"{camera}_image" in observation
+            state = _orientation(name, array.ravel(), observation)
+            states += [] if state is None else [state]
+    cameras = {image.view.camera for image in recognised}
+    missing = tuple(camera for camera in views if camera not in cameras)
+    return Inputs(tuple(inputs), tuple(recognised), tuple(states), tuple(unrecognised), missing)
 
 
 def _images(name: str, array: NDArray[Any], observation: Observation) -> list[tuple[str, Image]]:
@@ -150,15 +182,6 @@ def _halves(name: str, image: Image, observation: Observation) -> list[tuple[str
     return [(f"{name}, left", image[:, :height]), (f"{name}, right", image[:, height:])]
 
 
-class _View(NamedTuple):
-    """Content of an image: a camera's image, turned, whole or a part of it, with its colours or exchanged."""
-
-    camera: str
-    turn: str
-    whole: bool
-    reversed_colours: bool
-
-
 def _views(source: Image) -> dict[str, NDArray[np.float32]]:
     """Return the parts of an image, from half its height and width on, by turn: (15, 15, S, S, 3)."""
     from pytest_libero_max.policies.transforms.images import resize_area
@@ -174,12 +197,12 @@ def _views(source: Image) -> dict[str, NDArray[np.float32]]:
     return views
 
 
-def _nearest(image: Image, views: Mapping[str, Mapping[str, NDArray[np.float32]]]) -> _View | None:
+def _nearest(image: Image, views: Mapping[str, Mapping[str, NDArray[np.float32]]]) -> View | None:
     """Return the view that an image shows; None where it is like none."""
     from pytest_libero_max.policies.transforms.images import resize_area
 
     small = resize_area(image, _SAMPLES).astype(np.float32)
-    best: tuple[float, _View | None] = (_FARTHEST, None)
+    best: tuple[float, View | None] = (_FARTHEST, None)
     for camera, turns in views.items():
         for turn, parts in turns.items():
             for reversed_colours in (False, True):
@@ -187,7 +210,7 @@ def _nearest(image: Image, views: Mapping[str, Mapping[str, NDArray[np.float32]]
                 distances = np.abs(parts - seen).mean(axis=(2, 3, 4))
                 if (least := float(distances.min())) < best[0]:
                     whole = least == distances[_WHOLE, _WHOLE]
-                    best = (least, _View(camera, turn, whole, reversed_colours))
+                    best = (least, View(camera, turn, whole, reversed_colours))
     return best[1]
 
 
@@ -195,39 +218,11 @@ _WHOLE = 4
 """Index of the span that leaves nothing out, see :func:`_views`: the last that begins at 0."""
 
 
-def _one_image(name: str, view: _View, meant: str | None) -> Iterator[Finding]:
-    where = f"input {name!r}"
-    if view.reversed_colours:
-        yield wrong(
-            where,
-            "has blue and red exchanged",
-            "RGB, as the world delivers it",
-            "OpenCV reads and writes BGR: turn the channels with [:, :, ::-1].",
-        )
-    expected_camera = _camera_named(name) or meant
-    if expected_camera is not None and view.camera != expected_camera:
-        yield wrong(
-            where,
-            f"is the image of {view.camera}",
-            f"that of {expected_camera}, by its name or place",
-            "The two cameras may be exchanged.",
-        )
-    if view.turn != USUAL:
-        yield doubt(
-            where,
-            f"is {view.turn}",
-            f"{USUAL}, unless the model was trained otherwise",
-            "If its own evaluation code turns images by [::-1, ::-1], do so too: no error tells.",
-        )
-    elif not view.reversed_colours:
-        yield ok(where, f"{view.camera}, {view.turn}{'' if view.whole else ', a part of it'}")
-
-
 def picture_sheet(inputs: Mapping[str, NDArray[Any]]) -> Image:
     """Return the images among a model's inputs, side by side with their names, each 256 pixels high.
 
     Args:
-        told: Arrays by name; those that are not images are left out.
+        inputs: Arrays by name; those that are not images are left out.
 
     Raises:
         AdapterError: There is no image.
@@ -256,10 +251,9 @@ def _camera_named(name: str) -> str | None:
     return CAMERAS[0] if any(word in lower for word in ("agent", "full", "base", "front", "scene")) else None
 
 
-def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Finding | None:
-    """Judge the form in which a state has the orientation of the hand; None where it has no known one."""
+def _orientation(name: str, values: NDArray[Any], observation: Observation) -> StateInput | None:
+    """Return the form in which a state has the orientation of the hand; None where it has no known one."""
     q = observation["robot0_eef_quat"]
-    where = f"input {name!r}"
     sound = {
         "axis times angle, the sign of the quaternion kept": states.axis_angle(q),
         "a quaternion x, y, z, w": q,
@@ -268,33 +262,19 @@ def _one_state(name: str, values: NDArray[Any], observation: Observation) -> Fin
     }
     for form, vector in sound.items():
         if _contains(values, vector):
-            return ok(where, f"orientation as {form}")
+            return StateInput(name, f"orientation as {form}", "sound")
     if _contains(values, states.axis_angle_antipodal(q)):
-        return doubt(
-            where,
-            "orientation as axis times angle of at most pi (antipodal rule)",
-            "the sign kept, as robosuite has it, unless the model was trained otherwise",
-            "pytest_libero_max.transforms.axis_angle keeps it.",
-        )
+        form = "orientation as axis times angle of at most pi (antipodal rule)"
+        return StateInput(name, form, "antipodal")
     if _contains(values, np.roll(q, 1)):
-        return doubt(
-            where,
-            "orientation as a quaternion w, x, y, z",
-            "x, y, z, w, as LIBERO delivers it, unless the model was trained otherwise",
-            "robot0_eef_quat has w last.",
-        )
+        return StateInput(name, "orientation as a quaternion w, x, y, z", "w_first")
     misread = (
         states.axis_angle(np.roll(q, 1)),
         states.axis_angle_antipodal(np.roll(q, 1)),
         states.axis_angle(np.roll(q, -1)),
     )
     if any(_contains(values, vector) for vector in misread):
-        return wrong(
-            where,
-            "orientation from a quaternion read in the wrong order",
-            "x, y, z, w",
-            "robot0_eef_quat has w last.",
-        )
+        return StateInput(name, "orientation from a quaternion read in the wrong order", "misread")
     return None
 
 

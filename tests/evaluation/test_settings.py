@@ -192,7 +192,7 @@ def test_a_replay_selects_from_what_the_run_selected_from() -> None:
 def test_what_is_needed_every_day_fits_on_a_screen_and_all_in_a_hand() -> None:
     by_group = Counter(option.group for option in OPTIONS)
     assert by_group["everyday"] <= 14
-    assert len(OPTIONS) <= 38
+    assert len(OPTIONS) <= 40
     assert {option.group for option in OPTIONS if option.recorded} == {"protocol"}
 
 

@@ -11,6 +11,8 @@ from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.loading import check_reference, load_policy
 from pytest_libero_max.policies.profile import UNKNOWN, leaves, load_profile, profile_names
 
+ROOT = Path(__file__).parents[2]
+
 
 @pytest.mark.parametrize("name", profile_names())
 def test_every_field_says_where_its_value_was_read(name: str) -> None:
@@ -161,7 +163,7 @@ def test_the_digest_is_that_of_what_is_asked_and_not_of_where(tmp_path: Path) ->
 
 
 def test_the_page_lists_every_profile_with_its_protocol() -> None:
-    page = (profiles.FOLDER.parent / "README.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "served-models.md").read_text(encoding="utf-8")
     listed = {
         name: scheme
         for scheme, name in re.findall(r"\| `([a-z0-9-]+)://` \| (?:\*\*)?`(\w+)`(?:\*\*)? \|", page)
@@ -175,7 +177,7 @@ _BLOCK = re.compile(
 
 
 def test_each_model_has_a_block_whose_server_and_profile_belong_together() -> None:
-    page = (profiles.FOLDER.parent / "README.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "served-models.md").read_text(encoding="utf-8")
     section = page.split("## Model by model\n")[1].split("\n## ")[0]
     blocks = _BLOCK.findall(section)
     assert len(blocks) == section.count("```sh") == 11

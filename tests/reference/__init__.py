@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest_libero_max
+from tests.reference.excerpts import with_excerpts
 
 PACKAGE = Path(pytest_libero_max.__file__).parent
 ROOT = PACKAGE.parent
@@ -30,20 +31,26 @@ PAGES: Mapping[str, str] = {
         "commands",
         "events",
         "gates",
+        "glossary",
         "index",
         "options",
         "probes",
         "records",
         "report",
+        "rules",
         "worlds",
     )
 }
 """Path of each page in the repository, and the module here that writes it."""
 
+EXCERPTS = ("README.md", "docs/tutorial.md")
+"""Pages written by hand that show the output of a published run."""
+
 SCHEMAS: Mapping[str, tuple[str, str]] = {
     "pytest_libero_max/report/record.schema.json": ("records", "schema"),
     "pytest_libero_max/report/report.schema.json": ("report", "report_schema"),
     "pytest_libero_max/report/comparison.schema.json": ("report", "comparison_schema"),
+    "pytest_libero_max/conformance/conformance.schema.json": ("rules", "schema"),
 }
 """Path of each JSON Schema in the repository, and the module and function here that return it."""
 
@@ -84,18 +91,20 @@ def _json_lines(value: Any, indent: str = "") -> str:
 
 
 def file_text(path: str) -> str:
-    """The text of a page or a schema.
+    """The text of a page, a schema, or a page with outputs.
 
     Args:
-        path: A key of :data:`PAGES` or of :data:`SCHEMAS`.
+        path: A key of :data:`PAGES` or of :data:`SCHEMAS`, or one of :data:`EXCERPTS`.
     """
+    if path in EXCERPTS:
+        return with_excerpts((ROOT / path).read_text(encoding="utf-8"), ROOT)
     return page_text(path) if path in PAGES else schema_text(path)
 
 
 def write_pages(folder: Path = ROOT) -> list[Path]:
     """Write every page and schema below ``folder`` and return the paths of those that changed."""
     changed = []
-    for name in (*PAGES, *SCHEMAS):
+    for name in (*PAGES, *SCHEMAS, *EXCERPTS):
         path, text = folder / name, file_text(name)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.parent.mkdir(parents=True, exist_ok=True)

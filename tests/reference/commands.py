@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from pytest_libero_max import cli
 from pytest_libero_max.cli.commands import CommandPlace
-from tests.reference.markdown import code, table
+from tests.reference.markdown import code
 
 _COMPLETION = """\
 The shell completes commands, options, profiles, tracks and paths with the extra `completion`. In the
@@ -41,16 +41,17 @@ def _commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.A
 
 def _command(name: str, parser: argparse.ArgumentParser, help: str) -> str:
     rows = [
-        (code(_spelling(action)), _help(action))
+        f"- {code(_spelling(action))}: {' '.join(_help(action).split())}"
         for action in parser._actions
         if action.dest != "help"
         and action.help is not argparse.SUPPRESS
         and not isinstance(action, argparse._SubParsersAction)
     ]
-    usage = table(("Argument", "Meaning"), rows) if rows else ""
-    own = parser.description or ""
-    text = own if own.startswith(help) else f"{help}. {own}".strip()
-    return f"## `libero-max {name}`\n\n{text}\n\n{usage}".strip()
+    usage = "\n".join(rows)
+    own = " ".join((parser.description or "").split())
+    text = own if own.startswith(" ".join(help.split())) else f"{help}. {own}".strip()
+    level = "###" if " " in name else "##"
+    return f"{level} `libero-max {name}`\n\n{text}\n\n{usage}".strip()
 
 
 def _spelling(action: argparse.Action) -> str:

@@ -25,7 +25,9 @@ def test_few_actions_are_stale(libero_max_case, libero_max_prefix, libero_max_in
 
 def page() -> str:
     """The text."""
-    options = "\n\n".join(f"### {group.capitalize()}\n\n{_options(group)}" for group in get_args(Group))
+    options = "\n\n".join(
+        f"## {group.capitalize()} options\n\n{_options(group)}" for group in get_args(Group)
+    )
     fixtures = "\n\n".join(
         _fixture(name)
         for name in ("libero_max_case", *sorted(hooks.__all__))
@@ -48,12 +50,11 @@ def page() -> str:
         ("Exit status", "Meaning"),
         ((item.value, one_line(item.text)) for item in constants(exit_status) if item.value.isdigit()),
     )
-    return f"""# The plugin: options, fixtures, outcomes
+    return f"""# Options, fixtures, outcomes
 
-## Options
-
-Every option is also an ini key. The command line wins over the ini file, and the ini file over the default.
-The tables of pytest 9 (`[tool.pytest]`, `pytest.toml`) hold numbers, true and false, and lists as such.
+Every option is also an ini key: `--libero-max-track` is `libero_max_track`. The command line wins over the
+ini file, and the ini file over the default. The tables of pytest 9 (`[tool.pytest]`, `pytest.toml`) hold
+numbers, true and false, and lists as such.
 With `PYTEST_DISABLE_PLUGIN_AUTOLOAD=1`, `pytest -p libero_max -p xdist` loads the plugin, and workers.
 
 {options}
@@ -97,13 +98,10 @@ Those of pytest, and two of our own.
 
 
 def _options(group: str) -> str:
-    return table(
-        ("Option", "ini key", "Default", "Meaning"),
-        (
-            (code(_usage(option)), code(option.key), _default(option), one_line(option.help))
-            for option in OPTIONS
-            if option.group == group
-        ),
+    own = [option for option in OPTIONS if option.group == group]
+    assert all(option.key == option.flag.removeprefix("--").replace("-", "_") for option in own)
+    return "\n\n".join(
+        f"### {code(_usage(option))}\n\n{one_line(option.help)}.{_default(option)}" for option in own
     )
 
 
@@ -116,7 +114,7 @@ def _usage(option: Option) -> str:
 
 
 def _default(option: Option) -> str:
-    return code(option.default) if option.default else ""
+    return f"\n\nDefault: {code(option.default)}." if option.default else ""
 
 
 def _fixture(name: str) -> str:

@@ -12,13 +12,21 @@ import msgspec
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.structs import LARGEST
+from pytest_libero_max.conformance import results as conformance_results
 from pytest_libero_max.report import report_document
 from pytest_libero_max.report.comparison import comparison_document
 from pytest_libero_max.report.studies import study_document
 from pytest_libero_max.stats import blocks, condition_blocks
 from tests.reference.docstrings import description, section, summary
 
-_DOCUMENTS = (blocks, condition_blocks, report_document, study_document, comparison_document)
+_DOCUMENTS = (
+    blocks,
+    condition_blocks,
+    report_document,
+    study_document,
+    comparison_document,
+    conformance_results,
+)
 """The modules with the structs of reports and comparisons."""
 
 _COMMON = {"line": "Kind of the line.", "schema_version": "Version of the form of this document."}

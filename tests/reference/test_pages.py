@@ -7,16 +7,24 @@ import pytest
 
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.substrates.contract import Substrate
-from tests.reference import COMMAND, PAGES, ROOT, SCHEMAS, page_text, schema_text
+from tests.reference import COMMAND, EXCERPTS, PAGES, ROOT, SCHEMAS, file_text, page_text, schema_text
+from tests.reference.excerpts import HEADING
 from tests.reference.worlds import OBSERVATIONS
 
-_EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$", re.M)
+_EMPTY_LAST_CELL = re.compile(r"^\|.*\|\s*\|$|^- `[^`]+`:\s*$", re.M)
 
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_page_is_what_the_code_says(name: str) -> None:
     committed = (ROOT / name).read_text(encoding="utf-8")
     assert committed == page_text(name), f"{name} is out of date. Write it again: {COMMAND}"
+
+
+@pytest.mark.parametrize("name", EXCERPTS)
+def test_a_page_shows_what_the_terminal_says_of_the_published_run(name: str) -> None:
+    committed = (ROOT / name).read_text(encoding="utf-8")
+    assert "McNemar" in committed.partition(HEADING)[2]
+    assert committed == file_text(name), f"{name} is out of date. Write it again: {COMMAND}"
 
 
 @pytest.mark.parametrize("name", SCHEMAS)

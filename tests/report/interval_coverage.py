@@ -115,12 +115,9 @@ METHODS: dict[str, tuple[str, Method, int]] = {
 INTRODUCTION = f"""\
 # How often the intervals hold the truth
 
-Nominal: 95%. Values below {LEAST:.0%} are marked with `!`. Computed by
-`python -m tests.report.interval_coverage`.
-
-Reports and gates print the melded exact interval of the paired change (Fay and Lumbard, 2021), which holds the
-truth in more than 95% of the runs everywhere that was looked at. Of the intervals that can be computed for a whole
-track, it alone stays above 93%. The price is width, for few pairs above all.
+Reports and gates print the melded exact interval of the paired change (Fay and Lumbard, 2021), which holds
+the truth in more than 95% of the runs everywhere that was looked at. Of the intervals that can be computed
+for a whole track, it alone stays above 93%. The price is width, for few pairs above all.
 
 | Interval of the paired change | Lowest coverage | Reported |
 | --- | --- | --- |
@@ -128,13 +125,14 @@ track, it alone stays above 93%. The price is width, for few pairs above all.
 | exact unconditional | above 95%; out of reach for thousands of pairs | no |
 | score (Tango) | 84% at 4 pairs | no |
 | Newcombe, Agresti and Min | below 89% at 100 pairs | no |
-| the paper's bootstrap | misses a true loss of 2% in 92% of the runs of 4 pairs | labelled, beside the paper's |
+| the paper's bootstrap | misses a true loss of 2% in 92% of the runs of 4 pairs | for comparison alone |
 
-The melded interval agrees with the exact McNemar test, depends on three counts only, and takes milliseconds. Every
-pair is taken as independent of the others. Pairs that share a task are not: the interval by task, which is printed
-beside this one, is for statements about other tasks.
+The melded interval agrees with the exact McNemar test, depends on three counts only, and takes milliseconds.
+Every pair is taken as independent of the others. Pairs that share a task are not: the interval by task, which
+is printed beside this one, is for statements about other tasks.
 
-The columns below are numbers of pairs; the rows are the true P(1, 0) and P(0, 1), a loss and a gain.
+Nominal: 95%. Values below {LEAST:.0%} are marked with `!`. The columns are numbers of pairs; the rows are the
+true P(1, 0) and P(0, 1), a loss and a gain. Computed by `python -m tests.report.interval_coverage`.
 """
 
 

@@ -326,6 +326,17 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 HEAD = """# Rules that stop early: how often they err, and how many pairs they save
 
+Where nothing is lost, a fixed test that is looked at after every pair finds a change in 21 to 35% of the
+runs, `anytime` in less than 4%. A loss of 15% of the pairs against gains of 5% is found after 144 of 800
+pairs, in the median. What a stopped run estimates is beyond the truth, because that is what stopped it.
+
+| lost / gained, independent pairs | `anytime` finds a change | median pairs of 800 |
+| --- | --- | --- |
+| 15% / 15% | 3.2% | 800 |
+| 10% / 5% | 78.9% | 458 |
+| 15% / 5% | 100.0% | 144 |
+| 30% / 1% | 100.0% | 27 |
+
 `--libero-max-stop=certain`, `anytime:LEVEL` and `strata:LEVEL` look after every pair
 ([how to use them](../docs/how-to/long-runs.md#stop-early)). Here the level is 0.05, and a run has
 800 pairs as in `lite`. A row is of 10,000 runs unless its table says otherwise. Made by

@@ -17,7 +17,7 @@ from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 ROOT = Path(__file__).parents[2]
-PAGES = ("README.md", "AGENTS.md", "fixtures/README.md", "docs/how-to/long-runs.md")
+PAGES = ("README.md", "AGENTS.md", "docs/how-to/gate-in-ci.md", "docs/how-to/long-runs.md")
 WORKFLOW = ROOT / "fixtures" / "github-action" / "workflow.yml"
 
 RATES = {
@@ -61,6 +61,7 @@ def store(folder: Path, planned: list[PlannedPair], base: float, dynamic: float)
 def test_the_pages_recommend_gates() -> None:
     assert {place.partition(" ")[0] for place in SETS} == {
         "README.md",
+        "docs/how-to/gate-in-ci.md",
         "docs/how-to/long-runs.md",
         "workflow",
         "init",

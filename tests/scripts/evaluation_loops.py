@@ -1,4 +1,4 @@
-"""The loops of other people as ``fixtures/runners/README.md`` prints them, each in an environment of its own.
+"""The loops of other people as ``docs/how-to/own-loop.md`` prints them, each in an environment of its own.
 
     python -m tests.scripts.evaluation_loops openpi vla-eval lerobot [--folder FOLDER] [--python PYTHON]
 
@@ -29,7 +29,7 @@ from tests.plugin.conftest import tiny_manifest
 from tests.policies.clients import fakes
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "fixtures" / "runners" / "README.md"
+PAGE = ROOT / "docs" / "how-to" / "own-loop.md"
 RESULTS = "libero-max-results"
 PAIRS = 1
 

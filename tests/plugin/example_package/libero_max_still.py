@@ -1,10 +1,12 @@
-"""A protocol in a package of its own, of a server that needs no network: every action holds still."""
+"""A protocol of a server that needs no network: every action holds still. And a rule that asks for it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from pytest_libero_max import Opening, ServerProtocol
+from pytest_libero_max.conformance import Finding, broken, kept, rule
 
 
 class StillLink:
@@ -28,3 +30,12 @@ class StillProtocol(ServerProtocol):
 
     def link(self, opening: Opening) -> StillLink:
         return StillLink()
+
+
+@rule("policy/still/holds", "should", needs="policy/contract/answers")
+def holds(subject: Any) -> Iterator[Finding]:
+    """Hold still."""
+    if subject.actions[:, :6].any():
+        yield broken("the hand is moved", "a hand that holds still", "Return zeros.")
+    else:
+        yield kept("the hand holds still")

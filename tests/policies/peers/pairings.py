@@ -27,10 +27,12 @@ _PACKAGES = {"openpi": "rlinf-openpi", "vla-eval": "vla-eval"}
 
 _HEAD = """# Clients at servers of other protocols
 
-The first line that a run or `libero-max check` prints where an address names one protocol and a server of
-another one is there, without the address before it, and the time until then. `PORT` is the server's. A server
-with a version is the published program; the others are those of the tests, which send what the published ones
-send.
+Where an address names one protocol and a server of another one is there, a run or `libero-max check` says so
+within 5 s, and in most cases names the address to write instead. The table has the first line that it prints,
+without the address before it, and the time until then.
+
+`PORT` is the server's. A server with a version is the published program; the others are those of the tests,
+which send what the published ones send.
 
 Written by `python -m tests.policies.peers.pairings > reports/pairings.md`, on a machine that did other work.
 Tests expect every line within 5 s.

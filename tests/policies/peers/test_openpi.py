@@ -15,11 +15,11 @@ from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.sockets import serving
+from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
 from tests.policies.clients.test_profiles_on_the_wire import check_pi05
 from tests.policies.peers import clients
 from tests.policies.peers.conftest import HERE, PYTHON, peer, require, shown
-from tests.policies.test_examination import Sound
 
 
 @pytest.fixture(autouse=True)

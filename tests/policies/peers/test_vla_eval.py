@@ -14,10 +14,10 @@ from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.sockets import serving
+from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
 from tests.policies.clients.test_profiles_on_the_wire import QUARTER_TURN, check_vla_eval, is_turned
 from tests.policies.peers.conftest import HERE, PYTHON, nested, peer, require, shown
-from tests.policies.test_examination import Sound
 
 
 @pytest.fixture(autouse=True)

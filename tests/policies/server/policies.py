@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.policies.contract import BatchItem, PolicySpec
-from tests.policies.test_examination import Sound
+from tests.conformance.policies import Sound
 
 SPEC = PolicySpec("served", 8, 4, image_size=256)
 

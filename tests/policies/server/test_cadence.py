@@ -16,9 +16,9 @@ from pytest_libero_max.policies.server import openpi
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.sockets import serving
+from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
 from tests.policies.server.policies import Batched, at_once
-from tests.policies.test_examination import Sound
 
 REQUEST = Request(load_profile("served")).build(fakes.observation(), fakes.query(), fakes.EPISODE)
 """A query as a server gets it."""

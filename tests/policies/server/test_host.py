@@ -16,9 +16,9 @@ from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host, InferenceRequest, InferenceResult
 from pytest_libero_max.policies.server.memories import Place
 from pytest_libero_max.policies.server.metrics import Metrics
+from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
 from tests.policies.server.policies import Batched, Counting, at_once
-from tests.policies.test_examination import Sound
 
 
 def request(index: int, place: Place | None = None, task: int = 3) -> InferenceRequest:

@@ -15,23 +15,25 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.conformance.policy.subject import PolicySubject, observe
+from pytest_libero_max.conformance.registry import rules_for
+from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import transport
 from pytest_libero_max.policies.clients.declared import RememberingPolicy
 from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.examination import examine, made_up
 from pytest_libero_max.policies.server import sockets
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.metrics import Metrics
 from pytest_libero_max.policies.server.sockets import serving
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from tests.conformance.policies import Copied, Sound
 from tests.policies.clients import fakes
 from tests.policies.forgetting import forget_adapter
 from tests.policies.server.policies import Batched, Counting, at_once
-from tests.policies.test_examination import Copied, Sound
 
 
 @pytest.fixture(autouse=True)
@@ -193,12 +195,12 @@ def test_a_sound_policy_is_as_sound_behind_a_server(kind: type[Sound]) -> None:
     policy, world = kind(), TinyWorld()
     policy.spec = PolicySpec("sound", 8, 4, image_size=32)
     with served(policy) as client:
-        findings = examine(client, made_up(client, world))
+        subject = PolicySubject(client, observe(client, world))
+        outcomes = Examination(lambda: subject, rules_for("policy")).outcomes()
     world.close()
-    # The notes are about what is sent: images as they are delivered, which the adapter turns.
-    wrong = [finding for finding in findings if finding.level == "wrong"]
-    assert not wrong, "\n".join(map(str, wrong))
-    assert {finding.subject: finding.level for finding in findings}["memory"] == "ok"
+    # What may be broken is about what is sent: images as they are delivered, which the adapter turns.
+    assert not [outcome for outcome in outcomes if outcome.fails]
+    assert {outcome.rule.id: outcome.state for outcome in outcomes}["policy/memory/declared"] == "kept"
 
 
 def test_a_memory_that_is_not_copied_is_let_go(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -312,7 +314,7 @@ def test_the_command_prints_how_to_play_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     adapter = tmp_path / "adapter.py"
-    adapter.write_text("from tests.policies.test_examination import Sound\npolicy = Sound\n")
+    adapter.write_text("from tests.conformance.policies import Sound\npolicy = Sound\n")
     asked: list[Any] = []
     real: Callable[..., Any] = sockets.serving
 

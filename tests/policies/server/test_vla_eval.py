@@ -17,9 +17,9 @@ from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.vla_eval import WITH_IMAGES, Session, quaternion
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.policies.transforms.states import axis_angle
+from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
 from tests.policies.server.policies import Counting
-from tests.policies.test_examination import Sound
 
 TASK = {"task": {"name": "x", "suite": "libero_goal", "task_id": 4, "episode_idx": 7}}
 

@@ -1,0 +1,94 @@
+"""Outcomes as lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
+
+from pytest_libero_max.conformance.results import Conformance
+from pytest_libero_max.conformance.rules import Finding, Outcome
+from pytest_libero_max.errors import counted
+
+STRICT = "--strict"
+"""Option of ``libero-max check`` that counts as wrong what breaks a rule of level ``should``."""
+
+
+class CheckLine(NamedTuple):
+    """A finding as ``libero-max check`` prints it."""
+
+    word: Literal["ok", "wrong", "note", "skip"]
+    text: str
+    doubtful: bool
+    """True for a note that ``--strict`` counts as wrong."""
+
+    def __str__(self) -> str:
+        return f"{self.word:<6}{self.text}{f' [{STRICT}: wrong]' if self.doubtful else ''}"
+
+
+def check_lines(outcomes: Sequence[Outcome], *, strict: bool = False) -> list[CheckLine]:
+    """Return a line for each finding; one for those that say the same of the same part."""
+    lines: dict[str, CheckLine] = {}
+    for outcome in outcomes:
+        for finding in outcome.findings:
+            word = _word_of(outcome, finding, strict=strict)
+            doubtful = word == "note" and outcome.rule.level == "should"
+            line = CheckLine(word, f"{_name(outcome, finding)}: {_text(finding)}", doubtful)
+            lines.setdefault(f"{finding.part} {_text(finding)}", line)
+    return [*lines.values()]
+
+
+def _word_of(outcome: Outcome, finding: Finding, *, strict: bool) -> Literal["ok", "wrong", "note", "skip"]:
+    if finding.state != "broken":
+        return "ok" if finding.state == "kept" else "skip"
+    return "wrong" if outcome.rule.level == "must" or (strict and outcome.rule.level == "should") else "note"
+
+
+def _name(outcome: Outcome, finding: Finding) -> str:
+    name = outcome.rule.id.partition("/")[2]
+    return f"{name}, {finding.part}" if finding.part else name
+
+
+def _text(finding: Finding) -> str:
+    text = finding.observed
+    if finding.expected:
+        text += f"; expected: {finding.expected}"
+    return f"{text}. {finding.cure}" if finding.cure else text
+
+
+def message(outcome: Outcome, subject: str) -> str:
+    """Return everything that a reader needs of a broken rule: observed, expected, cure, command."""
+    return "\n".join(_message(outcome, subject))
+
+
+def _message(outcome: Outcome, subject: str) -> Iterator[str]:
+    rule = outcome.rule
+    yield f"{subject} breaks {rule.id} ({rule.level}): {rule.title}."
+    for finding in outcome.broken:
+        part = f"{finding.part} " if finding.part else ""
+        yield f"  observed: {part}{finding.observed}"
+        yield f"  expected: {finding.expected}"
+        yield f"  cure:     {finding.cure}"
+    yield f"Again: pytest --libero-max-conform={subject} -k '{rule.area} and {rule.id.split('/')[2]}'"
+
+
+def summary_lines(document: Conformance) -> list[str]:
+    """Return the verdict on a subject, and a line for each rule that is broken."""
+    counts = document.counts
+    examined = len(document.rules) - counts["unexamined"]
+    verdict = {True: "conforms", False: "does not conform", None: "was examined in part"}[document.conforms]
+    lines = [
+        f"{document.subject} {verdict}: {counts['kept']} kept of {counted(examined, 'rule')} that could be "
+        "examined"
+    ]
+    if document.not_run:
+        total = len(document.rules) + len(document.not_run)
+        lines.append(f"{len(document.not_run)} of {counted(total, 'rule')} were not run")
+    for rule in document.rules:
+        for finding in rule.findings:
+            if finding.state == "broken":
+                part = f"{finding.part} " if finding.part else ""
+                expected = f" [expected: {rule.expected_to_break}]" if rule.expected_to_break else ""
+                lines.append(f"{rule.level:<6} {rule.id}: {part}{finding.observed}{expected}")
+    if counts["unexamined"]:
+        lines.append(f"{counted(counts['unexamined'], 'rule')} could not be examined; -rs says why.")
+    return lines

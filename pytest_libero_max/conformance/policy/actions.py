@@ -1,0 +1,173 @@
+"""Rules for the numbers of actions: units, size, and the gripper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pytest_libero_max.conformance.policy.contract import ANSWERS
+from pytest_libero_max.conformance.policy.subject import PolicySubject
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+
+FAR_BEYOND = 3.0
+"""Components larger than this are in other units, not movements that overshoot [-1, 1]."""
+
+LEAST_MOVEMENT = 0.06
+"""Movements that are all below it, 3 mm a step, reach nothing within an episode; 0.05 is 5 cm in metres."""
+
+LEAST_ROTATION = 0.01
+"""A rotation that is below it throughout, 0.3 degrees a step, turns nothing within an episode."""
+
+MOST_CLIPPED = 0.05
+"""Largest share of components beyond [-1, 1], which the controller clips."""
+
+FAR_AWAY_M = 0.5
+"""Largest plausible distance of the next target: a hand moves 5 cm in a step."""
+
+
+def _sizes(subject: PolicySubject) -> tuple[float, float, str]:
+    """Largest movement and rotation, each by its own size (the gripper would hide both), and their text."""
+    actions = subject.actions
+    movement, rotation = (float(np.abs(actions[:, part]).max()) for part in (slice(0, 3), slice(3, 6)))
+    return movement, rotation, f"movement up to {movement:.3g}, rotation up to {rotation:.3g}"
+
+
+def _moves(subject: PolicySubject) -> bool:
+    """Return True if actions are movements, in units that can be judged."""
+    return subject.policy.spec.control == "delta" and max(_sizes(subject)[:2]) <= FAR_BEYOND
+
+
+_OTHER = unexamined("actions are poses, or movements in other units")
+
+
+@rule("policy/actions/units", "must", needs=ANSWERS)
+def units(subject: PolicySubject) -> Iterator[Finding]:
+    """Return movements within [-1, 1], or poses that begin near the hand."""
+    if subject.policy.spec.control == "absolute":
+        yield _poses(subject)
+        return
+    movement, rotation, sizes = _sizes(subject)
+    if max(movement, rotation) <= FAR_BEYOND:
+        yield kept(sizes)
+        return
+    yield broken(
+        sizes,
+        "movements within [-1, 1]",
+        "These are other units: un-normalise the actions, or do not un-normalise them twice. Poses are "
+        'declared with PolicySpec(control="absolute").',
+    )
+
+
+def _poses(subject: PolicySubject) -> Finding:
+    """Judge the distance to which the first action of each answer sends the hand."""
+    first = np.array([answer[0] for answer in subject.first.answers])
+    hands = [observation["robot0_eef_pos"] for observation in subject.shown.observations]
+    farthest = float(np.linalg.norm(first[:, :3] - hands, axis=1).max())
+    if farthest <= FAR_AWAY_M:
+        return kept(f"poses; the first of an answer is up to {farthest:.2g} m from the hand")
+    return broken(
+        f"the first pose of an answer is up to {farthest:.2g} m from the hand",
+        "poses in the world that begin near the hand",
+        "These are movements, of another frame, or normalised still.",
+    )
+
+
+@rule("policy/actions/moves", "should", needs=ANSWERS)
+def moves(subject: PolicySubject) -> Iterator[Finding]:
+    """Move the hand."""
+    if subject.policy.spec.control == "absolute" or subject.actions[:, :6].any():
+        yield kept("the hand is moved")
+        return
+    yield broken("no movement at all", "movements", "A policy that holds still, or one that got zeros.")
+
+
+@rule("policy/actions/large", "should", needs=ANSWERS)
+def large(subject: PolicySubject) -> Iterator[Finding]:
+    """Return movements that reach something within an episode."""
+    movement, _, sizes = _sizes(subject)
+    if not _moves(subject):
+        yield _OTHER
+    elif movement >= LEAST_MOVEMENT or not subject.actions[:, :6].any():
+        yield kept(f"movement up to {movement:.3g}")
+    else:
+        yield broken(
+            sizes,
+            f"movements of at least {LEAST_MOVEMENT}, 3 mm a step",
+            "Too small to reach anything: metres instead of LIBERO's units (1 is 5 cm), or normalised still.",
+        )
+
+
+@rule("policy/actions/clipped", "should", needs=ANSWERS)
+def clipped(subject: PolicySubject) -> Iterator[Finding]:
+    """Return few components beyond 1, which the controller clips."""
+    if not _moves(subject):
+        yield _OTHER
+        return
+    share = float((np.abs(subject.actions[:, :6]) > 1.0).mean())
+    if share <= MOST_CLIPPED:
+        yield kept(f"{share:.0%} of movements and rotations are clipped")
+        return
+    yield broken(
+        f"{share:.0%} of the components are beyond 1 and will be clipped",
+        "few",
+        "Look at the un-normalisation.",
+    )
+
+
+@rule("policy/actions/rotation", "note", needs=ANSWERS)
+def rotation(subject: PolicySubject) -> Iterator[Finding]:
+    """Return rotations that turn the hand within an episode, or none."""
+    movement, rotation, sizes = _sizes(subject)
+    if not _moves(subject):
+        yield _OTHER
+    elif rotation == 0.0 or rotation >= LEAST_ROTATION or movement < LEAST_MOVEMENT:
+        yield kept(f"rotation up to {rotation:.3g}")
+    else:
+        yield broken(
+            sizes,
+            f"rotations of at least {LEAST_ROTATION}, or none",
+            "Hardly any: right for a policy that never turns the hand, else normalised still (1 is 0.5 rad).",
+        )
+
+
+@rule("policy/gripper/units", "must", needs=ANSWERS)
+def gripper_units(subject: PolicySubject) -> Iterator[Finding]:
+    """Open the gripper with -1, close it with +1."""
+    values = subject.actions[:, 6]
+    low, high = float(values.min()), float(values.max())
+    if max(-low, high) > FAR_BEYOND:
+        yield broken(
+            f"from {low:.3g} to {high:.3g}",
+            "-1 opens, +1 closes",
+            "These are other units: the sign of a centred value is enough.",
+        )
+    elif low >= 0.0 and high <= 1.0 and len(set(np.round(values, 6))) <= 2 and low == 0.0:
+        yield broken(
+            "0 or 1", "-1 opens, +1 closes", "It is a flag: write 1 - 2 * (g > 0.5) where 1 means open."
+        )
+    elif low >= 0.0 and high <= 1.0 and low < 1.0:
+        yield broken(
+            f"from {low:.2g} to {high:.2g}",
+            "-1 opens, +1 closes",
+            "It is a probability or an opening from 0 to 1: write -sign(2 g - 1) where 1 means open.",
+        )
+    else:
+        yield kept(f"the gripper is asked for {low:.3g} to {high:.3g}")
+
+
+@rule("policy/gripper/opens", "should", needs=ANSWERS)
+def gripper_open(subject: PolicySubject) -> Iterator[Finding]:
+    """Keep the gripper open (-1) at the beginning of an episode."""
+    executed, values = subject.executed[:, 6], subject.actions[:, 6]
+    flag = values.min() >= 0.0 and values.max() <= 1.0 and values.min() < 1.0
+    if flag or np.abs(values).max() > FAR_BEYOND:
+        yield unexamined("the gripper is in other units")
+    elif (executed > 0.0).mean() <= 0.9:
+        yield kept("open at the beginning of the episode, as far as it was asked")
+    else:
+        yield broken(
+            "closes at once, far from any object",
+            "open (-1) at the beginning of an episode",
+            "The sign may be the wrong way round: LIBERO's gripper closes at +1.",
+        )

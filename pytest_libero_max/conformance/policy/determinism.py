@@ -1,0 +1,216 @@
+"""Rules for repetition: the same query gets the same answer, alone, in company and in another process."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from pytest_libero_max.conformance.policy.contract import ANSWERS
+from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.policies.check import Actions, ask_together, batches, remembers
+from pytest_libero_max.policies.clients.address import is_address
+
+MIXED_UP = 0.05
+"""Largest difference between answers in a batch and alone that can be rounding."""
+
+FRESH_S = 300.0
+"""Longest time of the fresh process, s: it loads the policy and asks it :data:`.QUERIES` queries."""
+
+
+def not_repeatable(subject: PolicySubject) -> Finding | None:
+    """Return the finding of rules that compare two answers, for a policy whose answers do not repeat."""
+    if subject.policy.spec.repeatable:
+        return None
+    return unexamined("repeatable=False, so no two answers can be compared")
+
+
+def _twice(subject: PolicySubject) -> tuple[Actions, Actions]:
+    answers = []
+    for _ in range(2):
+        subject.start()
+        answers.append(subject.ask(0))
+    return answers[0], answers[1]
+
+
+@rule("policy/determinism/query", "must", needs=ANSWERS)
+def same_query(subject: PolicySubject) -> Iterator[Finding]:
+    """Answer the same query with the same bytes."""
+    if reason := not_repeatable(subject):
+        yield reason
+        return
+    first, second = _twice(subject)
+    if first.tobytes() != second.tobytes():
+        yield broken(
+            "the same first query of an episode got two different answers",
+            "the same bytes",
+            "It draws from something else than query.seed, or reset() leaves something behind. A server "
+            "that cannot be seeded declares repeatable=False.",
+        )
+        return
+    subject.start()
+    another = subject.ask(0, seed=subject.shown.query(0).seed ^ 0x5A5A)
+    if first.tobytes() == another.tobytes():
+        yield kept("deterministic: the same answer with another seed as well")
+    else:
+        yield kept("the same query gets the same answer, another seed another one")
+
+
+@rule("policy/determinism/declared", "note", needs=ANSWERS)
+def repeatable(subject: PolicySubject) -> Iterator[Finding]:
+    """Repeat an answer, and declare that it repeats."""
+    if subject.policy.spec.repeatable:
+        yield kept("repeatable=True is declared")
+        return
+    first, second = _twice(subject)
+    if first.tobytes() != second.tobytes():
+        yield broken(
+            "the same query got two different answers, and repeatable=False says so",
+            "answers that repeat themselves",
+            "Measure how often Base flips by itself: --libero-max-noise=floor:16.",
+        )
+    else:
+        yield broken(
+            "repeatable=False is declared, but the answer repeated itself",
+            "what is so, declared",
+            "If the server is deterministic, repeatable=True lets every pair check it.",
+        )
+
+
+def _together(subject: PolicySubject) -> Finding | tuple[list[Actions], list[list[Actions]]]:
+    """Return the answers alone, and in batches of the same size: in order, reversed, and each with itself.
+
+    A finding where the rules for batches cannot be examined.
+    """
+    policy = subject.policy
+    if not batches(policy):
+        return kept("the policy answers one query at a time")
+    if remembers(policy):
+        return unexamined("a policy with memory is not asked in batches")
+    if reason := not_repeatable(subject):
+        return reason
+    alone = []
+    for index in range(QUERIES):
+        subject.start()
+        alone.append(subject.ask(index))
+    items = [subject.item(index) for index in range(QUERIES)]
+    together = ask_together(policy, items)
+    reversed_order = ask_together(policy, items[::-1])[::-1]
+    with_itself = [ask_together(policy, [item] * QUERIES)[0] for item in items]
+    return alone, [together, reversed_order, with_itself]
+
+
+@rule("policy/determinism/company", "must", needs=ANSWERS)
+def company(subject: PolicySubject) -> Iterator[Finding]:
+    """Answer each query of a batch as if it were alone, in the order of the items."""
+    asked = _together(subject)
+    if isinstance(asked, Finding):
+        yield asked
+        return
+    alone, batched = asked
+    pairs = [pair for answers in batched[:2] for pair in zip(alone, answers, strict=True)]
+    if any(a.shape != b.shape or np.abs(a - b).max() > MIXED_UP for a, b in pairs):
+        yield broken(
+            "predict_batch gives other answers than predict",
+            "the answer that each query gets alone, in the order of the items",
+            "The items are mixed up, or something is shared among them.",
+        )
+    else:
+        yield kept("predict_batch gives the answers of predict, but for rounding")
+
+
+@rule("policy/determinism/rounding", "note", needs="policy/determinism/company")
+def rounding(subject: PolicySubject) -> Iterator[Finding]:
+    """Answer with the same bytes alone and in a batch."""
+    asked = _together(subject)
+    if isinstance(asked, Finding):
+        yield asked
+        return
+    alone, batched = asked
+    pairs = [pair for answers in batched[:2] for pair in zip(alone, answers, strict=True)]
+    if all(a.tobytes() == b.tobytes() for a, b in pairs):
+        yield kept("the same bytes alone and in a batch")
+        return
+    furthest = max(float(np.abs(a - b).max()) for a, b in pairs)
+    if all(len({answer.tobytes() for answer in answers}) == 1 for answers in zip(*batched, strict=True)):
+        observed = f"answers change by up to {furthest:.1g} with the size of the batch alone"
+        cure = "Serve it with --pad-batch to get the same bytes whoever else asks."
+    else:
+        observed = (
+            f"answers change by up to {furthest:.1g} with the other queries of the batch, "
+            "also at the same size"
+        )
+        cure = "Serve it without --max-batch, or declare repeatable=False."
+    yield broken(observed, "the same bytes alone and in a batch", cure)
+
+
+@rule("policy/determinism/process", "must", needs="policy/determinism/query")
+def fresh_process(subject: PolicySubject) -> Iterator[Finding]:
+    """Answer with the same bytes in a fresh process with an empty home."""
+    reference = subject.loading.get("reference")
+    if reference is None:
+        yield unexamined("the policy is an object of this process")
+        return
+    if is_address(reference):
+        yield unexamined("the policy is behind a server, a process of its own")
+        return
+    if reason := not_repeatable(subject):
+        yield reason
+        return
+    here = [answer.tolist() for answer in subject.first.answers]
+    there = _answers_elsewhere(subject)
+    if isinstance(there, Finding):
+        yield there
+    elif there == here:
+        yield kept("the same bytes in a fresh process with an empty home")
+    else:
+        first = next(index for index in range(QUERIES) if there[index] != here[index])
+        yield broken(
+            f"query {first} of an episode got another answer in a fresh process with an empty home",
+            "the same bytes",
+            "It reads something that another process does not have: files in the home or working folder, "
+            "a hash that PYTHONHASHSEED changes, the time, or a generator without a seed.",
+        )
+
+
+def _answers_elsewhere(subject: PolicySubject) -> list[object] | Finding:
+    """Return the answers to the first queries from a new process, in a place without old files."""
+    from pathlib import Path
+
+    from pytest_libero_max.policies.references import absolute_reference
+    from pytest_libero_max.runs.fresh_place import fresh_place
+
+    loading = {**subject.loading}
+    loading["reference"] = absolute_reference(loading["reference"], Path.cwd())
+    if loading["profile"] is not None and Path(loading["profile"]).is_file():
+        loading["profile"] = str(Path(loading["profile"]).absolute())
+    with fresh_place() as (folder, environment):
+        command = [sys.executable, "-m", f"{__package__}.answers", json.dumps(loading), "answers.json"]
+        environment["PYTHONPATH"] = _paths()
+        try:
+            ended = subprocess.run(
+                command, cwd=folder, env=environment, capture_output=True, text=True, timeout=FRESH_S
+            )
+        except subprocess.TimeoutExpired:
+            return unexamined(f"the fresh process did not end within {FRESH_S:.0f} s")
+        if ended.returncode:
+            last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
+            return broken(
+                f"a fresh process with an empty home ended with status {ended.returncode}: {last}",
+                "the same bytes",
+                "The policy needs something of this process or its home: name it where the policy is loaded.",
+            )
+        answers: list[object] = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
+        return answers
+
+
+def _paths() -> str:
+    """Return this process's import path, for modules that lie beside the tests or in the working folder."""
+    import os
+    from pathlib import Path
+
+    return os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path or path == "")

@@ -1,0 +1,97 @@
+"""Rules for what an answer depends on: each image, the state, the instruction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pytest_libero_max.conformance.policy.contract import ANSWERS
+from pytest_libero_max.conformance.policy.determinism import not_repeatable
+from pytest_libero_max.conformance.policy.subject import PolicySubject
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+
+ANYTHING = "policy/inputs/any"
+_ANOTHER_TASK = "turn off the light and close the door"
+
+
+def _ignored(subject: PolicySubject, changes: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the names of the changes after which the first answer of an episode stays the same."""
+    subject.start()
+    first, ignored = subject.ask(0), []
+    for name, change in changes.items():
+        subject.start()
+        if subject.ask(0, **change).tobytes() == first.tobytes():
+            ignored.append(name)
+    return ignored
+
+
+def _images(subject: PolicySubject) -> dict[str, dict[str, Any]]:
+    """Return each image in negative, by its name."""
+    shown = subject.shown.observations[0]
+    return {name: {"observation": {name: 255 - shown[name]}} for name in shown if name.endswith("_image")}
+
+
+def _state(subject: PolicySubject) -> dict[str, dict[str, Any]]:
+    """Return the state of another observation."""
+    other = subject.shown.observations[2]
+    rest = {name: value for name, value in other.items() if not name.endswith("_image")}
+    return {"the state": {"observation": rest}}
+
+
+_INSTRUCTION = {"the instruction": {"instruction": _ANOTHER_TASK}}
+
+
+def _unexamined(subject: PolicySubject) -> Finding | None:
+    if subject.policy.spec.privileged:
+        return unexamined("the policy reads the simulator (privileged)")
+    return not_repeatable(subject)
+
+
+@rule(ANYTHING, "must", needs=ANSWERS)
+def anything(subject: PolicySubject) -> Iterator[Finding]:
+    """Answer to what is shown."""
+    if reason := _unexamined(subject):
+        yield reason
+        return
+    changes = _state(subject) | _INSTRUCTION | _images(subject)
+    if len(_ignored(subject, changes)) < len(changes):
+        yield kept("the answer changes with what is shown")
+        return
+    yield broken(
+        "the answer stays the same whatever is shown",
+        "an answer to the observation",
+        "An old chunk is returned, or the model is not asked.",
+    )
+
+
+def _each(subject: PolicySubject, changes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+    if reason := _unexamined(subject):
+        yield reason
+    elif not changes:
+        yield unexamined("the policy asks for no images")
+    elif ignored := _ignored(subject, changes):
+        yield broken(
+            f"the answer does not depend on {', '.join(ignored)}",
+            f"an answer that changes with {', '.join(changes)}",
+            "If the model reads it, it does not arrive there.",
+        )
+    else:
+        yield kept(f"the answer depends on {', '.join(changes)}")
+
+
+@rule("policy/inputs/images", "should", needs=ANYTHING)
+def images(subject: PolicySubject) -> Iterator[Finding]:
+    """Let the answer depend on every image."""
+    return _each(subject, _images(subject))
+
+
+@rule("policy/inputs/instruction", "should", needs=ANYTHING)
+def instruction(subject: PolicySubject) -> Iterator[Finding]:
+    """Let the answer depend on the instruction."""
+    return _each(subject, _INSTRUCTION)
+
+
+@rule("policy/inputs/state", "note", needs=ANYTHING)
+def state(subject: PolicySubject) -> Iterator[Finding]:
+    """Let the answer depend on the state. Many models have none."""
+    return _each(subject, _state(subject))

@@ -1,0 +1,211 @@
+"""A policy as the subject of rules: what it is shown, and what it answers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.errors import AdapterError, LiberoMaxError
+from pytest_libero_max.policies.check import Actions, ask, check_cameras, start
+from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query, query_seed
+from pytest_libero_max.policies.model_inputs import Inputs, marked_observation, model_inputs, read_inputs
+from pytest_libero_max.worlds.contract import Observation
+
+if TYPE_CHECKING:
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.worlds.contract import World, WorldState
+
+QUERIES = 4
+"""Number of observations, and of queries in an episode."""
+
+_MOVES = ((0.3, 0, 0), (0, 0.5, 0), (-0.4, 0, 0.3), (0, -0.5, -0.3))
+"""Movement before each observation, four steps of each."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Observations and queries that a policy is examined with."""
+
+    episode: Episode
+    observations: tuple[Observation, ...]
+    """:data:`QUERIES` that differ in everything, as a world gives them."""
+    states: tuple[WorldState, ...] = ()
+    """States of the episode's world in which they were made; empty for a policy that does not read it."""
+
+    def query(self, index: int) -> Query:
+        """Return the query in which ``observations[index]`` is shown."""
+        return Query(index, 5 * index, self.episode.instruction, query_seed(self.episode.seed, index))
+
+
+def observe(policy: Policy, world: World, suite: str = "libero_spatial") -> Shown:
+    """Return observations of a world at rest and moved a little.
+
+    Args:
+        policy: Names the cameras and the size of images. One that is privileged gets the live world.
+        world: It is reset and stepped.
+        suite: Of the world's task.
+    """
+    spec = policy.spec
+    world.reset(0)
+    observations, states = [], []
+    for move in _MOVES:
+        for _ in range(4):
+            world.step((*move, 0.0, 0.0, 0.0, -1.0))
+        observations.append(world.observe(spec.cameras, spec.image_size))
+        if spec.privileged:
+            states.append(world.snapshot())
+    episode = Episode(suite, 0, world.language, 195, 220, world if spec.privileged else None)
+    return Shown(episode, tuple(observations), tuple(states))
+
+
+class FirstAnswers(NamedTuple):
+    """The queries of a first episode."""
+
+    answers: tuple[Actions, ...]
+    seconds: tuple[float, ...]
+
+
+@dataclass
+class PolicySubject:
+    """A loaded policy, what it is shown, and the answers that several rules look at."""
+
+    policy: Policy
+    shown: Shown
+    loading: Mapping[str, Any] = field(default_factory=dict)
+    """Arguments of :func:`open_policy` that load it again in another process; empty where nothing does."""
+    spec: PolicySpec = field(init=False)
+    """Its spec before the first query."""
+
+    def __post_init__(self) -> None:
+        self.spec = replace(self.policy.spec)
+
+    def start(self, episode: Episode | None = None) -> None:
+        """Begin an episode, by default the one that is shown."""
+        start(self.policy, episode or self.shown.episode)
+
+    def ask(self, index: int, *, observation: Mapping[str, Any] | None = None, **query: Any) -> Actions:
+        """Return the answer to query ``index``, from a copy of the observation.
+
+        Args:
+            index: Number of the query.
+            observation: Entries that replace those of the observation.
+            query: Fields that replace those of the query.
+        """
+        shown = {key: np.array(value) for key, value in self.shown.observations[index].items()}
+        return self.show(index, shown | dict(observation or {}), **query)
+
+    def show(self, index: int, observation: Observation, **query: Any) -> Actions:
+        """Return the answer to query ``index`` with this very observation."""
+        world = self.shown.episode.world
+        if world is not None:
+            world.restore(self.shown.states[index])
+        return ask(self.policy, observation, replace(self.shown.query(index), **query))
+
+    def item(self, index: int) -> BatchItem:
+        """Return query ``index`` as an item of a batch."""
+        observation = {key: np.array(value) for key, value in self.shown.observations[index].items()}
+        return BatchItem(observation, self.shown.query(index), self.shown.episode)
+
+    @property
+    def first(self) -> FirstAnswers:
+        """The answers to all queries of the first episode.
+
+        Raises:
+            LiberoMaxError: One was not answered; the same error each time.
+        """
+        if isinstance(self._first, LiberoMaxError):
+            raise self._first
+        return self._first
+
+    @cached_property
+    def _first(self) -> FirstAnswers | LiberoMaxError:
+        answers, seconds = [], []
+        try:
+            self.start()
+            for index in range(QUERIES):
+                began = time.perf_counter()
+                answers.append(self.ask(index))
+                seconds.append(time.perf_counter() - began)
+        except LiberoMaxError as error:
+            return error
+        return FirstAnswers(tuple(answers), tuple(seconds))
+
+    @cached_property
+    def actions(self) -> Actions:
+        """Every action of the first answers, (N, 7)."""
+        return np.concatenate(self.first.answers)
+
+    @cached_property
+    def executed(self) -> NDArray[Any]:
+        """Those of them that would be executed, (N, 7)."""
+        return np.concatenate([answer[: self.policy.spec.query_interval] for answer in self.first.answers])
+
+    @cached_property
+    def inputs(self) -> Inputs | None:
+        """What the model is given of a marked observation; None for a policy that does not offer it."""
+        observation = marked_observation(self.shown.observations[0])
+        self.start()
+        arrays = model_inputs(self.policy, observation, self.shown.query(0))
+        return None if arrays is None else read_inputs(arrays, observation)
+
+
+def open_policy(
+    reference: str,
+    *,
+    horizon: int | None = None,
+    query_interval: int | None = None,
+    profile: str | None = None,
+    substrate: str = "embedded",
+) -> PolicySubject:
+    """Load a policy, and show it the first scene of the ``smoke`` track that it plays.
+
+    A world that a privileged policy reads stays open as long as the process.
+
+    Raises:
+        AdapterError: It cannot be loaded, or wants a camera that the scene does not have.
+    """
+    from pytest_libero_max.policies.loading import check_reference, load_policy
+    from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
+    from pytest_libero_max.worlds.threads import use_one_blas_thread
+
+    use_one_blas_thread()  # as in every process that plays: its threads change last bits
+    check_reference(reference, profile, None)
+    policy = load_policy(reference, horizon=horizon, query_interval=query_interval, profile=profile)
+    case, chosen = _case_for(policy), chosen_substrate(substrate)
+    opened = open_substrate(chosen.name, chosen.options)
+    if policy.spec.privileged:
+        shown = _observe(policy, opened.world(case), case)
+    else:
+        with closing(opened):
+            shown = _observe(policy, opened.world(case), case)
+    loading = {
+        "reference": reference,
+        "horizon": horizon,
+        "query_interval": query_interval,
+        "profile": profile,
+        "substrate": substrate,
+    }
+    return PolicySubject(policy, shown, loading)
+
+
+def _observe(policy: Policy, world: World, case: Case) -> Shown:
+    check_cameras(policy, world)
+    return observe(policy, world, case.suite)
+
+
+def _case_for(policy: Policy) -> Case:
+    """Return the first case of ``smoke`` that the policy supports; every suite is in that track."""
+    from pytest_libero_max.benchmark.tracks import load_track
+
+    cases = load_track("smoke").cases
+    case = next((case for case in cases if policy.spec.supports(case.suite)), None)
+    if case is None:
+        raise AdapterError.seen("suites", policy.spec.suites, " has no case in the track smoke.")
+    return case

@@ -1,0 +1,55 @@
+"""The rules: those of this package, and those of other packages."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from pytest_libero_max.conformance.rules import Rule
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.registry import Registry
+
+_MODULES = (
+    "policy.contract",
+    "policy.actions",
+    "policy.chunk",
+    "policy.determinism",
+    "policy.memory",
+    "policy.inputs",
+    "policy.images",
+    "substrate.contract",
+    "substrate.states",
+    "substrate.images",
+)
+"""Modules with rules, in the order in which rules are examined."""
+
+
+def _own() -> Mapping[str, Callable[[], object]]:
+    from pytest_libero_max.conformance.substrate.events import EVENT_RULES
+
+    modules = (importlib.import_module(f"{__package__}.{name}") for name in _MODULES)
+    values = [value for module in modules for value in vars(module).values()]
+    rules = [value for value in values if isinstance(value, Rule)] + [*EVENT_RULES]
+    return {rule.id: partial(_same, rule) for rule in rules}
+
+
+def _same(rule: Rule) -> Rule:
+    return rule
+
+
+def _accept(name: str, value: object) -> Rule:
+    if not isinstance(value, Rule):
+        raise ValueError("it is no Rule; write a function that yields findings below @rule(id, level)")
+    return value
+
+
+RULES: Registry[Rule] = Registry(
+    "rule", "pytest_libero_max.rules", _own, _accept, OptionError, attribute="id"
+)
+"""Every rule by its id."""
+
+
+def rules_for(kind: str) -> tuple[Rule, ...]:
+    """Return the rules for subjects of a kind, in the order in which they are examined."""
+    return tuple(RULES[id] for id in RULES if id.partition("/")[0] == kind)

@@ -1,0 +1,151 @@
+"""What a subject's examination found, as the document that is stored and shown."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from typing import Final, Literal
+
+from pytest_libero_max.benchmark.structs import AnyText, Count, Document, Text, decode, to_builtins
+from pytest_libero_max.conformance.expected import Expected
+from pytest_libero_max.conformance.rules import Outcome
+
+CONFORMANCE_VERSION: Final = 1
+"""Version of the document's form."""
+
+CONFORMANCE_NAME = "conformance.json"
+BADGE_NAME = "conformance-badge.json"
+
+
+class FindingResult(Document, frozen=True, kw_only=True):
+    """What was found of a rule, of the whole subject or of one part of it."""
+
+    state: Literal["kept", "broken", "unexamined"]
+    """What it is."""
+    observed: AnyText
+    """What was seen, or why nothing could be."""
+    expected: AnyText = ""
+    """The rule, in words; empty unless it is broken."""
+    cure: AnyText = ""
+    """The likely mistake and its cure; empty where there is none."""
+    part: AnyText = ""
+    """The part of the subject; empty for the whole."""
+
+
+class RuleResult(Document, frozen=True, kw_only=True):
+    """A rule, and what was found of it."""
+
+    id: Text
+    """Its id, ``KIND/AREA/NAME``."""
+    level: Literal["must", "should", "note"]
+    """``must`` decides the exit status."""
+    title: Text
+    """The rule in words."""
+    state: Literal["kept", "broken", "unexamined"]
+    """``broken`` if any finding is."""
+    findings: list[FindingResult]
+    """All findings, in order."""
+    expected_to_break: Text | None = None
+    """Why it is expected to be broken, where a file says so."""
+
+    @classmethod
+    def of(cls, outcome: Outcome, expected: Expected | None = None) -> RuleResult:
+        """Return the result of a rule's outcome."""
+        rule = outcome.rule
+        return cls(
+            id=rule.id,
+            level=rule.level,
+            title=rule.title,
+            state=outcome.state,
+            findings=[FindingResult(**asdict(finding)) for finding in outcome.findings],
+            expected_to_break=None if expected is None else str(expected),
+        )
+
+
+class Conformance(Document, frozen=True, kw_only=True):
+    """What the examination of a subject found."""
+
+    schema_version: Literal[1] = CONFORMANCE_VERSION
+    """Version of this document's form."""
+    subject: Text
+    """Kind and name, for example ``policy:expert``."""
+    package: Text
+    """Version of this package, whose rules they are."""
+    substrate: Text | None = None
+    """Substrate of the scene that a policy was shown; None for other subjects."""
+    conforms: bool | None
+    """False if a rule of level ``must`` is broken that was not expected to be; else True, or None where not
+    every rule was run."""
+    not_run: list[Text]
+    """Ids of rules that were left out: deselected, or not examined before the session ended."""
+    counts: dict[str, Count]
+    """Number of rules by what was found: ``kept``, ``broken must``, ``broken should``, ``broken note``,
+    ``unexamined``."""
+    rules: list[RuleResult]
+    """The rules that were examined, in their order."""
+
+
+def conformance(
+    subject: str, results: Mapping[str, RuleResult], all_rules: Iterable[str], substrate: str | None = None
+) -> Conformance:
+    """Return the document of the results of a subject's rules, by id.
+
+    Args:
+        subject: Kind and name.
+        results: Those that were examined.
+        all_rules: Ids of all rules of its kind, in order.
+        substrate: Of the scene that a policy was shown.
+    """
+    ids = list(all_rules)
+    rules = [results[id] for id in ids if id in results]
+    counts = dict.fromkeys(("kept", "broken must", "broken should", "broken note", "unexamined"), 0)
+    for rule in rules:
+        counts[f"broken {rule.level}" if rule.state == "broken" else rule.state] += 1
+    broken = any(
+        rule.state == "broken" and rule.level == "must" and rule.expected_to_break is None for rule in rules
+    )
+    not_run = [id for id in ids if id not in results]
+    return Conformance(
+        subject=subject,
+        package=version("pytest-libero-max"),
+        substrate=substrate,
+        conforms=False if broken else None if not_run else True,
+        not_run=not_run,
+        counts=counts,
+        rules=rules,
+    )
+
+
+def conformance_json(document: Conformance) -> str:
+    """Return the document as it is stored."""
+    return json.dumps(to_builtins(document), indent=1, allow_nan=False) + "\n"
+
+
+def files(document: Conformance) -> dict[str, str]:
+    """Return the files of an examination by name."""
+    return {CONFORMANCE_NAME: conformance_json(document), BADGE_NAME: badge(document)}
+
+
+def read_conformance(text: str) -> Conformance:
+    """Return a stored document.
+
+    Raises:
+        ReportError: It is none.
+    """
+    return decode(text.encode(), Conformance)
+
+
+def badge(document: Conformance) -> str:
+    """Return a badge for a README, in the form that shields.io reads from an address (endpoint)."""
+    counts = document.counts
+    examined = len(document.rules) - counts["unexamined"]
+    message = f"{counts['kept']} of {examined} rules kept"
+    if document.conforms is False:
+        message += f", {counts['broken must']} must broken"
+    if document.not_run:
+        message += f", {len(document.not_run)} not run"
+    color = "14708a" if document.conforms else "8794a1"
+    label = f"LIBERO-MAX conformance, {document.subject}"
+    return json.dumps({"schemaVersion": 1, "label": label, "message": message, "color": color}) + "\n"

@@ -1,0 +1,98 @@
+"""Subjects by their names on the command line, for example ``policy:expert`` or ``substrate:embedded``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from pytest_libero_max.conformance.registry import rules_for
+from pytest_libero_max.conformance.rules import Examination
+from pytest_libero_max.errors import OptionError
+
+KINDS = {
+    "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
+    "substrate": "a substrate, as for --libero-max-substrate",
+}
+"""Kinds of subjects, and what follows the colon."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A subject that is not opened yet."""
+
+    kind: str
+    name: str
+
+    @classmethod
+    def read(cls, text: str) -> Subject:
+        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy.
+
+        Raises:
+            ValueError: It names nothing.
+        """
+        kind, colon, name = text.partition(":")
+        subject = cls(kind, name.strip()) if colon and kind in KINDS else cls("policy", text.strip())
+        if not subject.name:
+            raise ValueError(f"expected a policy, or {' or '.join(f'{kind}:NAME' for kind in KINDS)}")
+        return subject
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.name}"
+
+    def check(self, profile: str | None = None) -> None:
+        """Check that the name leads somewhere, without loading anything.
+
+        Raises:
+            LiberoMaxError: It leads nowhere.
+        """
+        if self.kind == "policy":
+            from pytest_libero_max.policies.loading import check_reference
+
+            check_reference(self.name, profile, None)
+        else:
+            from pytest_libero_max.substrates.registry import chosen_substrate
+
+            try:
+                chosen_substrate(self.name)
+            except ValueError as error:
+                raise OptionError(f"conform={str(self)!r}: {error}") from None
+
+
+def examination(
+    subject: Subject,
+    *,
+    horizon: int | None = None,
+    query_interval: int | None = None,
+    profile: str | None = None,
+    substrate: str = "embedded",
+) -> Examination:
+    """Return the examination of a subject by all rules of its kind; nothing is opened yet.
+
+    Args:
+        subject: To examine.
+        horizon: Of a policy; None for the one that it declares.
+        query_interval: Likewise.
+        profile: Of a policy behind a server.
+        substrate: Substrate of the scene that a policy is shown.
+    """
+    opens: Callable[[], Any]
+    if subject.kind == "policy":
+        from pytest_libero_max.conformance.policy.subject import open_policy
+
+        def opens() -> object:
+            return open_policy(
+                subject.name,
+                horizon=horizon,
+                query_interval=query_interval,
+                profile=profile,
+                substrate=substrate,
+            )
+
+    else:
+        from pytest_libero_max.conformance.substrate.subject import open_subject
+
+        def opens() -> object:
+            return open_subject(subject.name)
+
+    return Examination(opens, rules_for(subject.kind))

@@ -1,0 +1,149 @@
+"""Rules of the contract of worlds: members, actions and their meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
+from pytest_libero_max.errors import ActionError, SubstrateError, counted
+from pytest_libero_max.worlds.contract import CONTROL_HZ, NOOP_ACTION, OnMujoco, World
+
+OPENS = "substrate/contract/opens"
+
+_STEPS = 6
+"""Steps of a movement in one direction."""
+
+_LEAST_M = 0.01
+"""Least way of the hand in them, m: 1.7 mm a step, where a full action asks for up to 5 cm."""
+
+
+@rule(OPENS, "must")
+def opens(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Open, and build the world of a first case with every member of a world."""
+    world = subject.world
+    if not isinstance(world, World):
+        members = sorted(name for name in dir(World) if not name.startswith("_") and not hasattr(world, name))
+        yield broken(
+            f"{type(world).__name__} lacks {', '.join(members)}",
+            "every member of pytest_libero_max.worlds.contract.World",
+            "Add them.",
+        )
+        return
+    yield kept(f"{world.scene}; {counted(len(subject.cases), 'case')} of its track can be played")
+
+
+@rule("substrate/contract/actions", "must", needs=OPENS)
+def refuses_actions(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Refuse an action of another shape or that is not finite, with an ActionError."""
+    world = subject.begin()
+    before = world.digest()
+    for what, action in (
+        ("an action of six components", NOOP_ACTION[:6]),
+        ("an action with NaN", (np.nan, *NOOP_ACTION[1:])),
+        ("an action with infinity", (0.0, np.inf, *NOOP_ACTION[2:])),
+    ):
+        try:
+            world.step(action)
+        except ActionError:
+            pass
+        except Exception as error:  # a substrate of others may raise anything
+            yield broken(
+                f"{what} raised {type(error).__name__}: {error}", "an ActionError", "Check actions in step()."
+            )
+        else:
+            yield broken(f"{what} was played", "an ActionError", "Check actions in step().")
+    if world.digest() != before:
+        yield broken(
+            "a refused action altered the world",
+            "a world as it was",
+            "Check actions first.",
+        )
+        return
+    yield kept("actions of another shape and that are not finite are refused")
+
+
+@rule("substrate/contract/inits", "must", needs=OPENS)
+def refuses_inits(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Refuse an initial state that the scene does not have, with a SubstrateError."""
+    world = subject.world
+    for init in (-1, 10**6):
+        try:
+            world.reset(init)
+        except SubstrateError:
+            continue
+        except Exception as error:  # a substrate of others may raise anything
+            yield broken(
+                f"reset({init}) raised {type(error).__name__}: {error}",
+                "a SubstrateError",
+                "Check the index in reset().",
+            )
+        else:
+            yield broken(
+                f"reset({init}) was played", "a SubstrateError", "An index from the end is a wrong case."
+            )
+        return
+    yield kept("initial states that do not exist are refused")
+
+
+@rule("substrate/contract/rate", "must", needs=OPENS)
+def control_rate(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Advance the simulator by 50 ms in a step."""
+    world = subject.begin()
+    if not isinstance(world, OnMujoco):
+        yield unexamined("the world has no clock of MuJoCo")
+        return
+    before = world.data.time
+    for _ in range(CONTROL_HZ):
+        world.step(NOOP_ACTION)
+    seconds = world.data.time - before
+    if abs(seconds - 1.0) < 1e-6:
+        yield kept(f"{CONTROL_HZ} steps take {seconds:.3f} s of simulated time")
+        return
+    yield broken(
+        f"{CONTROL_HZ} steps take {seconds:.3f} s of simulated time",
+        "1 s",
+        f"The control rate of LIBERO is {CONTROL_HZ} Hz: its budgets of steps are times.",
+    )
+
+
+@rule("substrate/contract/directions", "must", needs=OPENS)
+def directions(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Move the hand along the axis of the world that an action names."""
+    for axis, name in enumerate("xyz"):
+        for sign in (1.0, -1.0):
+            world = subject.begin()
+            start = np.array(world.end_effector())
+            action = np.array(NOOP_ACTION)
+            action[axis] = sign
+            for _ in range(_STEPS):
+                world.step(action)
+            way = np.asarray(world.end_effector()) - start
+            if sign * way[axis] < _LEAST_M or abs(way[axis]) < np.abs(way).max():
+                yield broken(
+                    f"{_STEPS} actions of {sign:+.0f} in {name} move the hand by "
+                    f"({', '.join(f'{value:+.3f}' for value in way)}) m",
+                    f"{sign * _LEAST_M:+.2f} m in {name} at least, more than in any other direction",
+                    "The order, the sign or the frame of the action differs.",
+                )
+                return
+    yield kept("an action moves the hand along the axis that it names")
+
+
+@rule("substrate/contract/gripper", "must", needs=OPENS)
+def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Close the gripper with +1, and open it with -1."""
+    world = subject.begin()
+    openings = []
+    for sign in (-1.0, 1.0, -1.0):
+        for _ in range(10):
+            world.step((*NOOP_ACTION[:6], sign))
+        openings.append(float(np.abs(world.observe(())["robot0_gripper_qpos"]).sum()))
+    opened, closed, again = openings
+    text = f"openings after -1, +1, -1: {opened:.3f}, {closed:.3f}, {again:.3f} m"
+    if closed < 0.5 * opened and again > 2 * closed:
+        yield kept(text)
+        return
+    yield broken(text, "a small one after +1 only", "The sign of the gripper is the wrong way round.")

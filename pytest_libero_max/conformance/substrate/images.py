@@ -1,0 +1,157 @@
+"""Rules for observations: keys, shapes, orientation, and images that stay the same in the same state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.substrate.contract import OPENS
+from pytest_libero_max.conformance.substrate.states import RESTORE
+from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Array, OnMujoco
+from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
+
+KEYS = "substrate/images/keys"
+
+STATE_SHAPES = {
+    "robot0_eef_pos": (3,),
+    "robot0_eef_quat": (4,),
+    "robot0_gripper_qpos": (2,),
+    "robot0_gripper_qvel": (2,),
+    "robot0_joint_pos": (7,),
+    "robot0_joint_vel": (7,),
+}
+"""The robot's state in an observation, by LIBERO's keys."""
+
+_SIDE = 128
+Points = list[tuple[float, float]]
+
+
+@rule(KEYS, "must", needs=OPENS)
+def keys(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Observe LIBERO's keys, each in its shape."""
+    observation = subject.begin().observe(CAMERAS, (96, _SIDE))
+    shapes = STATE_SHAPES | {f"{camera}_image": (96, _SIDE, 3) for camera in CAMERAS}
+    wrong = [
+        f"{key} {observation[key].shape if key in observation else 'missing'}"
+        for key, shape in shapes.items()
+        if key not in observation or observation[key].shape != shape
+    ]
+    wrong += [
+        f"{camera}_image of {observation[f'{camera}_image'].dtype}"
+        for camera in CAMERAS
+        if f"{camera}_image" in observation and observation[f"{camera}_image"].dtype != np.uint8
+    ]
+    if wrong:
+        yield broken(
+            ", ".join(wrong), "LIBERO's keys and shapes, images (H, W, 3) uint8", "Rename and reshape."
+        )
+        return
+    yield kept(f"{len(shapes)} keys in their shapes")
+
+
+@rule("substrate/images/same", "must", needs=KEYS)
+def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Draw the same pixels in the same state: twice, and after steps that restore() took back."""
+    world = subject.begin()
+    first = world.observe(CAMERAS, _SIDE)
+    again = world.observe(CAMERAS, _SIDE)
+    state = world.snapshot()
+    for action in ACTIONS:
+        world.step(action)
+    moved = world.observe(CAMERAS, _SIDE)
+    world.restore(state)
+    after = world.observe(CAMERAS, _SIDE)
+    for camera in CAMERAS:
+        key = f"{camera}_image"
+        for what, other in (("drawn twice", again), ("drawn after restore()", after)):
+            if not np.array_equal(first[key], other[key]):
+                yield broken(
+                    f"{key} {what} differs in {int((first[key] != other[key]).any(axis=2).sum())} pixels",
+                    "the same pixels",
+                    "Something that is drawn is not part of the state.",
+                )
+                return
+        if np.array_equal(first[key], moved[key]):
+            yield broken(
+                f"{key} is the same after {len(ACTIONS)} steps",
+                "another image",
+                "An old image is returned.",
+            )
+            return
+    yield kept("the same state has the same pixels, another one has others")
+
+
+@rule("substrate/images/physics", "must", needs=KEYS)
+def drawing_alters_nothing(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Leave the state as it is when images are drawn."""
+    world = subject.begin()
+    before = world.digest()
+    world.observe(CAMERAS, _SIDE)
+    if world.digest() == before:
+        yield kept("drawing alters nothing")
+        return
+    yield broken("the digest changed when images were drawn", "the same digest", "Draw from a copy.")
+
+
+@rule("substrate/images/rows", "must", needs=RESTORE)
+def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Deliver images bottom row first, not mirrored, as LIBERO does."""
+    world = subject.begin()
+    if not isinstance(world, OnMujoco):
+        yield unexamined("the pose of the camera is known of worlds on MuJoCo alone")
+        return
+    places, images = [], []
+    for axis, sign in ((1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)):
+        world = subject.begin()
+        action = np.array(NOOP_ACTION)
+        action[axis] = sign
+        for _ in range(4):
+            world.step(action)
+        assert isinstance(world, OnMujoco)
+        position, rotation, angle = pose_of_camera(world, CAMERAS[0])
+        x, y, z = (np.asarray(world.end_effector()) - position) @ rotation
+        focal = 0.5 * _SIDE / np.tan(0.5 * angle)
+        place = (_SIDE / 2 - focal * y / z, _SIDE / 2 - focal * x / z)
+        if z < 0.0 and min(place) > 0.0 and max(place) < _SIDE:
+            places.append(place)
+            images.append(world.observe(CAMERAS[:1], _SIDE)[f"{CAMERAS[0]}_image"].astype(float))
+    if len(places) < 3:
+        yield unexamined("the hand leaves the view of the main camera within four steps")
+        return
+    hands = [_what_only_this_shows(images, number) for number in range(len(images))]
+    turns = {
+        "bottom row first": (1, 1),
+        "top row first": (-1, 1),
+        "bottom row first and mirrored": (1, -1),
+        "top row first and mirrored": (-1, -1),
+    }
+    likeness = {name: _likeness(hands, places, turn) for name, turn in turns.items()}
+    best = max(likeness, key=lambda name: likeness[name])
+    if best == "bottom row first":
+        yield kept("images come bottom row first, as OpenGL delivers them")
+        return
+    yield broken(
+        f"images come {best}",
+        "bottom row first, so that image[::-1] is upright",
+        "Policies rotate images by 180 degrees: an image that is upright already arrives upside down.",
+    )
+
+
+def _what_only_this_shows(images: list[Array], number: int) -> tuple[float, float]:
+    """Return the row and the column around which an image differs from each of the others: the hand."""
+    others = [image for other, image in enumerate(images) if other != number]
+    weights = np.min([np.abs(images[number] - image).sum(axis=2) for image in others], axis=0)
+    rows, columns = np.indices(weights.shape)
+    total = max(float(weights.sum()), 1e-9)
+    return float((rows * weights).sum()) / total, float((columns * weights).sum()) / total
+
+
+def _likeness(
+    hands: list[tuple[float, float]], places: list[tuple[float, float]], turn: tuple[int, int]
+) -> float:
+    """Return how well the movements of the hand from image to image fit those of its places, if turned."""
+    seen, meant = (np.array(points) - np.mean(points, axis=0) for points in (hands, places))
+    return float((seen * meant * turn).sum())

@@ -1,0 +1,254 @@
+"""Rules for states: a reset starts over, a snapshot holds everything, and both arrive at the same bits."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.substrate.contract import OPENS
+from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
+from pytest_libero_max.worlds.contract import OnMujoco, World
+
+_STATE = ("qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos")
+"""Arrays of MuJoCo's state, of each of which some elements are written to."""
+
+COPIES = "substrate/states/aliases"
+RESTORE = "substrate/states/restore"
+
+FRESH_S = 600.0
+"""Longest time of the fresh process, s: it builds one world."""
+
+
+def play(world: World, first: int = 0) -> list[str]:
+    """Play the actions from ``first`` on, and return the digest after each step."""
+    digests = []
+    for action in ACTIONS[first:]:
+        world.step(action)
+        digests.append(world.digest().hex())
+    return digests
+
+
+def beginning(subject: SubstrateSubject) -> dict[str, object]:
+    """Return what a process must find again of the first world: poses, digests, and content of the scene."""
+    world = subject.begin()
+    poses = {name: np.concatenate(world.pose(name)).tolist() for name in sorted(world.entities)}
+    return {
+        "poses": poses,
+        "fields": dict(world.scene_fields()),
+        "digests": [world.digest().hex(), *play(world)],
+    }
+
+
+@rule("substrate/states/steps", "must", needs=OPENS)
+def same_steps(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Arrive at the same bits from the same initial state with the same actions."""
+    first, second = (play(subject.begin()) for _ in range(2))
+    if first == second:
+        yield kept(f"{len(first)} steps, played twice, have the same digests")
+        return
+    step = next(index for index, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1])
+    yield broken(
+        f"the second time, step {step} has another digest",
+        "equal digests",
+        "Something of the simulator outlives a reset: warm starts, controllers, random numbers.",
+    )
+
+
+@rule("substrate/states/index", "must", needs=OPENS)
+def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Choose the initial state by its index, not by the number of resets."""
+    world = subject.world
+    digests = []
+    for init in (0, 1, 0, 0):
+        world.reset(init)
+        digests.append(world.digest())
+    if digests[0] == digests[2] == digests[3]:
+        differ = "differ" if digests[0] != digests[1] else "are equal"
+        yield kept(f"reset(0) is the same after other resets; initial states 0 and 1 {differ}")
+        return
+    yield broken(
+        "reset(0) begins elsewhere after other resets",
+        "the same bits",
+        "Take initial state `init` of the list, not the next one, and draw nothing.",
+    )
+
+
+@rule("substrate/states/process", "must", needs="substrate/states/steps")
+def fresh_process(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Build the same scene, with every thing in the same place, in another process."""
+    here = beginning(subject)
+    if not subject.name:
+        yield unexamined("the substrate is an object of this process")
+        return
+    from pytest_libero_max.runs.fresh_place import fresh_place
+
+    with fresh_place() as (folder, environment):
+        command = [sys.executable, "-m", f"{__package__}.beginning", subject.name, "beginning.json"]
+        environment["PYTHONHASHSEED"] = "20"
+        ended = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=FRESH_S
+        )
+        if ended.returncode:
+            last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
+            yield broken(
+                f"the other process ended with status {ended.returncode}: {last}",
+                "the same scene",
+                "The substrate needs something of this process or its home.",
+            )
+            return
+        there = json.loads((folder / "beginning.json").read_text(encoding="utf-8"))
+    yield _compared(json.loads(json.dumps(here)), there)
+
+
+def _compared(here: Any, there: Any) -> Finding:
+    moved = [name for name, pose in here["poses"].items() if there["poses"].get(name) != pose]
+    fields = [name for name, digest in here["fields"].items() if there["fields"].get(name) != digest]
+    if not moved and not fields and here["digests"] == there["digests"]:
+        return kept("another process has the same scene, and the same digests after each step")
+    if moved:
+        observed = f"in another process {', '.join(moved)} stand elsewhere"
+    elif fields:
+        observed = f"in another process the scene differs in {', '.join(fields)}"
+    else:
+        observed = "in another process the digests of the steps differ"
+    return broken(
+        observed,
+        "the same scene, bit for bit",
+        "A set, a hash, a listing of a folder or a random number decides what is built.",
+    )
+
+
+@rule(COPIES, "must", needs=OPENS)
+def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Copy the state into a snapshot, so that the live world does not alter it."""
+    world = subject.begin()
+    state = world.snapshot()
+    before = [
+        state.physics.tobytes(),
+        state.controller.tobytes(),
+        *(a.tobytes() for a in state.model.values()),
+    ]
+    play(world)
+    after = [
+        state.physics.tobytes(),
+        state.controller.tobytes(),
+        *(a.tobytes() for a in state.model.values()),
+    ]
+    if before == after:
+        yield kept("a snapshot stays as it was while the world goes on")
+        return
+    yield broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
+
+
+@rule(RESTORE, "must", needs=COPIES)
+def restore(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Return to a snapshot bit for bit, and go on as if nothing had been in between."""
+    world = subject.begin()
+    for action in ACTIONS[:10]:
+        world.step(action)
+    state, digest = world.snapshot(), world.digest()
+    onward = play(world, 10)
+    world.restore(state)
+    if world.digest() != digest:
+        yield broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
+    elif play(world, 10) != onward:
+        yield broken(
+            "after restore() the same actions lead elsewhere",
+            "the digests of the first time (fork equals replay)",
+            "The snapshot lacks something that the future depends on: warm starts, controllers, filters, "
+            "the environment's own fields.",
+        )
+    else:
+        yield kept(f"after restore(), {len(onward)} steps have the same digests")
+
+
+@rule("substrate/states/complete", "must", needs=RESTORE)
+def complete(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Cover by the digest, and bring back with restore(), everything of the simulator's state."""
+    world = subject.begin()
+    if not isinstance(world, OnMujoco):
+        yield unexamined("the world has no state of MuJoCo to write to")
+        return
+    play(world)
+    state, digest = world.snapshot(), world.digest()
+    missed, left = [], []
+    for name in (
+        "qpos",
+        "qvel",
+        "act",
+        "qacc_warmstart",
+        "ctrl",
+        "qfrc_applied",
+        "xfrc_applied",
+        "mocap_pos",
+    ):
+        array = getattr(world.data, name)
+        for place in range(0, array.size, max(1, array.size // 8)):
+            array.flat[place] += 1e-9 + abs(array.flat[place]) * 1e-9
+            if world.digest() == digest:
+                missed.append(f"{name}[{place}]")
+            world.restore(state)
+            if world.digest() != digest:
+                left.append(f"{name}[{place}]")
+    if missed or left:
+        parts = [f"the digest does not cover {', '.join(missed)}"] * bool(missed)
+        parts += [f"restore() leaves {', '.join(left)}"] * bool(left)
+        yield broken(
+            " and ".join(parts),
+            "a digest and a snapshot of the whole integration state",
+            "Take mjSTATE_INTEGRATION, not qpos and qvel.",
+        )
+        return
+    yield kept("writes to MuJoCo's state change the digest, and restore() takes them back")
+
+
+@rule("substrate/states/writes", "must", needs=RESTORE)
+def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Notice and undo what was written to the model from outside."""
+    world = subject.begin()
+    if not isinstance(world, OnMujoco):
+        yield unexamined("the world has no model of MuJoCo to write to")
+        return
+    world.take_back_writes()
+    mass, gravity = world.model.body_mass.copy(), np.array(world.model.opt.gravity)
+    world.model.body_mass[-1] *= 1.5
+    world.model.opt.gravity[2] = -1.0
+    named = world.take_back_writes()
+    world = subject.begin()
+    assert isinstance(world, OnMujoco)
+    undone = np.array_equal(world.model.body_mass, mass) and np.array_equal(world.model.opt.gravity, gravity)
+    if {"body_mass", "opt.gravity"} <= {*named} and undone:
+        yield kept("writes to fixed fields of the model are named and undone")
+        return
+    yield broken(
+        f"of body_mass and opt.gravity, take_back_writes() names {', '.join(named) or 'none'}"
+        f"{'' if undone else ', and they stay'}",
+        "both, undone",
+        "A policy that writes to the model plays in another world than its neighbours.",
+    )
+
+
+@rule("substrate/states/success", "must", needs=OPENS)
+def not_yet_done(subject: SubstrateSubject) -> Iterator[Finding]:
+    """Hold the goal for not reached at the beginning of an episode."""
+    for case in _one_a_suite(subject):
+        if subject.begin(case).succeeded():
+            yield broken(
+                f"{case.case_id}: the goal holds at the beginning",
+                "a goal that is still to be reached",
+                "The goal's predicates, or the initial states, are those of another task.",
+            )
+            return
+    yield kept("no goal holds at the beginning of an episode")
+
+
+def _one_a_suite(subject: SubstrateSubject) -> list[Case]:
+    cases = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
+    return [*cases.values()]

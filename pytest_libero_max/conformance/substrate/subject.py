@@ -1,0 +1,85 @@
+"""A substrate as the subject of rules: its worlds, and the cases of its default track that it plays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.pairing.changing import begin_world
+from pytest_libero_max.substrates.contract import Substrate
+from pytest_libero_max.worlds.contract import Array, World
+
+ACTIONS: Array = np.random.default_rng(20).uniform(-1.0, 1.0, (20, 7))
+"""(20, 7) actions that every world is played with; the first seed that was tried."""
+
+
+@dataclass(frozen=True)
+class SubstrateSubject:
+    """An open substrate."""
+
+    substrate: Substrate
+    cases: tuple[Case, ...]
+    """The cases of its default track that can be played here; empty where it plays none."""
+    name: str = ""
+    """Name by which another process opens it; empty where it is an object of this one."""
+
+    @property
+    def case(self) -> Case:
+        """The first case that it plays; of a substrate that plays none, the first of the track ``smoke``."""
+        return self.cases[0] if self.cases else load_track("smoke").cases[0]
+
+    @property
+    def world(self) -> World:
+        """The world of that case."""
+        return self.substrate.world(self.case)
+
+    def begin(self, case: Case | None = None) -> World:
+        """Return the world of a case, by default the first, at the beginning of its episode."""
+        case = case or self.case
+        world = self.substrate.world(case)
+        if self.cases:
+            begin_world(case, world)
+        else:
+            world.reset(0)
+        return world
+
+    def case_of(self, event: str) -> Case | None:
+        """Return the first case of an event that it plays; None where there is none."""
+        return next((case for case in self.cases if case.event.name == event), None)
+
+
+def open_subject(name: str) -> SubstrateSubject:
+    """Open a substrate, see :func:`.chosen_substrate`.
+
+    Raises:
+        SubstrateError: It cannot be opened, or no case of its default tracks can be played here.
+    """
+    from pytest_libero_max.substrates.registry import SUBSTRATES, chosen_substrate
+    from pytest_libero_max.worlds.threads import use_one_blas_thread
+
+    use_one_blas_thread()
+    chosen = chosen_substrate(name)
+    kind = SUBSTRATES[chosen.name]
+    tracks = kind.tracks(chosen.options)
+    lacking: Mapping[str, str] = {}
+    for track in tracks.defaults:
+        cases = load_track(tracks.name(track)).cases
+        lacking = kind.lacking(chosen.options, cases)
+        playable = tuple(case for case in cases if case.case_id not in lacking)
+        if playable:
+            break
+    if lacking and not playable:
+        reason = next(iter(lacking.values()))
+        raise SubstrateError(f"{name} plays no case of {' or '.join(tracks.defaults)}: {reason}")
+    substrate = kind.open(chosen.options)
+    return SubstrateSubject(substrate, playable if _fits(substrate, playable) else (), name)
+
+
+def _fits(substrate: Substrate, cases: Sequence[Case]) -> bool:
+    """Return True if the scene of the first case has the entity that the case names; a toy scene has not."""
+    return cases[0].event.entity in substrate.world(cases[0]).entities

@@ -1,0 +1,193 @@
+"""Tiny worlds with one mistake each, for the rules of substrates."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
+from pytest_libero_max.worlds.contract import CAMERAS, Array, ImageSize, WorldState
+
+
+class OneWorld:
+    """A substrate of one world."""
+
+    name = "tiny"
+
+    def __init__(self, world: TinyWorld) -> None:
+        self.only = world
+
+    def world(self, case: Case) -> TinyWorld:
+        return self.only
+
+    def fingerprint(self, images: bool = False) -> Mapping[str, str]:
+        return {}
+
+    def close(self) -> None:
+        self.only.close()
+
+
+class AcceptingAnything(TinyWorld):
+    def step(self, action: Sequence[float] | Array) -> None:
+        whole = np.zeros(7)
+        whole[: len(action)] = action
+        super().step(np.nan_to_num(whole, posinf=0.0))
+
+
+class WrappingInits(TinyWorld):
+    def reset(self, init: int) -> None:
+        super().reset(init % INITS)
+
+
+class TwiceAsFast(TinyWorld):
+    def step(self, action: Sequence[float] | Array) -> None:
+        super().step(action)
+        super().step(action)
+
+
+class Mirrored(TinyWorld):
+    def step(self, action: Sequence[float] | Array) -> None:
+        super().step(np.asarray(action, dtype=float) * [1, -1, 1, 1, 1, 1, 1] if len(action) == 7 else action)
+
+
+class ClosingAtMinusOne(TinyWorld):
+    def step(self, action: Sequence[float] | Array) -> None:
+        super().step(np.asarray(action, dtype=float) * [1, 1, 1, 1, 1, 1, -1] if len(action) == 7 else action)
+
+
+class Growing(TinyWorld):
+    """Moves a little less after each reset."""
+
+    resets = 0
+
+    def reset(self, init: int) -> None:
+        self.resets += 1
+        super().reset(init)
+
+    def _control_step(self, action: Array) -> bool:
+        return super()._control_step(action * (1.0 - 1e-6 * self.resets))
+
+
+class FromTheLast(TinyWorld):
+    """Counts initial states on from the last one."""
+
+    last = 0
+
+    def reset(self, init: int) -> None:
+        if 0 <= init < INITS:
+            init, self.last = (init + self.last) % INITS, init
+        super().reset(init)
+
+
+class Drifting(TinyWorld):
+    """Moves with what no snapshot holds."""
+
+    drift = 0
+
+    def reset(self, init: int) -> None:
+        self.drift = 0
+        super().reset(init)
+
+    def _control_step(self, action: Array) -> bool:
+        self.drift += 1
+        return super()._control_step(action + np.array([1e-6 * self.drift, 0, 0, 0, 0, 0, 0]))
+
+
+class Aliasing(TinyWorld):
+    """A snapshot shares the controller's state with the live world."""
+
+    live = np.zeros(1)
+
+    def snapshot(self) -> WorldState:
+        state = super().snapshot()
+        self.live = np.array(state.controller)
+        return replace(state, controller=self.live)
+
+    def _control_step(self, action: Array) -> bool:
+        self.live += 1.0
+        return super()._control_step(action)
+
+
+class PositionsAlone(TinyWorld):
+    """Digests positions and velocities, not the whole state."""
+
+    def digest(self) -> bytes:
+        return hashlib.sha256(self.data.qpos.tobytes() + self.data.qvel.tobytes()).digest()
+
+
+class LettingWritesBe(TinyWorld):
+    def take_back_writes(self) -> tuple[str, ...]:
+        return ()
+
+
+class Done(TinyWorld):
+    def succeeded(self) -> bool:
+        return True
+
+
+class Renamed(TinyWorld):
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        return {
+            key.replace("robot0_eef", "eef"): value for key, value in super().observe(cameras, size).items()
+        }
+
+
+class Upright(TinyWorld):
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        observation = super().observe(cameras, size)
+        return {key: value[::-1] if key.endswith("_image") else value for key, value in observation.items()}
+
+
+class Rotated(TinyWorld):
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        observation = super().observe(cameras, size)
+        return {
+            key: value[::-1, ::-1] if key.endswith("_image") else value for key, value in observation.items()
+        }
+
+
+class Flickering(TinyWorld):
+    """Draws its images with a generator of its own."""
+
+    def __init__(self) -> None:
+        self.generator = np.random.default_rng(0)
+        super().__init__()
+
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        observation = super().observe(cameras, size)
+        for camera in cameras:
+            observation[f"{camera}_image"][0, 0] = self.generator.integers(0, 256, 3)
+        return observation
+
+
+class StirringWhenDrawn(TinyWorld):
+    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        observation = super().observe(cameras, size)
+        if cameras:
+            self.data.qvel[-1] += 1e-9
+        return observation
+
+
+class Jostling(TinyWorld):
+    """Whatever is placed shakes the plate."""
+
+    def place(self, entity: str, *where: Any) -> None:
+        super().place(entity, *where)
+        if entity == "box_1":
+            position, orientation = self.pose("plate_1")
+            super().place("plate_1", position + np.array([0.001, 0, 0]), orientation)
+
+
+class Shaking(TinyWorld):
+    """A change of light moves the hand."""
+
+    def alter(self, field: str, index: int | slice, value: Any) -> None:
+        super().alter(field, index, value)
+        if field.startswith("light"):
+            self.data.qvel[0] += 1e-9
