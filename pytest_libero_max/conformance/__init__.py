@@ -1,8 +1,8 @@
 """Conformance: rules that a policy or a substrate must keep, each of which is one test.
 
 A :class:`Rule` examines one property of a *subject* and yields findings.
-``pytest --libero-max-conform`` makes each rule an item, and ``libero-max check`` prints the findings of the
-rules for policies.
+``pytest --libero-max-conform=SUBJECT`` makes each rule an item, and ``libero-max check`` prints the findings
+of the rules for policies.
 """
 
 from pytest_libero_max.conformance.rules import Finding, Rule, broken, kept, rule, unexamined

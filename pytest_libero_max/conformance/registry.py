@@ -18,6 +18,7 @@ _MODULES = (
     "policy.memory",
     "policy.inputs",
     "policy.images",
+    "server.clients",
     "substrate.contract",
     "substrate.states",
     "substrate.images",

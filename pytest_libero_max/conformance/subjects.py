@@ -12,6 +12,7 @@ from pytest_libero_max.errors import OptionError
 
 KINDS = {
     "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
+    "server": "the address of a policy server, with --libero-max-profile",
     "substrate": "a substrate, as for --libero-max-substrate",
 }
 """Kinds of subjects, and what follows the colon."""
@@ -50,6 +51,10 @@ class Subject:
             from pytest_libero_max.policies.loading import check_reference
 
             check_reference(self.name, profile, None)
+        elif self.kind == "server":
+            from pytest_libero_max.policies.clients.opening import require_profile
+
+            require_profile(self.name, profile)
         else:
             from pytest_libero_max.substrates.registry import chosen_substrate
 
@@ -88,6 +93,12 @@ def examination(
                 profile=profile,
                 substrate=substrate,
             )
+
+    elif subject.kind == "server":
+        from pytest_libero_max.conformance.server.subject import open_at
+
+        def opens() -> object:
+            return open_at(subject.name, profile, substrate)
 
     else:
         from pytest_libero_max.conformance.substrate.subject import open_subject

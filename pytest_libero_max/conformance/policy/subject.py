@@ -178,7 +178,7 @@ def open_policy(
     use_one_blas_thread()  # as in every process that plays: its threads change last bits
     check_reference(reference, profile, None)
     policy = load_policy(reference, horizon=horizon, query_interval=query_interval, profile=profile)
-    case, chosen = _case_for(policy), chosen_substrate(substrate)
+    case, chosen = first_case(policy), chosen_substrate(substrate)
     opened = open_substrate(chosen.name, chosen.options)
     if policy.spec.privileged:
         shown = _observe(policy, opened.world(case), case)
@@ -200,7 +200,7 @@ def _observe(policy: Policy, world: World, case: Case) -> Shown:
     return observe(policy, world, case.suite)
 
 
-def _case_for(policy: Policy) -> Case:
+def first_case(policy: Policy) -> Case:
     """Return the first case of ``smoke`` that the policy supports; every suite is in that track."""
     from pytest_libero_max.benchmark.tracks import load_track
 
