@@ -1,6 +1,10 @@
 from __future__ import annotations
 
+import os
 from functools import cache
+from pathlib import Path
+
+import pytest
 
 pytest_plugins = ["pytester"]
 
@@ -8,6 +12,16 @@ pytest_plugins = ["pytester"]
 def pytest_pycollect_makemodule() -> None:
     """Prepare with the first test module: whoever plays pairs in a clone loads this file alone."""
     _prepare()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what ``pytest -m quick`` runs."""
+    from tests.quick import slow_functions
+
+    for item in items:
+        name = f"{item.location[0]}::{getattr(item, 'originalname', '')}"
+        if Path(__file__).parent in item.path.parents and name not in slow_functions():
+            item.add_marker("quick")
 
 
 @cache
@@ -19,5 +33,10 @@ def _prepare() -> None:
     use_server()
 
     # A test fails for what it says, not because the machine was busy: no limit on the time of an example.
-    settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    settings.register_profile(
+        "untimed",
+        deadline=None,
+        max_examples=int(os.environ.get("LIBERO_MAX_TEST_EXAMPLES", "40")),
+        suppress_health_check=[HealthCheck.too_slow],
+    )
     settings.load_profile("untimed")

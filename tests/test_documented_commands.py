@@ -18,17 +18,15 @@ from tests.policies.forgetting import forget_adapter
 
 __all__ = ["short_sessions"]  # a fixture
 
-COMMANDS = documented()
-
 
 def test_every_documented_command_is_accepted(pytestconfig: pytest.Config) -> None:
     faults = [
         f"{command.document}: {command.text}\n    {fault}"
-        for command in dict.fromkeys(COMMANDS)
+        for command in dict.fromkeys(documented())
         if (fault := fault_of(command, pytestconfig)) is not None
     ]
     assert not faults, "\n" + "\n".join(faults)
-    texts = {command.text for command in COMMANDS}
+    texts = {command.text for command in documented()}
     assert len(texts) > 300
     assert {*NOT_YET} <= texts
 
@@ -98,7 +96,7 @@ READ_ALONE = (
 def test_what_reads_the_repository_runs_as_it_is_printed(
     text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert text in {command.text.partition("#")[0].strip() for command in COMMANDS}
+    assert text in {command.text.partition("#")[0].strip() for command in documented()}
     (tmp_path / "reports").symlink_to(ROOT / "reports")
     monkeypatch.chdir(tmp_path)
     program, *words = shlex.split(text)
@@ -142,7 +140,7 @@ def test_what_plays_and_looks_runs_as_it_is_printed(
     pytester.path.joinpath("tiny.json").write_text(json.dumps(manifest))
     played = [
         command.text
-        for command in COMMANDS
+        for command in documented()
         if command.document == document
         and not command.mention
         and command.text.startswith(ON_THE_TINY_SUBSTRATE[document])

@@ -42,8 +42,8 @@ class Request:
     environment: dict[str, str]
 
 
-class WarmProcess:
-    """A process that the server forked, with what its users need of :class:`subprocess.Popen`.
+class WarmProcess(subprocess.Popen[bytes]):
+    """A process that the server forked, with what its users need of its base, which is for children.
 
     Args:
         connection: To the server, which says there how the process ended.
@@ -52,10 +52,11 @@ class WarmProcess:
     """
 
     def __init__(self, connection: socket.socket, pid: int, streams: Sequence[IO[bytes] | None]) -> None:
+        self._child_created = False  # what the base asks when the object is collected
         self._connection = connection
         self.pid = pid
         self.stdin, self.stdout, self.stderr = streams
-        self.returncode: int | None = None
+        self.returncode = None
 
     def wait(self, timeout: float | None = None) -> int:
         """Return the exit status, negative for a signal.
@@ -84,7 +85,7 @@ class WarmProcess:
             os.kill(self.pid, signal.SIGKILL)
 
 
-def popen(words: Sequence[str | os.PathLike[str]], **how: Any) -> WarmProcess | subprocess.Popen[bytes]:
+def popen(words: Sequence[str | os.PathLike[str]], **how: Any) -> subprocess.Popen[bytes]:
     """Start a process as :class:`subprocess.Popen` does, from the server where that is possible."""
     path = address or _server()
     request = _request(words, how.get("env"))

@@ -23,6 +23,7 @@ from collections.abc import Mapping, Sequence
 import xdist
 from xdist import workermanage
 
+from pytest_libero_max.worlds import threads
 from tests import warm_processes
 from tests.warm_processes import Request
 
@@ -99,7 +100,10 @@ def _take(streams: Sequence[int]) -> None:
 
 def _same_start(environment: Mapping[str, str], before: Mapping[str, str]) -> bool:
     """Return whether an interpreter with this environment would have come to where this one is."""
-    names = {name for name in (*environment, *before) if name.startswith(READ_AT_START)} - {"PYTHONPATH"}
+    names = {name for name in (*environment, *before) if name.startswith(READ_AT_START)}
+    names -= {"PYTHONPATH", "PYTHONIOENCODING"}  # go_on() does what they say
+    if environment.get("OPENBLAS_NUM_THREADS") == "1":
+        names.discard("OPENBLAS_NUM_THREADS")
     return all(environment.get(name) in (before.get(name), os.environ.get(name)) for name in names)
 
 
@@ -127,6 +131,12 @@ def go_on(request: Request, installed: list[str]) -> None:
     own = filter(None, request.environment.get("PYTHONPATH", "").split(os.pathsep))
     sys.path[:] = dict.fromkeys([first, *own, *installed])
     workermanage._sys_path = list(sys.path)  # it keeps what it was imported with
+    if os.environ.get("OPENBLAS_NUM_THREADS") == "1":
+        threads.use_one_blas_thread()
+    encoding, _, errors = request.environment.get("PYTHONIOENCODING", "").partition(":")
+    if encoding:
+        # Not reconfigure(), which takes it to be as seekable as the server's own was.
+        sys.stdout = open(1, "w", encoding=encoding, errors=errors or None, closefd=False)  # noqa: SIM115
     sys.argv[:] = ["-c" if request.code else "-m", *request.arguments]
     if request.code:
         main = sys.modules["__main__"] = types.ModuleType("__main__")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,8 +98,8 @@ def _chance_by_task(gate: Gate, chances: Chances, planned: Sequence[PlannedPair]
     return chance_by_task(tasks, chances, lambda *ends: meets(gate, ends[at]))
 
 
-def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[int]:
-    """Return the numbers of pairs, of :data:`SIZES`, at which a gate tells a loss from none.
+def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> Iterator[int]:
+    """Yield the numbers of pairs, of :data:`SIZES`, at which a gate tells a loss from none.
 
     There a policy without an effect fails with at most :data:`FALSE_ALARM`, and one that loses so much passes
     with at most :data:`MISS`.
@@ -111,12 +111,12 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> list[in
         loss: Share of pairs lost by the effect and by chance.
     """
     alike, hurt = Chances(base, chance, chance), Chances(base, loss, chance)
-    return [
-        pairs
-        for pairs in SIZES
-        if chance_of_passing(gate, pairs, hurt) <= MISS
-        and chance_of_passing(gate, pairs, alike) >= 1 - FALSE_ALARM
-    ]
+    for pairs in SIZES:
+        if (
+            chance_of_passing(gate, pairs, hurt) <= MISS
+            and chance_of_passing(gate, pairs, alike) >= 1 - FALSE_ALARM
+        ):
+            yield pairs
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:
     found = []
     for text in (f"delta.lower >= -{100 * effect:g}%", f"delta >= -{50 * effect:g}%"):
         gate = parse_gate(text)
-        pairs = next(iter(useful_sizes(gate, base, chance, chance + effect)), None)
+        pairs = next(useful_sizes(gate, base, chance, chance + effect), None)
         hurt, alike = (Chances(base, loss, chance) for loss in (chance + effect, chance))
         size = pairs or SIZES[-1]
         found.append(

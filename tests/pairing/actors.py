@@ -18,7 +18,7 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, ImageSize, Observation
 
-BUDGET = 50
+BUDGET = 24
 """Policy steps of an episode here: everything that these tests want to see happens before."""
 
 CHANGES = {
@@ -30,7 +30,7 @@ DOWN = (0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
 
 
 class ShortCase(Case):
-    """A case with a budget of 50 steps."""
+    """A case with a short budget."""
 
     @property
     def budget(self) -> int:
@@ -43,7 +43,7 @@ def shorten(case: Case) -> ShortCase:
 
 
 def make_case(event: str = "camera_shift", distance_m: float = 0.18, **changes: Any) -> ShortCase:
-    """A case of the tiny world: ``box_1`` is the trigger entity, the budget is 50 steps."""
+    """A case of the tiny world: ``box_1`` is the trigger entity, the budget is ``BUDGET``."""
     case = ShortCase(
         case_id=f"case-{event}",
         suite="libero_spatial",

@@ -124,7 +124,7 @@ def five_arms(distance_m: float, lasting: int, change: Any = NUDGE) -> tuple[Arm
 @given(
     policy=strategies.scripted_policies(drift=(0.35, 0.53, -0.77)),
     distance_m=st.sampled_from([0.25, 0.3]),
-    lasting=st.integers(1, 30),
+    lasting=st.integers(1, 12),
 )
 def test_every_arm_equals_the_same_arm_played_alone_and_shared_parts_are_executed_once(
     how: PairSettings, world: Counting, policy: Any, distance_m: float, lasting: int
@@ -230,7 +230,7 @@ def test_a_change_at_the_start_is_there_before_the_policy_begins(world: Counting
 
 
 def test_an_entry_that_all_arms_have_happens_where_they_are(world: Counting) -> None:
-    first = Entry(BudgetFraction(0.22), NUDGE)
+    first = Entry(BudgetFraction(0.44), NUDGE)
     later = Entry(StepsAfter(4), NUDGE.scaled(0.5))
     arms = (Arm("once", (first,)), Arm("twice", (first, later)))
     world.played = 0

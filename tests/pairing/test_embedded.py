@@ -106,7 +106,9 @@ def substrate() -> Iterator[EmbeddedSubstrate]:
 
 
 def play(case: Case, substrate: EmbeddedSubstrate, mode: PrefixMode = "fork") -> PairRecord:
-    return measure_pair(case, substrate.world(case), load_policy("expert"), PairSettings(mode)).record
+    expert = load_policy("expert")
+    expert.spec = replace(expert.spec, cameras=())
+    return measure_pair(case, substrate.world(case), expert, PairSettings(mode)).record
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +188,9 @@ def test_a_switch_of_the_goal_is_scored_by_the_new_goal_and_by_the_first(
 ) -> None:
     case = loaded(tmp_path, [{"name": "dynamic", "schedule": [entry("event", SWITCH)]}])
     settings = PairSettings(probes=probes_called(["first_goal"]))
-    arms = measure_pair(case, substrate.world(case), load_policy("expert"), settings).record.arms
+    expert = load_policy("expert")
+    expert.spec = replace(expert.spec, cameras=())
+    arms = measure_pair(case, substrate.world(case), expert, settings).record.arms
     seen = {name: arm.probes["first_goal"] for name, arm in arms.items()}
     assert seen["base"]["goal"] == seen["dynamic"]["goal"] != [" ".join(SWITCH["goal"][0])]
     assert {name: (arm.success, seen[name]["held"]) for name, arm in arms.items()} == {

@@ -54,7 +54,7 @@ def test_pairs_that_end_early_leave_the_batch(worlds: list[TinyWorld]) -> None:
     cases = [make_case(distance_m=9.0), make_case(), make_case()]
     pairs = measure_in_step(list(zip(cases, worlds, strict=True)), policy)
     assert [pair.record.triggered for pair in pairs] == [True, False, False]
-    assert policy.sizes == [3] * 10 + [1] * (len(policy.sizes) - 10)
+    assert policy.sizes == [3] * 5 + [1] * (len(policy.sizes) - 5)
 
 
 def test_what_cannot_be_asked_together_is_refused(worlds: list[TinyWorld]) -> None:

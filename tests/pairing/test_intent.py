@@ -21,7 +21,17 @@ from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.diagnosis import diagnose
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Observation
-from tests.pairing.actors import BUDGET, Approaching, ShortCase, Solvable, make_case, policy_steps
+from tests.pairing import actors
+from tests.pairing.actors import Approaching, ShortCase, Solvable, make_case, policy_steps
+
+BUDGET = 50
+"""Policy steps of an episode here: a cancelled task is watched for long."""
+
+
+@pytest.fixture(autouse=True)
+def _longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(actors, "BUDGET", BUDGET)
+
 
 CANCEL = {
     "operation": "cancel_instruction",

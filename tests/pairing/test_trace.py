@@ -52,7 +52,8 @@ def test_a_trace_of_another_run_or_none_at_all_is_refused(tmp_path: Path) -> Non
     pair = measure_pair(make_case(), TinyWorld(), Approaching(wait=2, horizon=5, interval=4))
     path = write_trace(tmp_path, pair)
     arms = {name: replace(arm, steps=arm.steps and arm.steps + 1) for name, arm in pair.record.arms.items()}
-    with pytest.raises(ReportError, match=r"base_actions has shape \(50, 7\), but the record.*\(51, 7\)"):
+    shapes = rf"base_actions has shape \({BUDGET}, 7\), but the record.*\({BUDGET + 1}, 7\)"
+    with pytest.raises(ReportError, match=shapes):
         read_trace(path, replace(pair.record, arms=arms))
     arms = {**pair.record.arms, "third": pair.record.arms["base"]}
     with pytest.raises(ReportError, match="third_actions is missing"):

@@ -233,6 +233,7 @@ def test_drawn(event):
     assert event.name == "push"
     assert change_from_dict(event.change).object == event.entity
 
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(strategies.events())
 def test_any(event):
     assert event.family_code

@@ -49,7 +49,9 @@ def test_a_served_policy_plays_pairs_by_its_address(run: Run, results: Results, 
 def test_a_policy_of_poses_plays_pairs_and_header_and_records_say_so(run: Run, results: Results) -> None:
     def answer(request: Any) -> Any:
         position = JSON_NUMPY.decode(json.loads(request[1]["proprio"]))[:3]
-        goals = position + np.linspace(0.1, 1.0, 30)[:, None] * (np.array([0.1, -0.1, 0.5]) - position)
+        goals = position + np.linspace(0.1, 2.5, 30).clip(max=1)[:, None] * (
+            np.array([0.1, -0.1, 0.5]) - position
+        )
         arms = np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.2, *[0.0] * 10], (30, 1))
         arms[:, :3] = goals
         return {"action": arms.tolist()}

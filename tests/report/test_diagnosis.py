@@ -23,6 +23,7 @@ from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.report.diagnosis import CAUSES, Diagnosis, diagnose
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.worlds.contract import NOOP_ACTION, Observation
+from tests.short_episodes import shorten_here
 
 Actions = NDArray[np.float64]
 
@@ -32,6 +33,17 @@ def substrate() -> Iterator[EmbeddedSubstrate]:
     substrate = EmbeddedSubstrate()
     yield substrate
     substrate.close()
+
+
+SLOW = ("sweeps", "puts_it_beside", "puts_it_on_a_closed_drawer")
+"""What takes longer than an expert."""
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """Time for an expert to succeed, and not much more for what fails."""
+    if not request.node.name.endswith(tuple(f"[{name}]" for name in SLOW)):
+        shorten_here(monkeypatch, 150)
 
 
 class Broken(ExpertPolicy):

@@ -55,7 +55,7 @@ def edit(folder: Path, track: str, change: Edit) -> None:
     path = folder / f"{track}.json.gz"
     document = json.loads(content_of(path))
     change(document)
-    write_frozen(path, json.dumps(document, indent=2, sort_keys=True) + "\n")
+    write_frozen(path, json.dumps(document))
     write_checksums(folder, FILES)
 
 

@@ -320,12 +320,13 @@ _LOW_CONTRAST = """() => {
   const linear = (c) => (c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
   const luminance = (color) =>
     channels(color).slice(0, 3).reduce((sum, c, i) => sum + linear(c / 255) * [0.2126, 0.7152, 0.0722][i], 0);
+  const backs = new Map([[null, "rgb(255, 255, 255)"]]);
   const behind = (place) => {
-    for (; place; place = place.parentElement) {
+    if (!backs.has(place)) {
       const color = getComputedStyle(place).backgroundColor;
-      if ((channels(color)[3] ?? 1) > 0) return color;
+      backs.set(place, (channels(color)[3] ?? 1) > 0 ? color : behind(place.parentElement));
     }
-    return "rgb(255, 255, 255)";
+    return backs.get(place);
   };
   const weak = [];
   for (const place of document.querySelectorAll("body *:not(svg, svg *, script, option)")) {

@@ -28,12 +28,10 @@ def case_of(variation: Variation, event: str = "camera_shift", init: int = 0, **
     return parse_case({**raw, **record})
 
 
-PLUS, PRO = catalogue("plus"), catalogue("pro")
-
-
-@pytest.mark.parametrize("variation", [*PLUS[::997], *PRO[::41]], ids=lambda variation: variation.key)
-def test_a_case_names_its_variation(variation: Variation) -> None:
-    assert variation_of(case_of(variation)) is variation
+@pytest.mark.parametrize(("source", "step"), [("plus", 997), ("pro", 41)])
+def test_a_case_names_its_variation(source: str, step: int) -> None:
+    for variation in catalogue(source)[::step]:
+        assert variation_of(case_of(variation)) is variation
 
 
 @pytest.mark.parametrize(
@@ -51,11 +49,11 @@ def test_a_case_names_its_variation(variation: Variation) -> None:
 )
 def test_a_case_of_another_catalogue_is_refused(record: Json, message: str) -> None:
     with pytest.raises(SubstrateError, match=message):
-        variation_of(case_of(PLUS[0], **record))
+        variation_of(case_of(catalogue("plus")[0], **record))
 
 
 def test_a_case_whose_words_ask_for_another_goal_is_refused() -> None:
-    (stove,) = (one for one in PRO if one.key == "pro/task/libero_goal/7")
+    (stove,) = (one for one in catalogue("pro") if one.key == "pro/task/libero_goal/7")
     for words in (None, "put the cream cheese on the stove", "Put the cream cheese on the stove"):
         variant = None if words is None else {"language": words}
         assert variation_of(case_of(stove, substrate_variant=variant)) is stove
@@ -68,7 +66,7 @@ def test_a_case_whose_words_ask_for_another_goal_is_refused() -> None:
 
 
 def test_a_case_may_say_the_same_goal_in_other_words() -> None:
-    (drawer,) = (one for one in PRO if one.key == "pro/task/libero_goal/3")
+    (drawer,) = (one for one in catalogue("pro") if one.key == "pro/task/libero_goal/3")
     words = {"language": "Open the top layer of the drawer and put the cream cheese inside"}
     assert variation_of(case_of(drawer, substrate_variant=words)) is drawer
 
@@ -89,9 +87,11 @@ def test_draws_are_shares_that_depend_on_their_parts_alone() -> None:
 
 
 def test_confounders_may_burst_in_and_occluders_may_not() -> None:
-    added = next(v for v in PLUS if v.suite == "libero_spatial" and v.kind == "add" and v.difficulty == 5)
+    added = next(
+        v for v in catalogue("plus") if v.suite == "libero_spatial" and v.kind == "add" and v.difficulty == 5
+    )
     assert eligible("distractor_burst", variation_metadata(added))
-    hidden = next(v for v in PRO if v.category == "view_occlusion")
+    hidden = next(v for v in catalogue("pro") if v.category == "view_occlusion")
     assert "black_book_occluder_1" not in variation_metadata(hidden).distractors
 
 
@@ -101,8 +101,8 @@ def test_the_embedded_substrate_plays_pairs_on_variations_and_forks_as_it_replay
     policy = ScriptedPolicy(spec, [(0.2, 0.3, -0.9, 0.0, 0.1, 0.0, -1.0)] * 3, 8)
     try:
         for variation in (
-            next(v for v in PRO if v.category == "object" and v.suite == "libero_spatial"),
-            next(v for v in PLUS if v.category == "Robot Initial States" and v.difficulty == 5),
+            next(v for v in catalogue("pro") if v.category == "object" and v.suite == "libero_spatial"),
+            next(v for v in catalogue("plus") if v.category == "Robot Initial States" and v.difficulty == 5),
         ):
             case = case_of(variation, "obstacle_insertion")
             records = [

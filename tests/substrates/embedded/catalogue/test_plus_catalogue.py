@@ -27,23 +27,21 @@ from pytest_libero_max.substrates.variation import Variation, digest_of
 from pytest_libero_max.tasks.libero_tasks import SUITES, task
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 
-PLUS = catalogue("plus")
-
 
 def of(category: str, suite: str | None = None) -> list[Variation]:
-    return [v for v in PLUS if v.category == category and suite in (None, v.suite)]
+    return [v for v in catalogue("plus") if v.category == category and suite in (None, v.suite)]
 
 
 def test_there_are_10030_of_them() -> None:
     assert tuple(DIFFICULTY) == PLUS_CATEGORIES
-    assert len(PLUS) == 10_030
-    assert Counter(v.suite for v in PLUS) == {
+    assert len(catalogue("plus")) == 10_030
+    assert Counter(v.suite for v in catalogue("plus")) == {
         "libero_spatial": 2402,
         "libero_object": 2518,
         "libero_goal": 2591,
         "libero_10": 2519,
     }
-    assert sum(v.difficulty is None for v in PLUS) == 121
+    assert sum(v.difficulty is None for v in catalogue("plus")) == 121
 
 
 @pytest.mark.parametrize("category", PLUS_CATEGORIES)
@@ -88,10 +86,10 @@ def test_the_registry_is_ordered_and_its_names_are_unique(suite: str) -> None:
 
 
 def test_specifications_are_distinct_small_and_readable() -> None:
-    for base in {(v.suite, v.base_index) for v in PLUS[::500]}:
-        said = [repr((v.scene, v.changes)) for v in PLUS if (v.suite, v.base_index) == base]
+    for base in {(v.suite, v.base_index) for v in catalogue("plus")[::500]}:
+        said = [repr((v.scene, v.changes)) for v in catalogue("plus") if (v.suite, v.base_index) == base]
         assert len(set(said)) == len(said)
-    for variation in PLUS[::37]:
+    for variation in catalogue("plus")[::37]:
         assert variation.changes
         for raw in variation.changes:
             assert change_from_dict(raw).to_dict() == raw
@@ -101,7 +99,7 @@ def test_the_catalogue_is_a_pure_function() -> None:
     for cached in (plus_suite, plus_variation, plus_catalogue._ranked):
         cached.cache_clear()
     again = plus_suite("libero_spatial")
-    assert digest_of(again) == digest_of(PLUS[: len(again)])
+    assert digest_of(again) == digest_of(catalogue("plus")[: len(again)])
 
 
 def test_one_variation_is_made_without_the_others(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,25 +18,26 @@ from pytest_libero_max.tasks.libero_tasks import SUITES, task
 from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 from tests.makers.construction.official_catalog import metadata_from_catalog
 
-PRO = catalogue("pro")
 OFFICIAL = Path(os.environ.get("LIBERO_MAX_OFFICIAL", Path(__file__).parents[5] / "shared" / "official"))
 RELEASED = OFFICIAL / "pro_task_catalog.json"
 
 
 def operations(category: str) -> list[tuple[str, ...]]:
-    return [tuple(raw["operation"] for raw in v.changes) for v in PRO if v.category == category]
+    return [tuple(raw["operation"] for raw in v.changes) for v in catalogue("pro") if v.category == category]
 
 
 def test_there_is_one_of_each_category_for_each_task() -> None:
-    assert len(PRO) == 400
-    assert len({v.key for v in PRO}) == 400
-    assert set(Counter(v.category for v in PRO).values()) == {40}
-    assert {(v.suite, v.index) for v in PRO} == {(suite, index) for suite in SUITES for index in range(10)}
-    assert all(v.difficulty is None and v.name == task(v.suite, v.index).name for v in PRO)
+    assert len(catalogue("pro")) == 400
+    assert len({v.key for v in catalogue("pro")}) == 400
+    assert set(Counter(v.category for v in catalogue("pro")).values()) == {40}
+    assert {(v.suite, v.index) for v in catalogue("pro")} == {
+        (suite, index) for suite in SUITES for index in range(10)
+    }
+    assert all(v.difficulty is None and v.name == task(v.suite, v.index).name for v in catalogue("pro"))
 
 
 def test_every_change_is_a_change() -> None:
-    for variation in PRO:
+    for variation in catalogue("pro"):
         for raw in variation.changes:
             assert change_from_dict(raw).to_dict() == raw
 
@@ -51,7 +52,7 @@ def test_categories_do_what_their_names_say() -> None:
     assert all(set(names) <= {"move_object", "put_object"} and names for names in operations("position"))
     dark = ("set_lamps", "set_lighting", "set_glare", "set_sensor_corruption")
     assert set(operations("visual_noise_glare")) == {dark}
-    assert all(v.scene["recast"] for v in PRO if v.category in ("object", "object_shape"))
+    assert all(v.scene["recast"] for v in catalogue("pro") if v.category in ("object", "object_shape"))
 
 
 def test_another_task_has_another_goal_and_says_so() -> None:
@@ -79,7 +80,7 @@ def test_the_scenes_contain_what_the_released_catalogue_says() -> None:
         for row in json.loads(RELEASED.read_text(encoding="utf-8"))["tasks"]
     }
     departures = set()
-    for variation in PRO:
+    for variation in catalogue("pro"):
         theirs = metadata_from_catalog(released[variation.category, variation.suite, variation.index])
         ours = variation_metadata(variation)
         assert theirs.name == ours.name
