@@ -13,7 +13,6 @@ from pytest_libero_max.report.comparison.comparison_sections import RUNS, docume
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.document import Document, Section, Table
 from pytest_libero_max.report.formats import change_text, counted, interval_text, percent, points
-from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable
 from pytest_libero_max.report.page.page_frame import document_page
 from pytest_libero_max.report.plots import (
     COLOURS_NOTE,
