@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import OptionError
 
 _EXAMPLE = '["policy/images/rotated"]\nreason = "trained on images as delivered"\nlink = "https://..."'
@@ -30,7 +31,7 @@ def read_expected(path: Path) -> Mapping[str, Expected]:
         OptionError: It cannot be read, or has something else in it.
     """
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = tomllib.loads(read_text(path))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise OptionError(
             f"xfails={str(path)!r} cannot be read: {error}. Write a TOML file:\n{_EXAMPLE}"

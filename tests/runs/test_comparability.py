@@ -155,6 +155,7 @@ NO_EPISODE = {
         "output",
     ),
     "what is decided on results": ("strict", "gate", "compare", "verify"),
+    "what is examined, and no pair played": ("conform", "xfails"),
     "what makes a pair an error, and no result": ("timeout", "memory"),
     "where and how often pairs are played": (
         "retries",

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import tomllib
 from functools import cache
-from importlib import resources
+from pathlib import Path
 
 from markupsafe import Markup, escape
+
+from pytest_libero_max.benchmark.documents import read_text
 
 _ON_PAGES = (
     "Base", "Dynamic", "pair", "case", "event", "Base success", "Dynamic success", "paired change",
@@ -39,6 +41,5 @@ def explained(text: str) -> Markup:
 @cache
 def words() -> dict[str, str]:
     """Return the words of pages in the order in which they are met, with their meanings."""
-    text = resources.files("pytest_libero_max").joinpath("glossary.toml").read_text(encoding="utf-8")
-    meanings = tomllib.loads(text)
+    meanings = tomllib.loads(read_text(Path(__file__).parents[2] / "glossary.toml"))
     return {word: meanings[word] for word in _ON_PAGES}
