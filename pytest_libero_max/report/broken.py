@@ -250,7 +250,7 @@ def broken_lines(
                 lines.append(f"{part.letter}   {printable(pair.item_id)}{filmed}")
         if part.more:
             by = "outcome and cause" if part.has_causes else "outcome"
-            lines.append(f"{part.more} more are in the table of cases of report.html, by {by}.")
+            lines.append(f"The table of cases of report.html has {part.more} more, by {by}.")
     lines += [NO_CAUSES] if without_causes(report) else []
     if lines and films:
         home = Path(next(iter(films.values()))).parent

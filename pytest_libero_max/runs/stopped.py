@@ -65,7 +65,7 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
         """One sentence, without a period."""
         if self.rule is None:
             return f"stopped: {self.reason}"
-        return f"stopped by rule {self.rule} at {self.at} of {self.of}: {self.reason}"
+        return f"stopped by rule {self.rule} at pair {self.at} of {self.of}: {self.reason}"
 
     def to_dict(self) -> Json:
         """Return JSON types only."""

@@ -67,7 +67,8 @@ def _require_arms(cases: Iterable[Case], study: Study | None, latency: Latency) 
     for case in {case.program and case.program.digest: case for case in cases}.values():
         try:
             arms = arms_of(case)
-            if beside is not None and case.fits(beside):
+            # A study is for cases without a program, which is asked below.
+            if beside is not None and case.program is None and case.fits(beside):
                 arms += arms_of(replace(case, program=beside))[2:]
             check_arms(replace(arm, latency=latency) if arm.latency == NO_LATENCY else arm for arm in arms)
         except ManifestError as error:

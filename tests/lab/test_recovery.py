@@ -36,7 +36,9 @@ def run_of(mode: str, base: Flags, dynamic: Flags, **policy: Any) -> StoredRun:
             }
             record = structs.replace(record, arms=arms)
         records.append(record)
-    return StoredRun(Run(tuple(PLANNED), PROVENANCE), tuple(records), (), torn=False)
+    wrap = {} if mode == "native" else {"wrap": {"restore": mode}}
+    provenance = {**PROVENANCE, "policy": {**PROVENANCE["policy"], **wrap}}
+    return StoredRun(Run(tuple(PLANNED), provenance), tuple(records), (), torn=False)
 
 
 def flags(*parts: tuple[int, bool]) -> list[bool]:

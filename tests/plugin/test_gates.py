@@ -44,7 +44,7 @@ def test_a_gate_that_does_not_hold_has_a_status_of_its_own(run: Run, quiet: tupl
     failed = "  failed: libero-spatial-t00-i00-camera_shift-v0, libero-spatial-t00-i00-camera_shift-v1"
     again = "  again: pytest *libero-spatial-t00-i00-camera_shift-v0*"
     result.stdout.fnmatch_lines(
-        ["gate FAIL*dynamic_sr*", failed, again, "Exit status 10: 1 of 1 gates failed."]
+        ["gate FAIL*dynamic_sr*", failed, again, "Exit status 10: 1 of 1 gate failed."]
     )
 
 
@@ -76,7 +76,7 @@ def test_a_gate_decides_the_status_also_of_a_strict_run(run: Run, pytester: pyte
     result = run(
         "-k", "camera_shift or fails", "--libero-max-gate=dynamic_sr >= 0.6", "libero-max", "test_other.py"
     )
-    result.stdout.fnmatch_lines(["Exit status 10: 1 of 1 gates failed."])
+    result.stdout.fnmatch_lines(["Exit status 10: 1 of 1 gate failed."])
     assert result.ret == 10
 
 

@@ -96,7 +96,7 @@ def test_pytest_libero_max_plays_reports_and_decides_the_gates(
     done = project.runpytest_subprocess("libero-max", *workers)
     done.assert_outcomes(passed=2)
     assert done.ret == 10
-    done.stdout.fnmatch_lines(["gate FAIL*dynamic_sr*", "Exit status 10: 1 of 1 gates failed."])
+    done.stdout.fnmatch_lines(["gate FAIL*dynamic_sr*", "Exit status 10: 1 of 1 gate failed."])
     assert results()[1]["selection"]["whole"]
     assert played(project.path) == 2
 

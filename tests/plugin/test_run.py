@@ -37,7 +37,12 @@ def test_every_pair_is_played_recorded_and_reported(run: Run, results: Results) 
         ["*libero-max: policy adapter.py*(16 cases, digest *), substrate tiny, prefix fork*"]
     )
     result.stdout.fnmatch_lines(
-        ["=* libero-max =*", "*reacher (8 actions per query, 4 executed) on tiny*16 of 16*", "*pairs.jsonl*"]
+        [
+            "=* libero-max =*",
+            "*reacher (8 actions per query, 4 executed) on tiny*",
+            "16 of 16 planned pairs played",
+            "*pairs.jsonl*",
+        ]
     )
 
 

@@ -92,7 +92,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     assert result.ret == 0
     result.stdout.fnmatch_lines(
         [
-            f"STOPPED by rule enough:3 at 3 of 16: {name} was the last. {played} of 16 planned pairs *",
+            f"STOPPED by rule enough:3 at pair 3 of 16: {name} was the last. {played} of 16 planned pairs *",
             "Exit status 0: the run ended by its stopping rule, which left out * of 16 pairs. *",
         ]
     )
@@ -101,7 +101,7 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
     assert len(cases) == played
     seen = Follower(pytester.path / "libero-max-results").look()
     assert seen.complete
-    assert f"ended, stopped by rule enough:3 at 3 of 16: {name} was the last" in seen.lines()[0]
+    assert f"ended, stopped by rule enough:3 at pair 3 of 16: {name} was the last" in seen.lines()[0]
 
 
 def test_a_stopped_run_goes_on_only_without_its_rule(run: Run, results: Results, enough: None) -> None:
@@ -199,7 +199,7 @@ def test_errors_stop_a_run_that_is_then_incomplete(
     assert result.ret == 11
     result.stdout.fnmatch_lines(
         [
-            "STOPPED by rule errors:2 at 4 of 16: 2 pairs could not be measured. 2 of 16 *, 2 invalid. *",
+            "STOPPED by rule errors:2 at pair 4 of 16: 2 pairs could not be measured. 2 of 16 *, 2 invalid. *",
             "Exit status 11: the run is incomplete (2 invalid, 12 missing)*",
         ]
     )

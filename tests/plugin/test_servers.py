@@ -167,7 +167,7 @@ def test_the_chunk_that_came_back_and_the_times_of_queries_are_kept(
     result.stdout.fnmatch_lines(
         [
             "libero-max: profile blind is of a policy that draws noise of its own; *20%*",
-            "pi05-libero (H=6 [[]10 returned] Q=5, not repeatable) on tiny, *",
+            "pi05-libero (6 actions of 10 returned per query, 5 executed, not repeatable) on tiny, *",
             "H=10 (cut to 2) Q=2 *",
             "H=10 (cut to 6) Q=5 (own) *",
             "Query times: Base p50 * ms, p95 * ms (* queries); Dynamic p50 *",

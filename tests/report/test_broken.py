@@ -63,7 +63,7 @@ def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> 
     assert "R   camera_shift-dropped-01  filmed" in lines
     assert lines[-1] == "Films: run/films; libero-max view run shows them beside their cases."
     assert sum(line.startswith("R   ") for line in lines) == 14
-    assert "19 more are in the table of cases of report.html, by outcome and cause." in lines
+    assert "The table of cases of report.html has 19 more, by outcome and cause." in lines
     assert sum(line.startswith("G   ") for line in lines) == 2
     assert not any("libero-max film" in line for line in lines)
     assert "--libero-max-film=all -k target_relocation" in broken_lines(report(MANY))[-1]

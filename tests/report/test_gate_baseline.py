@@ -28,7 +28,10 @@ DIFFERENT: dict[str, Json] = {
     "strength": {"protocol": {"prefix": "fork", "strength": 0.05}},
     "latency": {"protocol": {"prefix": "fork", "latency": "4steps"}},
     "prefix": {"protocol": {"prefix": "replay"}},
-    "wrappers": {"spec": {"wrappers": ["restore=gated"]}},
+    "wrappers": {
+        "spec": {"wrappers": ["restore=gated"]},
+        "policy": {**PROVENANCE["policy"], "wrap": {"restore": "gated"}},
+    },
     "query_interval": {"spec": {"query_interval": 2}},
     "horizon": {"spec": {"horizon": 20}},
     "repeatable": {"spec": {"repeatable": False}},

@@ -177,8 +177,10 @@ def test_every_report_says_stopped_by_rule_at_t_of_n() -> None:
     assert Stopped.from_dict(stopped.to_dict()) == stopped
     assert plain(report)["pairs"]["stopped"] == {**stopped.to_dict(), "watched": [], "bias": BIAS}
     assert (plain(report)["pairs"]["complete"], plain(report)["headline"]["status"]) == (False, "withheld")
-    assert "stopped by rule enough:5 at 5 of 32: enough is known" in plain(report)["headline"]["reason"]
-    said = "STOPPED by rule enough:5 at 5 of 32: enough is known. 5 of 32 planned pairs played. No score."
+    assert "stopped by rule enough:5 at pair 5 of 32: enough is known" in plain(report)["headline"]["reason"]
+    said = (
+        "STOPPED by rule enough:5 at pair 5 of 32: enough is known. 5 of 32 planned pairs played. No score."
+    )
     assert summary_lines(report)[0] == said
     assert f"**{said} All rates are over the played pairs.**" in markdown(report)
     assert ended_as_declared(report.pairs)

@@ -189,7 +189,7 @@ def test_a_merge_says_which_runs_had_stopped() -> None:
     for names in ("ab", "ba"):
         pieces = {"a": first, "b": _piece(PAIRS[16:], planned=PAIRS[16:])}
         report = report_of(merge_runs({name: pieces[name] for name in names}))
-        said = "Stopped: a was stopped by rule certain at 4 of 16: the verdict of the gate is known."
+        said = "Stopped: a was stopped by rule certain at pair 4 of 16: the verdict of the gate is known."
         assert summary_lines(report)[0].endswith(f"12 missing. No score. {said}")
         assert not ended_as_declared(report.pairs)
     whole = report_of(merge_runs({"a": first, "b": _piece(PAIRS[4:])}))

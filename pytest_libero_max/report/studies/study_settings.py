@@ -99,7 +99,8 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
         played, base = first.arms[name], first.arm(BASE)
         cadence = {"H": "horizon", "Q": "query_interval"}
         arm = spelled.get(name, {})
-        spec = arm.get("cadence", {}) | (played.policy or {})
+        own = {key: value for key, value in arm.get("cadence", {}).items() if first.policy.get(key) != value}
+        spec = own | (played.policy or {})
         words = [f"policy {arm.get('policy', spec['name'])}"] if played.policy else []
         words += [" ".join(f"{letter}={spec[key]}" for letter, key in cadence.items() if key in spec)]
         if played.latency is not None and played.latency != base.latency:

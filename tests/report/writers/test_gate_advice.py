@@ -24,7 +24,7 @@ def test_what_no_number_of_pairs_finds_is_said(monkeypatch: pytest.MonkeyPatch) 
     for module in (gate_plan, gate_plan_text):  # thousands of pairs take long to plan
         monkeypatch.setattr(module, "SIZES", SIZES[:5])
     lines = advice_lines(0.9, 0.05, 0.002)
-    assert [line.split("  ")[-1].strip() for line in lines[-4:-2]] == ["none of up to 100 pairs suffices"] * 2
+    assert [line.split("  ")[-1].strip() for line in lines[-4:-2]] == ["no number up to 100 suffices"] * 2
 
 
 def test_power_advises_a_track_and_a_limit(capsys: pytest.CaptureFixture[str]) -> None:
@@ -32,6 +32,6 @@ def test_power_advises_a_track_and_a_limit(capsys: pytest.CaptureFixture[str]) -
     *_, end, estimate, _, beside = capsys.readouterr().out.splitlines()
     assert end.split("  ")[-1].strip() == "--libero-max-track=lite --libero-max-limit=200"
     assert estimate.split()[:3] == ["delta", ">=", "-2.5%"]
-    assert beside.startswith("Gate base_sr and trigger_coverage beside it")
+    assert beside.startswith("Add gates on base_sr and trigger_coverage")
     assert main(["plan", "pairs", "--base", "0.9", "--change=0.05"]) == 0
     assert "Gates that find" not in capsys.readouterr().out

@@ -46,7 +46,7 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     pairs = plan(per_cell=3)
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
     expected = expectations_of(report)
-    assert "the fewer of the run's gains and losses" in chance_of(report)[1]
+    assert "the smaller of the run's gains and losses" in chance_of(report)[1]
     assert [one.name for one in expected] == ["overall", *plain(report)["by"]["event"]]
     assert expected[0].base == plain(report)["overall"]["base_success"]["value"]
     outcomes = plain(report)["overall"]["outcomes"]

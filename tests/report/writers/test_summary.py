@@ -66,7 +66,7 @@ R   pro-spatial-t00-camera_shift-v1
 R   plus-spatial-t00-visual_theme_switch-v0
 1 x target_relocation
 R   pro-spatial-t00-target_relocation-v1
-2 more are in the table of cases of report.html, by outcome.
+The table of cases of report.html has 2 more, by outcome.
 
 What was gained: 5 of 11 Base failures solved
 1 x illumination_switch
