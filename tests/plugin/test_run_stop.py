@@ -199,7 +199,7 @@ def test_errors_stop_a_run_that_is_then_incomplete(
     assert result.ret == 11
     result.stdout.fnmatch_lines(
         [
-            "STOPPED by rule errors:2 at pair 4 of 16: 2 pairs could not be measured. 2 of 16 *, 2 invalid. *",
+            "STOPPED by rule errors:2 at pair 4 of 16: 2 pairs could not be measured. 2 of 16 *",
             "Exit status 11: the run is incomplete (2 invalid, 12 missing)*",
         ]
     )
