@@ -367,7 +367,7 @@ def test_a_stopped_run_is_called_so_beside_its_numbers() -> None:
     stopped = StoredRun(whole.run, whole.records[:30], (), torn=False, stopped=stop)
     comparison = compare_runs({"old": _run(ALWAYS), "new": stopped}, restrict=True)
     for text in _texts(comparison):
-        assert "new: stopped by rule anytime:0.05 at 30 of 32" in text
+        assert "new: stopped by rule anytime:0.05 at pair 30 of 32" in text
         assert f"new: {BIAS}" in text
 
 
