@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from functools import partial
 
 from pytest_libero_max.conformance.rules import Rule
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.registry import Registry
+from pytest_libero_max.registry import Registry, given
 
 _MODULES = (
     "policy.contract",
@@ -31,12 +30,7 @@ def _own() -> Mapping[str, Callable[[], object]]:
 
     modules = (importlib.import_module(f"{__package__}.{name}") for name in _MODULES)
     values = [value for module in modules for value in vars(module).values()]
-    rules = [value for value in values if isinstance(value, Rule)] + [*EVENT_RULES]
-    return {rule.id: partial(_same, rule) for rule in rules}
-
-
-def _same(rule: Rule) -> Rule:
-    return rule
+    return given("id", *(value for value in values if isinstance(value, Rule)), *EVENT_RULES)()
 
 
 def _accept(name: str, value: object) -> Rule:

@@ -1,4 +1,4 @@
-"""What a subject's examination found, as the document that is stored and shown."""
+"""The results of an examination, as the document that is stored and shown."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ CONFORMANCE_VERSION: Final = 1
 """Version of the document's form."""
 
 CONFORMANCE_NAME = "conformance.json"
-BADGE_NAME = "conformance-badge.json"
 
 
 class FindingResult(Document, frozen=True, kw_only=True):
-    """What was found of a rule, of the whole subject or of one part of it."""
+    """Result of a rule, for the whole subject or one part of it."""
 
     state: Literal["kept", "broken", "unexamined"]
-    """What it is."""
+    """``unexamined`` where nothing could be seen."""
     observed: AnyText
-    """What was seen, or why nothing could be."""
+    """The observation, or the reason why there is none."""
     expected: AnyText = ""
     """The rule, in words; empty unless it is broken."""
     cure: AnyText = ""
@@ -35,7 +34,7 @@ class FindingResult(Document, frozen=True, kw_only=True):
 
 
 class RuleResult(Document, frozen=True, kw_only=True):
-    """A rule, and what was found of it."""
+    """A rule and its findings."""
 
     id: Text
     """Its id, ``KIND/AREA/NAME``."""
@@ -65,7 +64,7 @@ class RuleResult(Document, frozen=True, kw_only=True):
 
 
 class Conformance(Document, frozen=True, kw_only=True):
-    """What the examination of a subject found."""
+    """Results of the examination of a subject."""
 
     schema_version: Literal[1] = CONFORMANCE_VERSION
     """Version of this document's form."""
@@ -123,11 +122,6 @@ def conformance_json(document: Conformance) -> str:
     return json.dumps(to_builtins(document), indent=1, allow_nan=False) + "\n"
 
 
-def files(document: Conformance) -> dict[str, str]:
-    """Return the files of an examination by name."""
-    return {CONFORMANCE_NAME: conformance_json(document), BADGE_NAME: badge(document)}
-
-
 def read_conformance(text: str) -> Conformance:
     """Return a stored document.
 
@@ -135,17 +129,3 @@ def read_conformance(text: str) -> Conformance:
         ReportError: It is none.
     """
     return decode(text.encode(), Conformance)
-
-
-def badge(document: Conformance) -> str:
-    """Return a badge for a README, in the form that shields.io reads from an address (endpoint)."""
-    counts = document.counts
-    examined = len(document.rules) - counts["unexamined"]
-    message = f"{counts['kept']} of {examined} rules kept"
-    if document.conforms is False:
-        message += f", {counts['broken must']} must broken"
-    if document.not_run:
-        message += f", {len(document.not_run)} not run"
-    color = "14708a" if document.conforms else "8794a1"
-    label = f"LIBERO-MAX conformance, {document.subject}"
-    return json.dumps({"schemaVersion": 1, "label": label, "message": message, "color": color}) + "\n"

@@ -1,4 +1,4 @@
-"""What a rule is: one property of a subject, with a level, and what was found when it was examined."""
+"""Rules, each of one property of a subject, and the findings of their examination."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ State = Literal["kept", "broken", "unexamined"]
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of a rule, of the whole subject or of one part of it."""
+    """Result of a rule, for the whole subject or one part of it."""
 
     state: State
     observed: str = ""
@@ -77,7 +77,7 @@ def rule(id: str, level: Level, *, needs: str = "") -> Callable[[Callable[..., I
 
 @dataclass(frozen=True)
 class Outcome:
-    """A rule and what was found of it."""
+    """A rule and its findings."""
 
     rule: Rule
     findings: tuple[Finding, ...]
@@ -114,13 +114,13 @@ class Examination:
         self._outcomes: dict[str, Outcome] = {}
 
     def outcome(self, id: str) -> Outcome:
-        """Return what was found of a rule."""
+        """Return the outcome of a rule."""
         if id not in self._outcomes:
             self._outcomes[id] = Outcome(self._rules[id], self._find(self._rules[id]))
         return self._outcomes[id]
 
     def outcomes(self) -> list[Outcome]:
-        """Return what was found of all rules, in their order."""
+        """Return the outcomes of all rules, in their order."""
         return [self.outcome(id) for id in self._rules]
 
     def _find(self, rule: Rule) -> tuple[Finding, ...]:

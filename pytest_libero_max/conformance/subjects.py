@@ -8,7 +8,7 @@ from typing import Any
 
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
-from pytest_libero_max.errors import OptionError
+from pytest_libero_max.substrates.registry import chosen_substrate
 
 KINDS = {
     "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
@@ -30,19 +30,21 @@ class Subject:
         """Return the subject of a text, ``KIND:NAME`` or the reference of a policy.
 
         Raises:
-            ValueError: It names nothing.
+            ValueError: It names nothing, or a substrate that there is not.
         """
         kind, colon, name = text.partition(":")
         subject = cls(kind, name.strip()) if colon and kind in KINDS else cls("policy", text.strip())
         if not subject.name:
             raise ValueError(f"expected a policy, or {' or '.join(f'{kind}:NAME' for kind in KINDS)}")
+        if subject.kind == "substrate":
+            chosen_substrate(subject.name)
         return subject
 
     def __str__(self) -> str:
         return f"{self.kind}:{self.name}"
 
     def check(self, profile: str | None = None) -> None:
-        """Check that the name leads somewhere, without loading anything.
+        """Check that a policy or a server can be named so, without loading anything.
 
         Raises:
             LiberoMaxError: It leads nowhere.
@@ -55,13 +57,6 @@ class Subject:
             from pytest_libero_max.policies.clients.opening import require_profile
 
             require_profile(self.name, profile)
-        else:
-            from pytest_libero_max.substrates.registry import chosen_substrate
-
-            try:
-                chosen_substrate(self.name)
-            except ValueError as error:
-                raise OptionError(f"conform={str(self)!r}: {error}") from None
 
 
 def examination(

@@ -67,7 +67,7 @@ def configure(config: pytest.Config) -> None:
     for marker in session.markers:
         config.addinivalue_line("markers", marker)
     if not hasattr(config, "workerinput"):
-        config.pluginmanager.register(ConformanceController(config, session))
+        config.pluginmanager.register(ConformanceController(session))
 
 
 class ConformanceSession:
@@ -97,9 +97,7 @@ class ConformanceSession:
     def examination(self) -> Examination:
         """The examination of the subject in this process."""
         from pytest_libero_max.conformance.subjects import examination
-        from pytest_libero_max.worlds.threads import use_one_blas_thread
 
-        use_one_blas_thread()
         settings = self.settings
         return examination(
             self.subject,
@@ -173,8 +171,7 @@ class RuleItem(pytest.Item):
 class ConformanceController:
     """Gathers what was found, shows it, and writes it into the output folder."""
 
-    def __init__(self, config: pytest.Config, session: ConformanceSession) -> None:
-        self._config = config
+    def __init__(self, session: ConformanceSession) -> None:
         self._session = session
         self._results: dict[str, RuleResult] = {}
 
@@ -230,15 +227,19 @@ class ConformanceController:
         terminalreporter.line(f"Written: {', '.join(map(str, self._write(document)))}")
 
     def _write(self, document: Conformance) -> list[Path]:
-        from pytest_libero_max.conformance.results import files
+        from pytest_libero_max.conformance.results import CONFORMANCE_NAME, conformance_json
+        from pytest_libero_max.report.writers.badge import CONFORMANCE_BADGE_NAME, conformance_badge_json
+        from pytest_libero_max.report.writers.report_files import make_folder, write_text
 
         folder = self._session.settings.output
-        folder.mkdir(parents=True, exist_ok=True)
-        written = []
-        for name, text in files(document).items():
-            (folder / name).write_text(text, encoding="utf-8")
-            written.append(folder / name)
-        return written
+        make_folder(folder)
+        files = {
+            folder / CONFORMANCE_NAME: conformance_json(document),
+            folder / CONFORMANCE_BADGE_NAME: conformance_badge_json(document),
+        }
+        for path, text in files.items():
+            write_text(path, text)
+        return [*files]
 
 
 def _result_in(report: pytest.TestReport) -> RuleResult | None:

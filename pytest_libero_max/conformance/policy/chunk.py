@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
+from pytest_libero_max.conformance.policy.determinism import not_repeatable
 from pytest_libero_max.conformance.policy.subject import PolicySubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import LiberoMaxError, counted
@@ -55,7 +56,7 @@ def follows_horizon(subject: PolicySubject) -> Iterator[Finding]:
     if spec.horizon == spec.query_interval:
         yield kept("H and Q are equal: there is no smaller horizon")
         return
-    if isinstance(_cut(subject), LiberoMaxError):
+    if isinstance(subject.once(_cut), LiberoMaxError):
         yield broken(
             f"--libero-max-horizon={spec.query_interval} is not followed",
             "a chunk that is cut",
@@ -72,11 +73,11 @@ def first_actions(subject: PolicySubject) -> Iterator[Finding]:
     if spec.horizon == spec.query_interval:
         yield kept("H and Q are equal: there is no smaller horizon")
         return
-    if not spec.repeatable:
-        yield unexamined("repeatable=False, so no two answers can be compared")
+    if reason := not_repeatable(subject):
+        yield reason
         return
     subject.start()
-    whole, part = subject.ask(0), _cut(subject)
+    whole, part = subject.ask(0), subject.once(_cut)
     if isinstance(part, LiberoMaxError) or len(part) == len(whole):
         yield unexamined("a smaller horizon is not followed")
     elif part.tobytes() == whole[-len(part) :].tobytes() != whole[: len(part)].tobytes():

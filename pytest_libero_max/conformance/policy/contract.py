@@ -32,8 +32,8 @@ def loads(subject: PolicySubject) -> Iterator[Finding]:
 @rule(ANSWERS, "must", needs=LOADS)
 def answers(subject: PolicySubject) -> Iterator[Finding]:
     """Answer every query."""
-    asked = len(subject.first.answers)
-    yield kept(f"{counted(asked, 'query', 'queries')} of an episode were answered")
+    count = len(subject.first.answers)
+    yield kept(f"{counted(count, 'query', 'queries')} of an episode were answered")
 
 
 @rule("policy/contract/observation", "must", needs=ANSWERS)

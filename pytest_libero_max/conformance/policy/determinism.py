@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
@@ -81,7 +82,9 @@ def repeatable(subject: PolicySubject) -> Iterator[Finding]:
         )
 
 
-def _together(subject: PolicySubject) -> Finding | tuple[list[Actions], list[list[Actions]]]:
+def _alone_and_batched(
+    subject: PolicySubject,
+) -> Finding | tuple[list[Actions], list[list[Actions]]]:
     """Return the answers alone, and in batches of the same size: in order, reversed, and each with itself.
 
     A finding where the rules for batches cannot be examined.
@@ -107,12 +110,12 @@ def _together(subject: PolicySubject) -> Finding | tuple[list[Actions], list[lis
 @rule("policy/determinism/company", "must", needs=ANSWERS)
 def company(subject: PolicySubject) -> Iterator[Finding]:
     """Answer each query of a batch as if it were alone, in the order of the items."""
-    asked = _together(subject)
-    if isinstance(asked, Finding):
-        yield asked
+    answers = subject.once(_alone_and_batched)
+    if isinstance(answers, Finding):
+        yield answers
         return
-    alone, batched = asked
-    pairs = [pair for answers in batched[:2] for pair in zip(alone, answers, strict=True)]
+    alone, batched = answers
+    pairs = [pair for batch in batched[:2] for pair in zip(alone, batch, strict=True)]
     if any(a.shape != b.shape or np.abs(a - b).max() > MIXED_UP for a, b in pairs):
         yield broken(
             "predict_batch gives other answers than predict",
@@ -126,17 +129,17 @@ def company(subject: PolicySubject) -> Iterator[Finding]:
 @rule("policy/determinism/rounding", "note", needs="policy/determinism/company")
 def rounding(subject: PolicySubject) -> Iterator[Finding]:
     """Answer with the same bytes alone and in a batch."""
-    asked = _together(subject)
-    if isinstance(asked, Finding):
-        yield asked
+    answers = subject.once(_alone_and_batched)
+    if isinstance(answers, Finding):
+        yield answers
         return
-    alone, batched = asked
-    pairs = [pair for answers in batched[:2] for pair in zip(alone, answers, strict=True)]
+    alone, batched = answers
+    pairs = [pair for batch in batched[:2] for pair in zip(alone, batch, strict=True)]
     if all(a.tobytes() == b.tobytes() for a, b in pairs):
         yield kept("the same bytes alone and in a batch")
         return
     furthest = max(float(np.abs(a - b).max()) for a, b in pairs)
-    if all(len({answer.tobytes() for answer in answers}) == 1 for answers in zip(*batched, strict=True)):
+    if all(len({answer.tobytes() for answer in same}) == 1 for same in zip(*batched, strict=True)):
         observed = f"answers change by up to {furthest:.1g} with the size of the batch alone"
         cure = "Serve it with --pad-batch to get the same bytes whoever else asks."
     else:
@@ -177,40 +180,18 @@ def fresh_process(subject: PolicySubject) -> Iterator[Finding]:
         )
 
 
-def _answers_elsewhere(subject: PolicySubject) -> list[object] | Finding:
+def _answers_elsewhere(subject: PolicySubject) -> Any | Finding:
     """Return the answers to the first queries from a new process, in a place without old files."""
-    from pathlib import Path
-
     from pytest_libero_max.policies.references import absolute_reference
-    from pytest_libero_max.runs.fresh_place import fresh_place
 
     loading = {**subject.loading}
     loading["reference"] = absolute_reference(loading["reference"], Path.cwd())
     if loading["profile"] is not None and Path(loading["profile"]).is_file():
         loading["profile"] = str(Path(loading["profile"]).absolute())
-    with fresh_place() as (folder, environment):
-        command = [sys.executable, "-m", f"{__package__}.answers", json.dumps(loading), "answers.json"]
-        environment["PYTHONPATH"] = _paths()
-        try:
-            ended = subprocess.run(
-                command, cwd=folder, env=environment, capture_output=True, text=True, timeout=FRESH_S
-            )
-        except subprocess.TimeoutExpired:
-            return unexamined(f"the fresh process did not end within {FRESH_S:.0f} s")
-        if ended.returncode:
-            last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
-            return broken(
-                f"a fresh process with an empty home ended with status {ended.returncode}: {last}",
-                "the same bytes",
-                "The policy needs something of this process or its home: name it where the policy is loaded.",
-            )
-        answers: list[object] = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
-        return answers
-
-
-def _paths() -> str:
-    """Return this process's import path, for modules that lie beside the tests or in the working folder."""
-    import os
-    from pathlib import Path
-
-    return os.pathsep.join(str(Path(path).absolute()) for path in sys.path if path or path == "")
+    return result_elsewhere(
+        f"{__package__}.answers",
+        json.dumps(loading),
+        FRESH_S,
+        expected="the same bytes",
+        cure="The policy needs something of this process or its home: name it where the policy is loaded.",
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
@@ -14,15 +14,20 @@ ANYTHING = "policy/inputs/any"
 _ANOTHER_TASK = "turn off the light and close the door"
 
 
-def _ignored(subject: PolicySubject, changes: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def _ignored(subject: PolicySubject) -> frozenset[str]:
     """Return the names of the changes after which the first answer of an episode stays the same."""
     subject.start()
-    first, ignored = subject.ask(0), []
-    for name, change in changes.items():
+    first, ignored = subject.ask(0), set()
+    for name, change in _changes(subject).items():
         subject.start()
         if subject.ask(0, **change).tobytes() == first.tobytes():
-            ignored.append(name)
-    return ignored
+            ignored.add(name)
+    return frozenset(ignored)
+
+
+def _changes(subject: PolicySubject) -> dict[str, dict[str, Any]]:
+    """Return everything that is changed of what is shown, each by its name."""
+    return _state(subject) | _INSTRUCTION | _images(subject)
 
 
 def _images(subject: PolicySubject) -> dict[str, dict[str, Any]]:
@@ -33,8 +38,8 @@ def _images(subject: PolicySubject) -> dict[str, dict[str, Any]]:
 
 def _state(subject: PolicySubject) -> dict[str, dict[str, Any]]:
     """Return the state of another observation."""
-    other = subject.shown.observations[2]
-    rest = {name: value for name, value in other.items() if not name.endswith("_image")}
+    another = subject.shown.observations[2]
+    rest = {name: value for name, value in another.items() if not name.endswith("_image")}
     return {"the state": {"observation": rest}}
 
 
@@ -53,8 +58,7 @@ def anything(subject: PolicySubject) -> Iterator[Finding]:
     if reason := _unexamined(subject):
         yield reason
         return
-    changes = _state(subject) | _INSTRUCTION | _images(subject)
-    if len(_ignored(subject, changes)) < len(changes):
+    if len(subject.once(_ignored)) < len(_changes(subject)):
         yield kept("the answer changes with what is shown")
         return
     yield broken(
@@ -64,19 +68,19 @@ def anything(subject: PolicySubject) -> Iterator[Finding]:
     )
 
 
-def _each(subject: PolicySubject, changes: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+def _each(subject: PolicySubject, names: Collection[str]) -> Iterator[Finding]:
     if reason := _unexamined(subject):
         yield reason
-    elif not changes:
+    elif not names:
         yield unexamined("the policy asks for no images")
-    elif ignored := _ignored(subject, changes):
+    elif ignored := [name for name in names if name in subject.once(_ignored)]:
         yield broken(
             f"the answer does not depend on {', '.join(ignored)}",
-            f"an answer that changes with {', '.join(changes)}",
+            f"an answer that changes with {', '.join(names)}",
             "If the model reads it, it does not arrive there.",
         )
     else:
-        yield kept(f"the answer depends on {', '.join(changes)}")
+        yield kept(f"the answer depends on {', '.join(names)}")
 
 
 @rule("policy/inputs/images", "should", needs=ANYTHING)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from pytest_libero_max.worlds.contract import Observation
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.worlds.contract import World, WorldState
+
+T = TypeVar("T")
 
 QUERIES = 4
 """Number of observations, and of queries in an episode."""
@@ -38,6 +40,10 @@ class Shown:
     """:data:`QUERIES` that differ in everything, as a world gives them."""
     states: tuple[WorldState, ...] = ()
     """States of the episode's world in which they were made; empty for a policy that does not read it."""
+
+    def copy(self, index: int) -> dict[str, NDArray[Any]]:
+        """Return a copy of ``observations[index]``, which may be written to."""
+        return {key: np.array(value) for key, value in self.observations[index].items()}
 
     def query(self, index: int) -> Query:
         """Return the query in which ``observations[index]`` is shown."""
@@ -82,9 +88,17 @@ class PolicySubject:
     """Arguments of :func:`open_policy` that load it again in another process; empty where nothing does."""
     spec: PolicySpec = field(init=False)
     """Its spec before the first query."""
+    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         self.spec = replace(self.policy.spec)
+
+    def once(self, measure: Callable[[PolicySubject], T]) -> T:
+        """Return what a function makes of this subject; it is called once for all rules."""
+        if measure not in self._measured:
+            self._measured[measure] = measure(self)
+        result: T = self._measured[measure]
+        return result
 
     def start(self, episode: Episode | None = None) -> None:
         """Begin an episode, by default the one that is shown."""
@@ -98,7 +112,7 @@ class PolicySubject:
             observation: Entries that replace those of the observation.
             query: Fields that replace those of the query.
         """
-        shown = {key: np.array(value) for key, value in self.shown.observations[index].items()}
+        shown = self.shown.copy(index)
         return self.show(index, shown | dict(observation or {}), **query)
 
     def show(self, index: int, observation: Observation, **query: Any) -> Actions:
@@ -110,8 +124,7 @@ class PolicySubject:
 
     def item(self, index: int) -> BatchItem:
         """Return query ``index`` as an item of a batch."""
-        observation = {key: np.array(value) for key, value in self.shown.observations[index].items()}
-        return BatchItem(observation, self.shown.query(index), self.shown.episode)
+        return BatchItem(self.shown.copy(index), self.shown.query(index), self.shown.episode)
 
     @property
     def first(self) -> FirstAnswers:
@@ -149,7 +162,7 @@ class PolicySubject:
 
     @cached_property
     def inputs(self) -> Inputs | None:
-        """What the model is given of a marked observation; None for a policy that does not offer it."""
+        """Inputs of the model for a marked observation; None for a policy that does not offer them."""
         observation = marked_observation(self.shown.observations[0])
         self.start()
         arrays = model_inputs(self.policy, observation, self.shown.query(0))
@@ -172,19 +185,11 @@ def open_policy(
         AdapterError: It cannot be loaded, or wants a camera that the scene does not have.
     """
     from pytest_libero_max.policies.loading import check_reference, load_policy
-    from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in every process that plays: its threads change last bits
     check_reference(reference, profile, None)
     policy = load_policy(reference, horizon=horizon, query_interval=query_interval, profile=profile)
-    case, chosen = first_case(policy), chosen_substrate(substrate)
-    opened = open_substrate(chosen.name, chosen.options)
-    if policy.spec.privileged:
-        shown = _observe(policy, opened.world(case), case)
-    else:
-        with closing(opened):
-            shown = _observe(policy, opened.world(case), case)
     loading = {
         "reference": reference,
         "horizon": horizon,
@@ -192,15 +197,28 @@ def open_policy(
         "profile": profile,
         "substrate": substrate,
     }
-    return PolicySubject(policy, shown, loading)
+    return PolicySubject(policy, first_scene(policy, substrate), loading)
 
 
-def _observe(policy: Policy, world: World, case: Case) -> Shown:
-    check_cameras(policy, world)
-    return observe(policy, world, case.suite)
+def first_scene(policy: Policy, substrate: str) -> Shown:
+    """Return observations of the first scene of the ``smoke`` track that a policy plays.
+
+    Raises:
+        AdapterError: It plays none, or wants a camera that the scene does not have.
+    """
+    from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
+
+    case, chosen = _first_case(policy), chosen_substrate(substrate)
+    with ExitStack() as stack:
+        opened = open_substrate(chosen.name, chosen.options)
+        if not policy.spec.privileged:  # one that is reads the world later, too
+            stack.callback(opened.close)
+        world = opened.world(case)
+        check_cameras(policy, world)
+        return observe(policy, world, case.suite)
 
 
-def first_case(policy: Policy) -> Case:
+def _first_case(policy: Policy) -> Case:
     """Return the first case of ``smoke`` that the policy supports; every suite is in that track."""
     from pytest_libero_max.benchmark.tracks import load_track
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from threading import Thread
-from typing import Any
 
 from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
@@ -82,8 +81,8 @@ def second_client(subject: ServerSubject) -> Iterator[Finding]:
     began = time.monotonic()
     _alone(subject, (0,))
     limit = time.monotonic() - began + TOGETHER_S
-    with ExitStack() as stack:
-        stack.enter_context(subject.client()).ask(0)
+    with subject.client() as first:
+        first.ask(0)
         second = Thread(target=_ask_as_another, args=(subject,), daemon=True)
         second.start()
         second.join(limit)
@@ -210,12 +209,8 @@ def _error_of_nonsense(subject: ServerSubject) -> str | None:
     """Return the error that a request without inputs ends with; None where it is answered."""
     with subject.client() as client:
         policy = served(client)
-
-        def read(reply: Any) -> Any:
-            return policy.read(reply)
-
         try:
-            policy.client.ask({}, read)
+            policy.client.ask({}, policy.read)
         except ServerError as error:
             return str(error)
     return None

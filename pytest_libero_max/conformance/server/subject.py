@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from pytest_libero_max.conformance.policy.subject import PolicySubject, Shown, first_case, observe
+from pytest_libero_max.conformance.policy.subject import PolicySubject, Shown, first_scene
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.opening import open_server, parse_address, require_profile
 from pytest_libero_max.policies.clients.served import ServedPolicy
@@ -63,18 +63,14 @@ def open_at(address: str, profile: str | None, substrate: str = "embedded") -> S
         AdapterError: The address or the profile cannot be used.
         ServerError: The server was given up: its spec says which images to show.
     """
-    from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
-
     patient = parse_address(address)
     patient = replace(
         patient, timeout_s=min(patient.timeout_s, TIMEOUT_S), patience_s=min(patient.patience_s, PATIENCE_S)
     )
     known = require_profile(address, profile)
-    policy, chosen = open_server(patient, known), chosen_substrate(substrate)
+    policy = open_server(patient, known)
     try:
-        case = first_case(policy)
-        with closing(open_substrate(chosen.name, chosen.options)) as opened:
-            shown = observe(policy, opened.world(case), case.suite)
+        shown = first_scene(policy, substrate)
     finally:
         policy.client.close()
     return ServerSubject(patient, known, shown)

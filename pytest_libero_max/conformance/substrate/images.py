@@ -149,9 +149,7 @@ def _what_only_this_shows(images: list[Array], number: int) -> tuple[float, floa
     return float((rows * weights).sum()) / total, float((columns * weights).sum()) / total
 
 
-def _likeness(
-    hands: list[tuple[float, float]], places: list[tuple[float, float]], turn: tuple[int, int]
-) -> float:
+def _likeness(hands: Points, places: Points, turn: tuple[int, int]) -> float:
     """Return how well the movements of the hand from image to image fit those of its places, if turned."""
     seen, meant = (np.array(points) - np.mean(points, axis=0) for points in (hands, places))
     return float((seen * meant * turn).sum())

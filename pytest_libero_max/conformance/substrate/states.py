@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
@@ -83,28 +82,19 @@ def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
 @rule("substrate/states/process", "must", needs="substrate/states/steps")
 def fresh_process(subject: SubstrateSubject) -> Iterator[Finding]:
     """Build the same scene, with every thing in the same place, in another process."""
-    here = beginning(subject)
     if not subject.name:
         yield unexamined("the substrate is an object of this process")
         return
-    from pytest_libero_max.runs.fresh_place import fresh_place
-
-    with fresh_place() as (folder, environment):
-        command = [sys.executable, "-m", f"{__package__}.beginning", subject.name, "beginning.json"]
-        environment["PYTHONHASHSEED"] = "20"
-        ended = subprocess.run(
-            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=FRESH_S
-        )
-        if ended.returncode:
-            last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
-            yield broken(
-                f"the other process ended with status {ended.returncode}: {last}",
-                "the same scene",
-                "The substrate needs something of this process or its home.",
-            )
-            return
-        there = json.loads((folder / "beginning.json").read_text(encoding="utf-8"))
-    yield _compared(json.loads(json.dumps(here)), there)
+    here = beginning(subject)
+    there = result_elsewhere(
+        f"{__package__}.beginning",
+        subject.name,
+        FRESH_S,
+        expected="the same scene",
+        cure="The substrate needs something of this process or its home.",
+        environment={"PYTHONHASHSEED": "20"},
+    )
+    yield there if isinstance(there, Finding) else _compared(json.loads(json.dumps(here)), there)
 
 
 def _compared(here: Any, there: Any) -> Finding:
@@ -130,18 +120,10 @@ def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
     """Copy the state into a snapshot, so that the live world does not alter it."""
     world = subject.begin()
     state = world.snapshot()
-    before = [
-        state.physics.tobytes(),
-        state.controller.tobytes(),
-        *(a.tobytes() for a in state.model.values()),
-    ]
+    arrays = (state.physics, state.controller, *state.model.values())
+    before = [array.tobytes() for array in arrays]
     play(world)
-    after = [
-        state.physics.tobytes(),
-        state.controller.tobytes(),
-        *(a.tobytes() for a in state.model.values()),
-    ]
-    if before == after:
+    if before == [array.tobytes() for array in arrays]:
         yield kept("a snapshot stays as it was while the world goes on")
         return
     yield broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
@@ -179,16 +161,7 @@ def complete(subject: SubstrateSubject) -> Iterator[Finding]:
     play(world)
     state, digest = world.snapshot(), world.digest()
     missed, left = [], []
-    for name in (
-        "qpos",
-        "qvel",
-        "act",
-        "qacc_warmstart",
-        "ctrl",
-        "qfrc_applied",
-        "xfrc_applied",
-        "mocap_pos",
-    ):
+    for name in _STATE:
         array = getattr(world.data, name)
         for place in range(0, array.size, max(1, array.size // 8)):
             array.flat[place] += 1e-9 + abs(array.flat[place]) * 1e-9
