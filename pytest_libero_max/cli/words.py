@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-import tomllib
-from pathlib import Path
 
 from pytest_libero_max.cli.arguments import Commands
 from pytest_libero_max.cli.terminal import say
-
-GLOSSARY = Path(__file__).parents[1] / "glossary.toml"
-"""Meanings by word; the words are in alphabetical order."""
 
 
 def add_command(commands: Commands) -> None:
@@ -22,10 +17,10 @@ def add_command(commands: Commands) -> None:
 
 
 def _words(options: argparse.Namespace) -> int:
-    from pytest_libero_max.benchmark.documents import read_text
     from pytest_libero_max.errors import OptionError, did_you_mean
+    from pytest_libero_max.report.page.words import glossary
 
-    meanings: dict[str, str] = tomllib.loads(read_text(GLOSSARY))
+    meanings = glossary()
     for word in options.word or meanings:
         if word not in meanings:
             raise OptionError.seen("word", word, f" is not in the glossary. {did_you_mean(word, meanings)}")

@@ -9,9 +9,9 @@ import pytest
 
 from pytest_libero_max.benchmark.programs import program_names
 from pytest_libero_max.cli import main
-from pytest_libero_max.cli.words import GLOSSARY
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.policies.profile import profile_names
+from pytest_libero_max.report.page.words import GLOSSARY
 
 
 def test_each_profile_has_a_line_with_its_protocol_chunks_and_policy(

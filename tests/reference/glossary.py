@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 
-from pytest_libero_max.cli.words import GLOSSARY
+from pytest_libero_max.report.page.words import GLOSSARY
 from tests.reference.markdown import table
 
 

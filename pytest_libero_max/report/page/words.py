@@ -11,6 +11,9 @@ from markupsafe import Markup, escape
 
 from pytest_libero_max.benchmark.documents import read_text
 
+GLOSSARY = Path(__file__).parents[2] / "glossary.toml"
+"""File of the meanings by word; the words are in alphabetical order."""
+
 _ON_PAGES = (
     "Base", "Dynamic", "pair", "case", "event", "Base success", "Dynamic success", "paired change",
     "percentage point", "confidence interval", "regression", "gain", "preserved success",
@@ -41,5 +44,10 @@ def explained(text: str) -> Markup:
 @cache
 def words() -> dict[str, str]:
     """Return the words of pages in the order in which they are met, with their meanings."""
-    meanings = tomllib.loads(read_text(Path(__file__).parents[2] / "glossary.toml"))
-    return {word: meanings[word] for word in _ON_PAGES}
+    return {word: glossary()[word] for word in _ON_PAGES}
+
+
+@cache
+def glossary() -> dict[str, str]:
+    """Return the meanings of all words, in alphabetical order."""
+    return tomllib.loads(read_text(GLOSSARY))
