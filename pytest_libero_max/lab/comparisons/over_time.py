@@ -3,22 +3,40 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
+from pytest_libero_max.cli.arguments import option, switch
 from pytest_libero_max.cli.terminal import say
 from pytest_libero_max.errors import OptionError
 
+OPTIONS = ("csv", "html", "figure")
+TAKES = ("restrict",)
 
-def compare_over_time(options: argparse.Namespace) -> None:
+
+def add_options(compare: argparse.ArgumentParser) -> None:
+    """Add ``--over-time`` and what belongs to it."""
+    switch(
+        compare,
+        "--over-time",
+        "Follow success and causes over the runs in the order given, for example of checkpoints, on the "
+        "cases that all have measured. Intervals are of each run alone",
+    )
+    option(compare, "--csv FILE", "With --over-time: also write the numbers here", type=Path)
+    option(compare, "--html FILE", "With --over-time: also write a page with charts here", type=Path)
+    option(compare, "--figure FILE", "With --over-time: also draw success by run here, as SVG", type=Path)
+
+
+def compare(options: argparse.Namespace) -> bool:
     """Print success and causes of several runs in their order, and write what the options ask for."""
-    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
-    from pytest_libero_max.report.comparison.comparison_sections import terminal_head, with_short_names
-    from pytest_libero_max.report.comparison.trend import (
+    from pytest_libero_max.lab.comparisons.trend import (
         causes_of,
         success_by_run,
         trend_html,
         trend_of,
         trend_table,
     )
+    from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
+    from pytest_libero_max.report.comparison.comparison_sections import terminal_head, with_short_names
     from pytest_libero_max.report.render.drawing import drawn
     from pytest_libero_max.report.render.tables import table_csv
     from pytest_libero_max.report.render.terminal import table_lines
@@ -38,3 +56,4 @@ def compare_over_time(options: argparse.Namespace) -> None:
         write_text(options.html, trend_html(comparison, causes))
     if options.figure:
         write_text(options.figure, drawn(success_by_run(comparison)))
+    return False

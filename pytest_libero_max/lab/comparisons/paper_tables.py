@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
+from pytest_libero_max.lab.comparisons.paper_rows import PolicyRow, Rates
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.comparison.comparison_document import ApartRun
-from pytest_libero_max.report.comparison.paper_rows import PolicyRow, Rates
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import MISSING, Format, Interval, Tenths, tenths
 from pytest_libero_max.report.published import PartialPolicy

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from pytest_libero_max.lab.index.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.document import Document, Link, Section, Table
 from pytest_libero_max.report.formats import Format, counted
 from pytest_libero_max.report.page.page_frame import document_page
 from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
 from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
 

@@ -13,7 +13,7 @@ from msgspec import structs
 from pytest_libero_max.benchmark.documents import canonical_digest
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.report.comparison.by_cell import OldLessNew, document_of, old_less_new
+from pytest_libero_max.lab.comparisons.old_less_new import OldLessNew, document_of, old_less_new
 from pytest_libero_max.report.render.terminal import document_lines
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run

@@ -11,7 +11,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 
-REPORTS = Path(__file__).parents[2] / "reports"
+REPORTS = Path(__file__).parents[3] / "reports"
 RUNS = [str(REPORTS / "smoke" / name) for name in ("stale_expert", "expert")]
 
 

@@ -20,10 +20,10 @@ from pytest_libero_max.benchmark.releases import RELEASED
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
-from pytest_libero_max.report.comparison.comparison_plots import PAPER_PLOTS
-from pytest_libero_max.report.comparison.paper_files import write_tables
-from pytest_libero_max.report.comparison.paper_rows import PolicyRow, published_row, row_of
-from pytest_libero_max.report.comparison.paper_tables import paper_tables, partial_tables
+from pytest_libero_max.lab.comparisons.paper_files import write_tables
+from pytest_libero_max.lab.comparisons.paper_plots import PAPER_PLOTS
+from pytest_libero_max.lab.comparisons.paper_rows import PolicyRow, published_row, row_of
+from pytest_libero_max.lab.comparisons.paper_tables import paper_tables, partial_tables
 from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.published import (
     authors_cases,
@@ -411,4 +411,4 @@ def test_the_command_writes_the_published_tables(tmp_path: Path, capsys: pytest.
     assert "tables.md, and" in capsys.readouterr().out
     assert "| pi_0.5 | paper | 79.7 | 65.7 | -13.9 |" in (tmp_path / "tables" / "tables.md").read_text()
     assert main(["compare", "--published"]) != 0
-    assert "Give --tables=FOLDER as well" in capsys.readouterr().err
+    assert "Give --tables as well" in capsys.readouterr().err

@@ -14,15 +14,10 @@ from msgspec import structs
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError, ReportError
-from pytest_libero_max.report.page.index_page import index_html
+from pytest_libero_max.lab.index.index_page import index_html
+from pytest_libero_max.lab.index.run_index import published_in, run_index
 from pytest_libero_max.report.publication import publish
-from pytest_libero_max.report.run_index import (
-    note_check,
-    pairs_digest,
-    published_in,
-    read_checks,
-    run_index,
-)
+from pytest_libero_max.report.verified_runs import note_check, pairs_digest, read_checks
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
