@@ -35,10 +35,10 @@ class Comparison(NamedTuple):
 
 
 def _accept(_: str, module: Any) -> Comparison:
-    functions = [getattr(module, name, None) for name in ("add_options", "compare")]
-    if not all(map(callable, functions)):
+    add_options: Any = getattr(module, "add_options", None)
+    compare: Any = getattr(module, "compare", None)
+    if not (callable(add_options) and callable(compare)):
         raise ValueError("an entry point is a module with functions add_options and compare")
-    add_options, compare = functions
     return Comparison(add_options, compare, getattr(module, "OPTIONS", ()), getattr(module, "TAKES", ()))
 
 

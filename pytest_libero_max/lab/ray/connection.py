@@ -14,7 +14,7 @@ from typing import Any
 
 from pytest_libero_max.errors import CrashError, OptionError, counted, install_extra
 from pytest_libero_max.evaluation.processes.crash_log import Death
-from pytest_libero_max.plugin.ray.actor import PairActor, actors_on
+from pytest_libero_max.lab.ray.actor import PairActor, actors_on
 
 _REACH_S = 20.0
 """Time for the head of the cluster to accept a connection, s."""

@@ -14,19 +14,16 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.evaluation.processes.crash_log import Death
-from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.work_queue import WorkQueue
+from pytest_libero_max.lab.ray.connection import Cluster
+from pytest_libero_max.lab.ray.remote import identity
 from pytest_libero_max.plugin.collection import PairItem, only_lists
+from pytest_libero_max.plugin.controller import RunController
 from pytest_libero_max.plugin.options import usage_errors
 from pytest_libero_max.plugin.processes.retries import Retries
-from pytest_libero_max.plugin.progress_display import RunProgress
-from pytest_libero_max.plugin.ray.connection import Cluster
-from pytest_libero_max.plugin.ray.remote import identity
-from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
 CARRIED = (
@@ -72,21 +69,14 @@ class RayRun:
         pytest.UsageError: Other options hand out the tests as well, or no cluster answers.
     """
 
-    def __init__(
-        self,
-        config: pytest.Config,
-        settings: Settings,
-        cases: dict[str, Case],
-        progress: RunProgress,
-        stop: RunStop,
-    ) -> None:
+    def __init__(self, controller: RunController) -> None:
+        self._config, self._settings = config, settings = controller.config, controller.settings
         _require_alone(config)
-        self._config, self._settings, self._cases, self._progress = config, settings, cases, progress
+        self._cases, self._progress, self._stop = controller.cases, controller.progress, controller.stop
         assert settings.ray is not None
         self._asked = asked = settings.ray
-        self._stop = stop
         self._cluster: Cluster | None = None
-        self._retries = Retries(settings, asked.actors or 1, "actors", stop)
+        self._retries = Retries(settings, asked.actors or 1, "actors", self._stop)
         config.pluginmanager.register(self._retries)
         self._pending: dict[Any, _Actor] = {}  # by the answer that is awaited of them
         self._idle: list[_Actor] = []

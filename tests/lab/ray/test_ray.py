@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import io
 import json
 import os
 import subprocess
@@ -14,8 +15,10 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.evaluation.work_queue import WorkQueue
+from pytest_libero_max.lab.ray.connection import actor_capacity
+from pytest_libero_max.lab.ray.remote import RemoteSession
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.plugin.ray.connection import actor_capacity
+from tests.plugin.processes.test_sending import HALF, SPELLED
 from tests.plugin.test_run import Results, Run
 
 needs_ray = pytest.mark.skipif(
@@ -278,3 +281,12 @@ def test_a_rule_stops_a_run_on_a_cluster_at_the_pair_at_which_it_stops_workers(
         assert end["at"] <= played < end["of"]  # what was in flight is kept
         ends.append(end)
     assert ends[0] == ends[1]
+
+
+def test_an_actor_of_ray_sends_the_same() -> None:
+    answers = io.BytesIO()
+    RemoteSession({}, io.BytesIO(), answers).answer(
+        {"reports": [{"longrepr": HALF, "sections": [(HALF, HALF)]}]}
+    )
+    (report,) = json.loads(answers.getvalue())["reports"]
+    assert report == {"longrepr": SPELLED, "sections": [[SPELLED, SPELLED]]}
