@@ -55,7 +55,7 @@ _PARTS = {
             "words": "words",
         },
     ),
-    "plan": ("What a run takes and what it can show", {"time": "plan", "pairs": "power", "gates": "power"}),
+    "plan": ("What a run takes and what it can show", {"pairs": "power", "gates": "power"}),
     "shards": ("A run in several parts, on several machines", {"slurm": "slurm", "merge": "merge"}),
     "publish": ("Results for others", {"pack": "publish", "verify": "publish"}),
 }

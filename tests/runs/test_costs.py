@@ -1,7 +1,7 @@
 from __future__ import annotations
 
-from pytest_libero_max.costs.model import CostModel, Kind, counted, seconds_of
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.runs.costs import CostModel, Kind, counted, seconds_of
 from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
 
 PAIR = plan()[0]

@@ -1,1 +1,1 @@
-"""Costs of pairs: measured, expected of other pairs, and the time that a fleet needs for them."""
+"""``libero-max plan time``: time that a fleet of workers and policy servers needs for pairs."""

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.sharding import shard
-from pytest_libero_max.costs.fleet import Fleet, Played, play, workers_fed
-from pytest_libero_max.costs.model import Cost, CostModel
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.lab.fleet.fleet import Fleet, Played, play, workers_fed
 from pytest_libero_max.report.formats import counted
+from pytest_libero_max.runs.costs import Cost, CostModel
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.progress import duration
 from pytest_libero_max.runs.store import StoredRun

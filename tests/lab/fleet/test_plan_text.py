@@ -7,8 +7,8 @@ import pytest
 from msgspec.structs import replace
 
 from pytest_libero_max.cli import main
-from pytest_libero_max.costs.fleet import Fleet
-from pytest_libero_max.report.writers.plan_text import plan_lines
+from pytest_libero_max.lab.fleet.fleet import Fleet
+from pytest_libero_max.lab.fleet.plan_text import plan_lines
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
