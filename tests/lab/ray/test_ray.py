@@ -18,8 +18,11 @@ from pytest_libero_max.evaluation.work_queue import WorkQueue
 from pytest_libero_max.lab.ray.connection import actor_capacity
 from pytest_libero_max.lab.ray.remote import RemoteSession
 from pytest_libero_max.pairing.record import PairRecord
+from tests.plugin.conftest import results, run, short_sessions
 from tests.plugin.processes.test_sending import HALF, SPELLED
 from tests.plugin.test_run import Results, Run
+
+__all__ = ["results", "run", "short_sessions"]  # fixtures
 
 needs_ray = pytest.mark.skipif(
     importlib.util.find_spec("ray") is None, reason="Ray is not installed: pip install -r .ci/peers.txt"
