@@ -26,7 +26,7 @@ from tests.report.comparison.test_compare import ALWAYS, MIXED, run_of
 from tests.report.made_up import PROVENANCE, plan, record_of
 from tests.report.page.browser import Shown
 from tests.report.page.test_accessibility import axe, browser, complaints
-from tests.report.test_one_of_each import words, wrong_numbers
+from tests.report.test_one_of_each import texts_of_study, words, wrong_numbers
 
 __all__ = ["axe", "browser"]
 
@@ -68,6 +68,7 @@ def test_one_pair_is_no_pairs() -> None:
     index = RunIndex({"cases": [IndexedRun(Path("a"), report, "0" * 64, "MuJoCo", True, About(), None)]}, [])
     pages = [trend_html(compare_runs(runs), NO_CAUSES), index_html(index, Path())]
     assert wrong_numbers(map(words, pages)) == []
+    assert wrong_numbers(texts_of_study("camera-timing")) == []
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

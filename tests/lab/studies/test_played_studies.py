@@ -11,7 +11,9 @@ import pytest
 from pytest_libero_max.cli import main
 from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.studies.registry import STUDIES
-from tests.plugin.conftest import REACHER, tiny_manifest
+from tests.plugin.conftest import REACHER, results, run, short_sessions, tiny_manifest
+
+__all__ = ["results", "run", "short_sessions"]  # fixtures
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]

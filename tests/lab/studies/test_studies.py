@@ -26,13 +26,13 @@ from pytest_libero_max.errors import (
     ReportError,
 )
 from pytest_libero_max.events.schedules import Arm, Cadence, arms_of, change_of
+from pytest_libero_max.lab.studies.camera.arms import first_crossing
+from pytest_libero_max.lab.studies.sweeps import CadenceSweep
 from pytest_libero_max.pairing.runner import PairSettings, inject, measure_pair
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.studies.study_results import executed
-from pytest_libero_max.studies.camera_study import first_crossing
 from pytest_libero_max.studies.playable import require_playable
 from pytest_libero_max.studies.registry import STUDIES, find_study, spelled_study, study_from_dict
-from pytest_libero_max.studies.sweeps import CadenceSweep
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
 from tests.pairing.actors import BUDGET, CHANGES, Approaching, make_case
@@ -328,3 +328,11 @@ def test_settings_belong_to_one_study() -> None:
         STUDIES["cadence"](None)
     with pytest.raises(OptionError, match="the study camera-timing has none"):
         STUDIES["camera-timing"]("2")
+
+
+def test_a_name_alone_stands_for_a_study_of_the_lab() -> None:
+    assert find_study("camera-strength").scales
+    assert find_study("camera-timing").to_dict() == {"name": "camera-timing"}
+    assert [arm["name"] for arm in find_study("latency:2,4sync").spelled][::2] == ["base_d2", "base_d4sync"]
+    case, spec = make_case(), Approaching(horizon=8, interval=4).spec
+    assert [arm.name for arm in find_study("cadence:2,4").arms(case, spec)] == ["base_q2", "dynamic_q2"]

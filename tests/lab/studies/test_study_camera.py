@@ -17,22 +17,15 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_csv
 from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.writers.report_files import read_report, report_json
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import plain
-from tests.report.studies.studied import Cell, study_of
+from tests.report.studies.studied import Cell, cell, study_of
 
 PRINTED = 0.0005 + 1e-9
 """Half a unit of the last printed decimal, as a share."""
 
 
-def cell(source: str, outcomes: str, count: int, near: bool = True, stale: int = 2) -> Cell:
-    """Cases that ended so in Base, Reset and Mid-task: ``101`` fails in Reset alone."""
-    base, reset, middle = (letter == "1" for letter in outcomes)
-    return Cell(source, {"base": base, "reset": reset, "dynamic": middle}, count, near, stale)
-
-
-# X-VLA. The marginals of each source, the 2 and 106 discordant cases and the approaches of Reset are printed;
-# that the 7 cases that only Mid-task solves are of plus is not, and moves no printed decimal.
 XVLA = [
     cell("plus", "111", 10),
     cell("plus", "110", 2, stale=3),
@@ -229,3 +222,13 @@ def test_an_unknown_study_and_a_missing_arm_are_named() -> None:
         )
     with pytest.raises(ReportError, match="was not played in an arm 'reset_25'"):
         build_report(records, [], planned, {**provenance, "protocol": {"study": {"name": "camera-strength"}}})
+
+
+def test_the_results_are_read_from_a_file_as_they_were_written(report: Report, tmp_path: Path) -> None:
+    (tmp_path / "report.json").write_text(report_json(report))
+    read = read_report(tmp_path)
+    assert summary_lines(read) == summary_lines(report)
+    assert report_json(read) == report_json(report)
+    assert read.study is not None
+    with pytest.raises(ReportError, match="camera-timing are damaged"):
+        summary_lines(replace(read, study=replace(read.study, camera={**read.study.camera, "rates": 1})))

@@ -6,11 +6,14 @@ the change happens at the case's trigger, after the executed prefix of Base.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
+from pytest_libero_max.benchmark.programs import read_document
 from pytest_libero_max.errors import ProtocolError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.events.triggers import Proximity, distance_m, trigger_from_dict
+from pytest_libero_max.studies.registry import spelled_study
 from pytest_libero_max.studies.study import Study
 
 if TYPE_CHECKING:
@@ -23,6 +26,20 @@ RESET = "reset"
 
 class CameraStudy(Study):
     """Base, Reset and Mid-task, at one strength or several (``reset_25``, ``dynamic_25``: a quarter)."""
+
+    track = "camera"
+
+    @classmethod
+    def of(cls, settings: str | None) -> Self:
+        """Return the study that the file with its name spells.
+
+        Raises:
+            OptionError: Settings are given.
+        """
+        study = super().of(settings)
+        path = Path(__file__).with_name(f"{cls.name}.json")
+        study.program = read_document(path, "study", spelled_study).program
+        return study
 
     @property
     def strengths(self) -> dict[float, tuple[str, str]]:
@@ -40,6 +57,20 @@ class CameraStudy(Study):
                 _require_crossing(pair, name)
         for arms in self.strengths.values():
             _require_same_camera(pair.record.item_id, *(pair.record.arms[name] for name in arms))
+
+
+class CameraTiming(CameraStudy):
+    """Reset and Mid-task with the whole change."""
+
+    name = "camera-timing"
+    title = "Camera timing"
+
+
+class CameraStrength(CameraStudy):
+    """Reset and Mid-task with a quarter, half and the whole of the change."""
+
+    name = "camera-strength"
+    title = "Camera strength"
 
 
 def first_crossing(rollout: RolloutResult, within_m: float) -> int | None:

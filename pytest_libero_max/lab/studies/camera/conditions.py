@@ -16,15 +16,15 @@ from msgspec.structs import asdict
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.bounded_mean import bounded_means
-from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
-from pytest_libero_max.stats.condition_blocks import (
+from pytest_libero_max.lab.studies.camera.blocks import (
     ConditionContrast,
     ConditionRate,
     GroupInterval,
     Mean,
     SourceRate,
 )
+from pytest_libero_max.stats.bounded_mean import bounded_means
+from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
 from pytest_libero_max.stats.measured import bootstrap_of, ends, number, rate_of
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean

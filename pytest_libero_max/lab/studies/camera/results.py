@@ -12,14 +12,19 @@ import numpy as np
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
+from pytest_libero_max.lab.studies.camera.blocks import (
+    Camera,
+    ConditionContrast,
+    ConditionRate,
+    GroupInterval,
+    JointOutcome,
+)
+from pytest_libero_max.lab.studies.camera.conditions import Conditions, contrasts, contrasts_of_contrasts
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import NOT_AVAILABLE, Change, Interval, Number, Rate, interval_text
 from pytest_libero_max.report.quantities import Quantity
-from pytest_libero_max.report.studies.study_document import Camera, JointOutcome
 from pytest_libero_max.stats.blocks import Bootstrap
-from pytest_libero_max.stats.condition_blocks import ConditionContrast, ConditionRate, GroupInterval
-from pytest_libero_max.stats.conditions import Conditions, contrasts, contrasts_of_contrasts
 from pytest_libero_max.stats.outcome_table import BoolArray
 
 Strengths = Mapping[float, tuple[str, str]]

@@ -1,4 +1,4 @@
-"""Blocks of conditions on the same cases: rates, contrasts and the best one."""
+"""The results of a camera study, as ``report.json`` stores them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from pytest_libero_max.stats.blocks import (
     Block,
     Bootstrap,
     Count,
-    Difference,
     Rate,
-    Share,
     Text,
     WideDifference,
 )
@@ -84,34 +82,28 @@ class ConditionContrast(Mean, frozen=True, kw_only=True):
     configurations within each source."""
 
 
-class SettingDifference(Block, frozen=True, kw_only=True):
-    """Success of the best setting less that of another."""
+class JointOutcome(Block, frozen=True, kw_only=True):
+    """Cases that ended alike in all arms."""
 
-    value: Difference | None
-    """Success of the best less that of the other."""
-    lower: Difference | None
-    """Lower end of its exact interval, which holds together with those of all pairs of settings with 95%."""
-    upper: Difference | None
-    """Upper end of the same."""
+    success: dict[str, bool]
+    """Success of each arm."""
+    cases: Count
+    """Cases that ended so."""
 
 
-class BestSetting(Block, frozen=True, kw_only=True):
-    """The best setting, with intervals that account for the choice."""
+class Camera(Block, frozen=True, kw_only=True):
+    """Results of a camera study."""
 
-    setting: Text
-    """Label of the setting of the highest rate, the first among equals."""
-    count: Count
-    """Its cases that succeed."""
-    of: Count
-    """Cases: the denominator."""
-    value: Share | None
-    """Its success rate."""
-    lower: Share | None
-    """Lower end of its interval, which holds together with those of all settings with 95% (exact,
-    Bonferroni)."""
-    upper: Share | None
-    """Upper end of the same."""
-    not_worse: list[str]
-    """Other settings that the cases do not show to be worse."""
-    differences: dict[str, SettingDifference]
-    """From each other setting."""
+    conditions: dict[str, str]
+    """Name of each arm in tables. Mid-task is the arm dynamic."""
+    rates: dict[str, ConditionRate]
+    """Success by arm."""
+    outcomes: list[JointOutcome]
+    """Endings of cases in all arms together, the frequent ones first."""
+    contrasts: list[ConditionContrast]
+    """Within each strength, and of each timing between strengths."""
+    gap_contrasts: list[ConditionContrast]
+    """Mid-task less Reset at one strength, less the same at another."""
+    approach: dict[str, dict[str, Count]]
+    """Numbers of cases by strength and by what they have in common: the approach of the hand in Reset, and
+    queries after the event of Mid-task."""
