@@ -57,7 +57,7 @@ def test_warnings_and_notes_of_a_run_stand_beside_its_numbers() -> None:
     runs = {"fails": run_of([(False, False)] * 32), "noisy": StoredRun(noisy.run, tuple(records), (), False)}
     page = trend_html(compare_runs(runs), NO_CAUSES)
     assert "fails: Not measurable: Base solves 0 of 32 pairs" in page
-    assert "32 of 32 pairs of noisy: The policy draws noise of its own" in page
+    assert "32 of 32 pairs of noisy: The policy draws its own noise" in page
 
 
 def test_one_pair_is_no_pairs() -> None:

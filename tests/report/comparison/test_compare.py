@@ -222,12 +222,12 @@ def _store(folder: Path, run: StoredRun) -> Path:
         (
             "delta.lower >= -25%",
             "failed, it is -29.0%. Not shown: the upper end, 2.8%, meets it, and so does the estimate, "
-            "-12.5%; with such losses and gains, 100 pairs would mostly show it.",
+            "-12.5%; at these rates of losses and gains, four of five runs of 100 pairs show it.",
         ),
         (
             "dynamic_sr_vs(old).lower >= -20%",
             "failed, it is -29.0%. Not shown: the upper end, 2.8%, meets it, and so does the estimate, "
-            "-12.5%; with such losses and gains, 400 pairs would mostly show it.",
+            "-12.5%; at these rates of losses and gains, four of five runs of 400 pairs show it.",
         ),
         (
             "delta.lower >= -10%",
@@ -347,7 +347,7 @@ def test_what_belongs_to_the_numbers_of_a_run_is_said_wherever_they_are_printed(
     assert [(caveat.name, caveat.pairs) for caveat in second.caveats] == [("not_repeatable", 32)]
     for text in _texts(comparison):
         assert "fails: Not measurable: Base solves 0 of 32 pairs" in text
-    full = "32 of 32 pairs of noisy: The policy draws noise of its own"
+    full = "32 of 32 pairs of noisy: The policy draws its own noise"
     assert [full in text for text in _texts(comparison)] == [False, False, True, True]
     assert all("not_repeatable 32" in text for text in _texts(comparison)[:2])
 
