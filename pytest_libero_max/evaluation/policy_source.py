@@ -40,6 +40,7 @@ class PolicySource:
 
         settings = self.settings
         check_reference(settings.reference, settings.profile, settings.revision)
+        check_policies_of_arms(settings, settings.reference)
         if is_served(settings.reference):
             self.servers = read_servers(settings.reference, settings.profile, settings.revision).resolved()
 
@@ -144,6 +145,7 @@ class GivenPolicy(PolicySource):
                 f"policy={self.thing!r} is no policy. Give an object with spec, reset and predict, a class "
                 "or function that returns one, or what --libero-max-policy takes: a name, file or address."
             )
+        check_policies_of_arms(self.settings)
 
     def identity(self) -> str:
         return OBJECT
@@ -178,6 +180,30 @@ class GivenPolicy(PolicySource):
             close_policy(policy)
         elif self._policy.spec is not self._spec:
             self._policy.spec = self._spec
+
+
+def check_policies_of_arms(settings: Settings, *references: str) -> None:
+    """Check the policies that arms of the study name, without loading anything.
+
+    Args:
+        settings: The settings.
+        references: Of the other policies that play in the same processes.
+
+    Raises:
+        AdapterError: One is not installed or leads nowhere, or two adapters have helpers of one name.
+    """
+    from pytest_libero_max.policies.adapter_digest import require_separate_helpers
+    from pytest_libero_max.policies.loading import check_reference
+    from pytest_libero_max.policies.references import require_installed
+
+    named = {} if settings.study is None else settings.study.policies
+    for name, reference in named.items():
+        if reference is None:
+            require_installed(name)
+        else:
+            check_reference(reference)
+    if named:
+        require_separate_helpers([*references, *filter(None, named.values())])
 
 
 def wrapped(policy: Policy, settings: Settings) -> Policy:

@@ -230,6 +230,7 @@ def _pair(
         if arm.policy is not None:
             with played_at(settings.policies[arm.policy], arm.cadence) as acting:
                 named = {"reference": arm.policy, **acting.to_dict()}
+                named |= {"at_once": True} if arm.at_once else {}
             played[arm.name] = structs.replace(played[arm.name], policy=named)
     times = query_times(rollouts)
     timings = {**clock.seconds, **({QUERY_MS: times} if times else {})}
@@ -281,8 +282,8 @@ def _play(
                 with stage.clock("prefix_s"):
                     return_to_branch(branch, stage, settings.prefix)
                 if goes_on:
-                    acting = stage.handed_to(policy, begun=branch.step > 0)
-                    branch = branch.handed_to(policy.spec.query_interval)
+                    acting = stage.handed_to(policy, branch.handover_of(stage.spec.name))
+                    branch = branch.handed_to(policy.spec.query_interval, arm.at_once)
                 rollout = Rollout.resume(branch, acting, task.arms)
             with stage.clock(f"arm_{arm.name}_s"):
                 while rollout.due() is not None:
