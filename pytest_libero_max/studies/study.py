@@ -39,8 +39,8 @@ class Study:
     document: Json | None = None
     """What spells it, where its name does not say it."""
     source: str | None = None
-    """Place that it was read from: the path of its file, or what names policies by their places. None where its
-    name and settings say all of it."""
+    """Where it is found: the path of its file, or the value of the option where that names files of policies.
+    None where name and settings say all of it."""
     example: str = ""
     """Settings, as they are given behind its name: ``--libero-max-study=NAME:SETTINGS``."""
 

@@ -20,19 +20,19 @@ from pytest_libero_max.stats.significance import holm, mcnemar
 
 TITLE = "Controllers that continue one prefix"
 NOTE = (
-    "The policy of the run plays Base and the executed prefix. From the state of the event each controller goes "
-    "on: it is asked at once, and told which actions were executed and which were queued. Every row is over "
-    "the same cases, but for suites that a controller does not play. A controller enters states that another "
-    "policy produced: its numbers say how it goes on from there, not how it would have come there."
+    "The policy of the run plays Base and the executed prefix. From the state of the event each controller "
+    "goes on: it is asked at once, and given the actions that were executed and those that were queued. A "
+    "controller enters a state that another policy produced: its numbers say how it goes on from there, not "
+    "how it would have come there. Every row is over the same cases, without suites that a controller does "
+    "not play."
 )
 HANDOVER_NOTE = (
-    "Without the event the controller takes over at the same moment and nothing changes. What it loses there "
-    "is lost by the handover; Dynamic less that is lost by the event. Its own Base is played from the reset."
+    "Without the event the controller takes over at the same moment and nothing changes: that less Base is "
+    "the effect of the handover, and Dynamic less that is the effect of the event. The own Base of a "
+    "controller is played from the reset."
 )
-INTERVAL_NOTE = (
-    "Exact 95% intervals, each for itself. The p-value of the exact McNemar test is adjusted for the number "
-    "of contrasts between controllers (Holm)."
-)
+INTERVAL_NOTE = "Exact 95% intervals, each for itself."
+P_NOTE = "p is of the exact McNemar test, adjusted for the number of contrasts in this table (Holm)."
 
 
 class _Column(NamedTuple):
@@ -55,9 +55,9 @@ _DYNAMIC_COLUMNS = {
     "over_run": _Column("less Dynamic of the run's policy", f"{DYNAMIC}_{{}}", DYNAMIC),
 }
 _HANDOVER_COLUMNS = {
-    "handed": _Column("Without the event", f"{BASE}_{{}}"),
-    "handover": _Column("that less Base", f"{BASE}_{{}}", BASE),
-    "event": _Column("Dynamic less that", f"{DYNAMIC}_{{}}", f"{BASE}_{{}}"),
+    "handed": _Column("No event", f"{BASE}_{{}}"),
+    "handover": _Column("No event less Base", f"{BASE}_{{}}", BASE),
+    "event": _Column("Dynamic less no event", f"{DYNAMIC}_{{}}", f"{BASE}_{{}}"),
     "own_base": _Column("Own Base", f"{OWN_BASE}_{{}}"),
     "over_own_base": _Column("Dynamic less own Base", f"{DYNAMIC}_{{}}", f"{OWN_BASE}_{{}}"),
 }
@@ -93,7 +93,7 @@ class Continued(ReportSection):
         return _measured(controller, key) if section == self.name and controller and known else None
 
     def shown(self, report: Report) -> Mapping[str, Section]:
-        """Return a table of Dynamic, one of the handover alone, and one of the controllers with each other."""
+        """Return tables of Dynamic, of the handover alone, and of the controllers with each other."""
         rows = report.sections.get(TITLE)
         study = _study(report.provenance["protocol"])
         if rows is None or study is None:
@@ -231,4 +231,4 @@ def _table(
         for name, shown in names.items()
     ]
     head = ("Controller", *(column.title for column in columns.values()))
-    return Table(title, head, cells, note, narrow=len(_DYNAMIC_COLUMNS) + 1)
+    return Table(title, head, cells, note)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.policies.contract import PolicySpec
 
 OWN_BASE = "own_base"
-"""Word in the settings that asks for each controller's own Base; it is the beginning of these arms as well."""
+"""Word in the settings that asks for each controller's own Base, and beginning of the names of these arms."""
 
 RUN = "run"
 """Stands for the policy of the run among the names of controllers."""
@@ -28,7 +28,7 @@ RUN = "run"
 _RESERVED = (OWN_BASE, RUN, "again")  # base_again is the arm of the noise floor
 _LATENCY = re.compile(r"[1-9][0-9]{0,2}steps")
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-_FORM = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE:NAME, a .toml file of servers or an installed name"
+_FORM = "Give FILE.py, FILE.py:NAME, PACKAGE.MODULE:NAME, a .toml file of servers, or an installed name"
 
 
 class Controller(NamedTuple):
@@ -175,6 +175,4 @@ def _name_of(reference: str) -> str:
 
 
 def _refusal(text: str, rule: str) -> OptionError:
-    return OptionError.seen(
-        "--libero-max-study=continue", text, f": {rule}. {_FORM}, each with a comma between."
-    )
+    return OptionError.seen("--libero-max-study=continue", text, f": {rule}. {_FORM}; commas go between.")

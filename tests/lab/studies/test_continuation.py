@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.benchmark.latency import Latency
+from pytest_libero_max.benchmark.programs import parse_program
 from pytest_libero_max.errors import AdapterError, ManifestError, OptionError
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, Arm, arms_of
 from pytest_libero_max.lab.studies.continuation import Continue, Controller
@@ -24,7 +25,6 @@ from pytest_libero_max.runs.replay_command import Places, replay_of
 from pytest_libero_max.studies.registry import study_from_dict
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.pairing.actors import BUDGET, Approaching, make_case
-
 from tests.report.made_up import PROVENANCE
 
 CASE = make_case(distance_m=0.25)
@@ -108,7 +108,7 @@ def test_a_late_controller_acts_when_its_answer_is_there(world: TinyWorld, runne
 
 
 def test_an_answer_that_is_under_way_at_the_handover_still_arrives(world: TinyWorld) -> None:
-    """The first policy is asked at step 12, and its answer of 5 steps later is there before the controller's."""
+    """The answer that the first policy gives before the event is there earlier than the controller's."""
     case = make_case(distance_m=0.25)
     first = Approaching(wait=0, horizon=24, interval=6)
     study = Continue.of("other")
@@ -171,14 +171,11 @@ def test_what_has_no_name_of_its_own_is_refused(settings: str | None, message: s
         Continue.of(settings)
 
 
-def test_only_another_policy_is_asked_at_once(world: TinyWorld) -> None:
-    case = make_case(program=None)
+def test_only_another_policy_is_asked_at_once() -> None:
+    arm_without = {"name": "a", "schedule": [{"trigger": "event", "change": "event"}], "at_once": True}
     with pytest.raises(ManifestError, match="at_once"):
-        from pytest_libero_max.benchmark.programs import parse_program
-
-        event = {"trigger": "event", "change": "event"}
-        parse_program({"name": "mine", "arms": [{"name": "a", "schedule": [event], "at_once": True}]})
-    (arm,) = Continue.of("expert").arms(case, Approaching().spec)[1:]
+        parse_program({"name": "mine", "arms": [arm_without]})
+    (arm,) = Continue.of("expert").arms(CASE, Approaching().spec)[1:]
     assert arm.to_dict()["at_once"] is True
 
 
