@@ -50,6 +50,15 @@ class PolicySource:
         served = self.servers
         return served if served and (len(served.addresses) > 1 or served.groups[0].marks) else None
 
+    @property
+    def published_row(self) -> str | None:
+        """Row of the paper that the profiles of its servers name; None without one, or for several."""
+        from pytest_libero_max.policies.profile import load_profile
+
+        profiles = () if self.servers is None else {group.profile for group in self.servers.groups}
+        rows = {load_profile(name).get("published", "row") for name in profiles if name is not None}
+        return rows.pop() if len(rows) == 1 else None
+
     def identity(self) -> str:
         """Return what tells it from another policy, see :mod:`pytest_libero_max.policies.adapter_digest`."""
         from pytest_libero_max.policies.adapter_digest import adapter_digest
@@ -112,7 +121,7 @@ class PolicySource:
             "reference": self.settings.reference,
             "code": self.identity(),
             **self.settings.recorded("policy"),
-            **known(servers=None if several is None else several.to_list()),
+            **known(servers=None if several is None else several.to_list(), published=self.published_row),
         }
 
 

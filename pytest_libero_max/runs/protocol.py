@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 RECORDED_RUN = "recorded:"
 """Begins the text of a latency that is read from a run."""
 
-_HEADER = ("reference", "code", "servers")
+_HEADER = ("reference", "code", "servers", "published")
 """Fields of a policy in the provenance that say where it comes from and are no settings."""
 
 _WRAPPERS_BEFORE = ("restore", "adaptive")

@@ -357,7 +357,7 @@ OFFICIAL: Json = {
     ("changed", "played", "said"),
     [
         ({}, 8000, None),
-        ({}, 7999, "it measured 7,999 of the 8,000 cases"),
+        ({}, 7999, "it has 7,999 of the 8,000 cases"),
         ({"case_set": {"name": "track genuine/max"}}, 8000, "its cases are track genuine/max"),
         (
             {"case_set": {"name": "m", "released_as": f"like {MAX}, but NOT that file"}},
