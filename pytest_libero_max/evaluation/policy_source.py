@@ -53,10 +53,8 @@ class PolicySource:
     @property
     def published_row(self) -> str | None:
         """Row of the paper that the profiles of its servers name; None without one, or for several."""
-        from pytest_libero_max.policies.profile import load_profile
-
-        profiles = () if self.servers is None else {group.profile for group in self.servers.groups}
-        rows = {load_profile(name).get("published", "row") for name in profiles if name is not None}
+        groups = () if self.servers is None else self.servers.groups
+        rows: set[str | None] = {group.profile.get("published", "row") for group in groups}
         return rows.pop() if len(rows) == 1 else None
 
     def identity(self) -> str:

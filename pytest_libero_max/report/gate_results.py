@@ -222,10 +222,8 @@ def _why_an_end_fails(
         connection = connect(report, gate.row, ARMS[gate.name])
         return _why_no_equivalence(gate, None if isinstance(connection, str) else connection.interval)
     if gate.name == EQUIVALENT:
-        contrast = contrasts[gate.run or ""]
-        return _why_no_equivalence(
-            gate, None if isinstance(contrast, str) else equivalence_interval(contrast)
-        )
+        other = contrasts[gate.run or ""]
+        return _why_no_equivalence(gate, None if isinstance(other, str) else equivalence_interval(other))
     if gate.end is None:
         return False, ""
     other = "upper" if gate.end == "lower" else "lower"

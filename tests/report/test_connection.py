@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from msgspec import structs
 
@@ -58,8 +60,8 @@ def report_of(outcomes: Outcomes, provenance: Json, query_interval: int = 5) -> 
 
 
 def finding(report: Report, text: str) -> tuple[Finding, str]:
-    stored = StoredRun(Run((), report.provenance), (), (), ())  # type: ignore[call-arg]
-    (result,) = decide_on([parse_gate(text)], stored, report, None)  # type: ignore[arg-type]
+    stored = StoredRun(Run((), report.provenance), (), ())
+    (result,) = decide_on([parse_gate(text)], stored, report, Path())
     return result.finding, result.detail
 
 
@@ -130,7 +132,7 @@ def test_a_run_that_cannot_be_connected_is_refused_before_it_is_played() -> None
         require_connectable(gates, Run(tuple(PAIRS), PROVENANCE))
     with pytest.raises(OptionError, match="32 of the 800"):
         require_connectable(gates, Run(tuple(PAIRS), provenance_of(LITE)))
-    whole = Run((PAIRS[0],) * 800, provenance_of(LITE))
+    whole = Run(tuple(plan(per_cell=25)), provenance_of(LITE))
     require_connectable(gates, whole)
     with pytest.raises(OptionError, match="can never hold"):
         require_connectable([parse_gate("base_sr_vs_published(pi05, 2%)")], whole)

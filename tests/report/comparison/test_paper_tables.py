@@ -376,7 +376,7 @@ def test_published_results_stand_beside_runs_of_the_same_cases_alone(
 
 
 def test_published_results_are_refused_beside_other_runs(tmp_path: Path) -> None:
-    with pytest.raises(ReportError, match="cannot be in one table with runs/0: its cases are track smoke"):
+    with pytest.raises(ReportError, match="cannot be in one table with runs/0: its scenes are embedded"):
         write_tables(_runs(1), tmp_path, published=True)
     with pytest.raises(ReportError, match="No run is given"):
         write_tables({}, tmp_path)
