@@ -60,7 +60,7 @@ def report_of(outcomes: Outcomes, provenance: Json, query_interval: int = 5) -> 
 
 
 def finding(report: Report, text: str) -> tuple[Finding, str]:
-    stored = StoredRun(Run((), report.provenance), (), ())
+    stored = StoredRun(Run((), report.provenance), (), (), torn=False)
     (result,) = decide_on([parse_gate(text)], stored, report, Path())
     return result.finding, result.detail
 
