@@ -227,7 +227,8 @@ def _pair(
     rollouts = {arm.name: rollouts[arm.name] for arm in chosen}
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
     for arm in chosen:
-        if arm.policy is not None:
+        # Where nothing happened, nobody went on: the arm is another one, with the policy of that.
+        if arm.policy is not None and played[arm.name].shares is None:
             with played_at(settings.policies[arm.policy], arm.cadence) as acting:
                 named = {"reference": arm.policy, **acting.to_dict()}
                 named |= {"at_once": True} if arm.at_once else {}

@@ -246,7 +246,7 @@ def _why_an_end_fails(
     more = (
         ""
         if needed is None
-        else f"; with such losses and gains, {counted(needed, 'pair')} would mostly show it"
+        else f"; at these rates of losses and gains, four of five runs of {counted(needed, 'pair')} show it"
     )
     return True, f"{text}, and so does the estimate, {shown(gate, estimate.value)}{more}."
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.benchmark.latency import Latency
 from pytest_libero_max.benchmark.programs import parse_program
@@ -21,6 +22,8 @@ from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.adapter_digest import require_separate_helpers
 from pytest_libero_max.policies.contract import Handover
 from pytest_libero_max.policies.loading import forget_adapter, load_policy
+from pytest_libero_max.runs.agreement import Agreement
+from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import Places, replay_of
 from pytest_libero_max.studies.registry import study_from_dict
 from pytest_libero_max.substrates.tiny.world import TinyWorld
@@ -77,6 +80,25 @@ def test_a_controller_is_asked_at_once_and_given_what_was_executed_and_queued(
     assert None in given  # its own Base is an episode like any other
     assert arms["own_base_other"].queries == -(-arms["own_base_other"].steps // 3)
     assert PairRecord.from_dict(json.loads(json.dumps(pair.record.to_dict()))) == pair.record
+
+
+def test_where_the_event_never_happens_no_controller_goes_on(world: TinyWorld) -> None:
+    study, first = Continue.of("other,own_base"), Approaching(wait=BUDGET)
+    case = make_case(distance_m=1e-6)
+    how = PairSettings(policies={"other": Approaching(wait=BUDGET)})
+    record = measure_pair(
+        case, world, first, how, arms=(*arms_of(case), *study.arms(case, first.spec))
+    ).record
+    for name in ("dynamic_other", "base_other"):
+        assert (record.arms[name].shares, record.arms[name].policy) == (BASE, None)
+    assert record.arms["own_base_other"].policy is not None
+    assert PairRecord.from_dict(json.loads(json.dumps(record.to_dict()))) == record
+    fired = play(world, Continue.of("other,own_base"), Approaching(wait=BUDGET)).record
+    planned = [PlannedPair.of(make_case(case_id=name, distance_m=1e-6)) for name in ("one", "two")]
+    agreement = Agreement(Run(tuple(planned), {**PROVENANCE, "policy": {}}))
+    for pair, played in zip(planned, (record, structs.replace(record, arms=fired.arms)), strict=True):
+        names = {"case_id": pair.case_id, "item_id": pair.item_id, "case_digest": pair.case_digest}
+        agreement.add(structs.replace(played, **names), pair.case_id)
 
 
 def test_base_and_dynamic_stay_those_of_a_run_without_the_study(world: TinyWorld) -> None:
