@@ -119,8 +119,8 @@ def lack_of_connection(
     row = published_row(key)
     if lack is None and query_interval is not None and query_interval != row.query_interval:
         return (
-            f"it executes {counted(query_interval, 'action')} of each answer (Q), the published row {row.name} "
-            f"executes {row.query_interval}"
+            f"it executes {counted(query_interval, 'action')} of each answer (Q), the published row "
+            f"{row.name} executes {row.query_interval}"
         )
     return lack
 
