@@ -5,6 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 
 from pytest_libero_max.report.caveats import caveat_text
+from pytest_libero_max.report.connection import connection_texts
 from pytest_libero_max.report.formats import count_text, counted, percent, points
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.report_document import PairCounts, Report, Returned
@@ -47,6 +48,7 @@ def note_texts(report: Report) -> list[str]:
     pairs = report.pairs
     notes = [
         *stopped_texts(pairs),
+        *connection_texts(report),
         missing_text(report),
         repaired_text(pairs),
         *map(caveat_text, report.caveats),

@@ -8,6 +8,7 @@ from textwrap import wrap
 from typing import Any
 
 from pytest_libero_max.report.broken import broken_line, broken_lines
+from pytest_libero_max.report.connection import connection_texts
 from pytest_libero_max.report.formats import change_text, counted, percent
 from pytest_libero_max.report.group_tables import group_table
 from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable, warning_of
@@ -65,7 +66,9 @@ def summary_lines(
         lines.append(f"Over {counted(pairs.played, 'played pair')} only:")
     lines += wrap(warning_of(overall) or "", 100)
     lines += [line for text in section_warnings(report) for line in wrap(text, 100)]
-    lines += [*_overall_lines(overall), *_section_lines(report), "", *_event_lines(report)]
+    lines += [*_overall_lines(overall), *_section_lines(report)]
+    lines += [line for text in connection_texts(report) for line in wrap(text, 100)]
+    lines += ["", *_event_lines(report)]
     lines += [] if report.study is None else study_lines(report.study)
     lines += wrap(missing_text(report) or "", 100)
     lines += [*_caveat_lines(report.caveats), *wrap(clipping_text(report) or "", 100)]
