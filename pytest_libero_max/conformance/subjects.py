@@ -71,7 +71,7 @@ def examination(
 
     Args:
         subject: To examine.
-        horizon: Of a policy; None for the one that it declares.
+        horizon: Of a policy, also behind a server; None for the one that it declares.
         query_interval: Likewise.
         profile: Of a policy behind a server.
         substrate: Substrate of the scene that a policy is shown.
@@ -93,7 +93,7 @@ def examination(
         from pytest_libero_max.conformance.server.subject import open_at
 
         def opens() -> object:
-            return open_at(subject.name, profile, substrate)
+            return open_at(subject.name, profile, substrate, horizon, query_interval)
 
     else:
         from pytest_libero_max.conformance.substrate.subject import open_subject

@@ -25,7 +25,7 @@ from pytest_libero_max.conformance.server import clients, contract
 from pytest_libero_max.conformance.server.subject import open_at
 from pytest_libero_max.policies.clients import transport
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
-from tests.policies.clients.each_protocol import accepting, forward
+from tests.policies.clients.each_protocol import CERTIFICATE, EACH, accepting, forward, forwarded
 from tests.policies.clients.fakes import QUIET
 
 RULES = rules_for("server")
@@ -331,6 +331,7 @@ class Deaf(Server):
         finally:
             loop.call_soon_threadsafe(over.set)
             thread.join(5)
+            loop.close()
 
 
 class Fragile(Server):
@@ -416,6 +417,26 @@ def test_a_mistake_breaks_its_rule_and_no_other(
     assert observed in " ".join(finding.observed for finding in outcomes[name].findings)
     assert all(finding.expected and finding.cure for finding in outcomes[name].broken)
     assert [each for each in broken(outcomes) if each not in MAY_ALSO_BREAK.get(server, ())] == [name]
+
+
+@pytest.mark.parametrize("tls", [False, True], ids=["plain", "tls"])
+@pytest.mark.parametrize("protocol", EACH)
+def test_a_sound_server_keeps_every_must_in_each_protocol(
+    protocol: str, tls: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(clients, "PAUSE_S", 0.3)
+    monkeypatch.setenv("SSL_CERT_FILE", str(CERTIFICATE))
+    each = EACH[protocol]
+    if tls and each.secure is None:
+        pytest.skip(f"{protocol} has no form with TLS")
+    with each.serve() as plain, forwarded(plain, tls=True) as secured:
+        scheme, port = (each.secure, secured) if tls else (protocol, plain)
+        address = f"{scheme}://127.0.0.1:{port}?patience=0.3&timeout=5"
+        subject = open_at(address, each.profile, "tiny", *each.cadence)
+        outcomes = {outcome.rule.id: outcome for outcome in Examination(lambda: subject, RULES).outcomes()}
+    assert not [id for id, outcome in outcomes.items() if outcome.fails]
+    assert outcomes["server/contract/answers"].state == outcomes["server/errors/survives"].state == "kept"
 
 
 def test_a_server_that_is_not_there_breaks_the_first_rule(tmp_path: Path) -> None:

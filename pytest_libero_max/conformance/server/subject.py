@@ -36,6 +36,10 @@ class ServerSubject:
     address: Address
     profile: Profile
     shown: Shown
+    horizon: int | None = None
+    """H (chunk size), where the profile does not say."""
+    query_interval: int | None = None
+    """Q (execution horizon), likewise."""
     _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
 
     def once(self, measure: Callable[[ServerSubject], T]) -> T:
@@ -52,7 +56,7 @@ class ServerSubject:
         Raises:
             ServerError: The server was given up.
         """
-        policy = open_server(self.address, self.profile)
+        policy = open_server(self.address, self.profile, self.horizon, self.query_interval)
         try:
             subject = PolicySubject(policy, self.shown)
             subject.start()
@@ -155,8 +159,14 @@ def still_answers(subject: ServerSubject, after: str) -> Iterator[Finding]:
         yield kept(f"after {after}, the next client is answered")
 
 
-def open_at(address: str, profile: str | None, substrate: str = "embedded") -> ServerSubject:
-    """Return the server at an address; it is not asked yet.
+def open_at(
+    address: str,
+    profile: str | None,
+    substrate: str = "embedded",
+    horizon: int | None = None,
+    query_interval: int | None = None,
+) -> ServerSubject:
+    """Return the server at an address, which is asked for its spec alone.
 
     Raises:
         AdapterError: The address or the profile cannot be used.
@@ -167,9 +177,9 @@ def open_at(address: str, profile: str | None, substrate: str = "embedded") -> S
         patient, timeout_s=min(patient.timeout_s, TIMEOUT_S), patience_s=min(patient.patience_s, PATIENCE_S)
     )
     known = require_profile(address, profile)
-    policy = open_server(patient, known)
+    policy = open_server(patient, known, horizon, query_interval)
     try:
         shown = first_scene(policy, substrate)
     finally:
         policy.client.close()
-    return ServerSubject(patient, known, shown)
+    return ServerSubject(patient, known, shown, horizon, query_interval)
