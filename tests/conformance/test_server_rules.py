@@ -19,12 +19,15 @@ from websockets.asyncio.server import serve as serve_in_loop
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
+from pytest_libero_max.conformance.policy.subject import Shown, first_scene
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination, Outcome
 from pytest_libero_max.conformance.server import clients, contract
+from pytest_libero_max.conformance.server import subject as server_subject
 from pytest_libero_max.conformance.server.subject import open_at
 from pytest_libero_max.policies.clients import transport
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
+from pytest_libero_max.policies.contract import Policy
 from tests.policies.clients.each_protocol import CERTIFICATE, EACH, accepting, forward, forwarded
 from tests.policies.clients.fakes import QUIET
 
@@ -170,13 +173,13 @@ class DownWithItsClient(Server):
 
 
 class Impatient(Server):
-    """Closes a connection that is silent for half a second."""
+    """Closes a connection that is silent for 0.3 s."""
 
     def talk(self, connection: ServerConnection) -> None:
         with suppress(ConnectionClosed, OSError, TimeoutError):
             self.greet(connection)
             while True:
-                connection.send(self.reply(connection.recv(timeout=0.5, decode=False)) or "")
+                connection.send(self.reply(connection.recv(timeout=0.3, decode=False)) or "")
 
 
 class Mute(Server):
@@ -208,7 +211,7 @@ class Slow(Server):
     """Sound, and slow enough for a ping within a query."""
 
     def answer(self, request: Any) -> Any:
-        time.sleep(0.08)
+        time.sleep(0.2)
         return super().answer(request)
 
 
@@ -314,7 +317,7 @@ class Deaf(Server):
             with suppress(ConnectionClosed):
                 await connection.send(pack({}, OPENPI))
                 async for message in connection:
-                    time.sleep(0.1)
+                    time.sleep(0.2)
                     await connection.send(self.reply(message))
 
         async def run() -> None:
@@ -372,7 +375,7 @@ GALLERY: list[tuple[type[Server], str, str]] = [
     (OneSize, "requests/small", "images of 16 pixels"),
     (MixedUp, "clients/at-once", "at the same moment"),
     (Rounding, "clients/rounding", "up to 1e-07"),
-    (Deaf, "clients/pings", "was not answered before"),
+    (Deaf, "clients/pings", "were not answered before"),
     (Fragile, "clients/stranger", "bytes of no protocol"),
 ]
 MAY_ALSO_BREAK = {
@@ -380,10 +383,26 @@ MAY_ALSO_BREAK = {
 }
 
 
+SCENES: dict[Any, Shown] = {}
+
+
+@pytest.fixture(autouse=True)
+def _scenes_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Show the same observations to all servers with the same images: they take longer than the rules."""
+
+    def first_scene_once(policy: Policy, substrate: str) -> Shown:
+        images = (policy.spec.cameras, policy.spec.image_size)
+        if images not in SCENES:
+            SCENES[images] = first_scene(policy, substrate)
+        return SCENES[images]
+
+    monkeypatch.setattr(server_subject, "first_scene", first_scene_once)
+    monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
+
+
 @pytest.fixture
 def examine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Server], dict[str, Outcome]]:
-    monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
-    monkeypatch.setattr(clients, "PAUSE_S", 1.0)
+    monkeypatch.setattr(clients, "PAUSE_S", 0.6)
     monkeypatch.setattr(clients, "TOGETHER_S", 2.0)
     profile = tmp_path / "repeating.toml"
     profile.write_text(PROFILE)
@@ -424,7 +443,6 @@ def test_a_mistake_breaks_its_rule_and_no_other(
 def test_a_sound_server_keeps_every_must_in_each_protocol(
     protocol: str, tls: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
     monkeypatch.setattr(clients, "PAUSE_S", 0.3)
     monkeypatch.setenv("SSL_CERT_FILE", str(CERTIFICATE))
     each = EACH[protocol]

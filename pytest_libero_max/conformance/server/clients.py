@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from threading import Barrier, Event, Thread
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,13 @@ from pytest_libero_max.conformance.policy.determinism import MIXED_UP
 from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.server.contract import ANSWERS
-from pytest_libero_max.conformance.server.subject import ServerSubject, same, served, still_answers
+from pytest_libero_max.conformance.server.subject import (
+    ServerSubject,
+    alter_requests,
+    same,
+    served,
+    still_answers,
+)
 from pytest_libero_max.errors import LiberoMaxError, ServerError
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.connection import connect
@@ -24,7 +31,7 @@ PAUSE_S = 3.0
 TOGETHER_S = 20.0
 """Longest time for two clients that ask at once, s, beyond what one takes."""
 
-VISIBLE_S = 0.05
+VISIBLE_S = 0.1
 """Shortest query in which it is seen whether a ping is answered, s."""
 
 SECOND, AT_ONCE = "server/clients/second", "server/clients/at-once"
@@ -192,29 +199,37 @@ def pings(subject: ServerSubject) -> Iterator[Finding]:
         if ping is None:
             yield unexamined(f"{subject.address.protocol} has no pings")
             return
+        requests: list[Any] = []
+        link = alter_requests(client, lambda request: requests.append(request) or request)
         client.ask(0)
         began = time.monotonic()
         ping().wait(TOGETHER_S)
         asked_at = time.monotonic()
-        client.ask(1)
+        link.ask(requests[0])
         query_s = time.monotonic() - asked_at
         if query_s < max(VISIBLE_S, 4 * (asked_at - began)):
             yield unexamined(f"a query takes {1e3 * query_s:.0f} ms, too short to see a ping in it")
             return
-        thread = Thread(target=client.ask, args=(2,), daemon=True)
-        thread.start()
-        time.sleep(query_s / 4)
-        in_time = ping().wait(query_s / 2) and thread.is_alive()  # a quarter is left
-        thread.join()
-    if in_time:
+        answered = [_pinged(lambda: link.ask(requests[0]), ping, query_s) for _ in range(3)]
+    if sum(answered) > 1:  # a busy machine may miss one
         yield kept("a ping is answered while a query is computed")
         return
     yield broken(
-        f"a ping was not answered before the answer to a query of {query_s:.2f} s",
+        f"pings were not answered before the answer to a query of {query_s:.2f} s",
         "an answer while the query is computed",
         "The model computes in the event loop: run it in a thread. A client with the keepalive that "
         "websockets has by default (20 s) loses the connection in a longer query, such as one that compiles.",
     )
+
+
+def _pinged(ask: Callable[[], Any], ping: Callable[[], Event], query_s: float) -> bool:
+    """Return True if a ping within a query is answered before the query is."""
+    thread = Thread(target=ask, daemon=True)
+    thread.start()
+    time.sleep(query_s / 4)
+    in_time = ping().wait(query_s / 2) and thread.is_alive()  # a quarter is left
+    thread.join()
+    return in_time
 
 
 @rule(LEAVES, "must", needs=ANSWERS)

@@ -143,7 +143,7 @@ def _declared_parts(greeting: Mapping[Any, Any]) -> dict[str, tuple[int, Any]]:
     parts: dict[str, tuple[int, Any]] = {}
     for name, part in declared.items() if isinstance(declared, Mapping) else ():
         dims = part.get("dims") if isinstance(part, Mapping) else None
-        if not isinstance(dims, int):
+        if not isinstance(dims, int) or dims < 1:  # vla-eval writes 0 for "raw"
             return {}
         bounds = part.get("range")
         parts[str(name)] = dims, bounds if isinstance(bounds, list) and len(bounds) == 2 else None
