@@ -5,6 +5,7 @@ Each plays one episode of an environment with a policy, and returns its success.
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from collections.abc import Mapping
 from typing import Any
@@ -115,7 +116,49 @@ def vector(env: Any, policy: Any) -> bool:
     return False
 
 
-SOUND = (plain, openpi, chunks, vector)
+def vla_eval(spied: Any, policy: Any) -> Mapping[str, Any]:
+    """An episode by vla-eval's own runner, with the policy in place of a server."""
+    from vla_eval.benchmarks.base import StepBenchmark, StepResult
+    from vla_eval.runners.sync_runner import SyncEpisodeRunner
+
+    class Benchmark(StepBenchmark):  # type: ignore[misc]  # untyped where vla-eval is not installed
+        def get_tasks(self) -> list[dict[str, Any]]:
+            return [{"name": "task"}]
+
+        def reset(self, task: Any) -> Any:
+            return spied.reset()[0]
+
+        def step(self, action: Any) -> Any:
+            observation, reward, terminated, truncated, info = spied.step(action["actions"])
+            return StepResult(observation, reward, terminated or truncated, info)
+
+        def make_obs(self, raw_obs: Any, task: Any) -> dict[str, Any]:
+            images = {"agentview": raw_obs["agentview_image"], "wrist": raw_obs["robot0_eye_in_hand_image"]}
+            words = spied.task_description
+            return {"images": images, "states": raw_obs["robot0_eef_pos"], "task_description": words}
+
+        def get_step_result(self, step_result: Any) -> dict[str, Any]:
+            return {"success": step_result.info["is_success"]}
+
+    class Connection:
+        async def start_episode(self, payload: Any) -> None:
+            policy.reset()
+
+        async def act(self, observation: Any) -> dict[str, Any]:
+            return {"actions": policy.act(observation, observation["task_description"])}
+
+        async def end_episode(self, result: Any) -> None:
+            pass
+
+    async def play() -> Mapping[str, Any]:
+        result = await SyncEpisodeRunner().run_episode(Benchmark(), {"name": "task"}, Connection())
+        metrics: Mapping[str, Any] = result["metrics"]
+        return metrics
+
+    return asyncio.run(play())
+
+
+SOUND = (plain, openpi, chunks, vector, vla_eval)
 
 
 # One mistake each.

@@ -36,7 +36,7 @@ GALLERY: list[tuple[type[loops.Loop], str, str]] = [
     (loops.AfterReset, "episodes/success", "counts as a failure"),
     (loops.Done, "episodes/success", "counts as a success"),
     (loops.Counting, "pair/seeds", "seed=1 in Base and with seed=2 in Dynamic"),
-    (loops.Noisy, "pair/prefix", "another observation in Dynamic"),
+    (loops.Noisy, "pair/prefix", "another observation in Dynamic than in Base"),
 ]
 DRAWS = "pair/generators"
 """Broken by every loop that does not seed the global generators."""
@@ -53,6 +53,8 @@ def broken(outcomes: dict[str, Outcome]) -> list[str]:
 
 @pytest.mark.parametrize("loop", loops.SOUND, ids=lambda loop: loop.__name__)
 def test_a_sound_loop_keeps_every_rule(loop: Any) -> None:
+    if loop is loops.vla_eval:
+        pytest.importorskip("vla_eval", reason="see .ci/peers.txt")
     outcomes = examined(loop)
     assert not broken(outcomes), outcomes
     assert {outcome.state for name, outcome in outcomes.items() if name != DRAWS} == {"kept"}
@@ -64,6 +66,12 @@ def test_a_mistake_breaks_its_rule_and_no_other(loop: type[loops.Loop], name: st
     assert observed in " ".join(finding.observed for finding in outcomes[name].findings)
     assert all(finding.expected and finding.cure for finding in outcomes[name].broken)
     assert broken(outcomes) == [name]
+
+
+def test_every_rule_has_a_loop_that_breaks_it() -> None:
+    assert {rule.id.removeprefix("loop/") for rule in rules_for("loop")} == {
+        name for _, name, _ in GALLERY
+    } | {DRAWS}
 
 
 def test_a_loop_that_seeds_the_generators_begins_both_arms_alike_and_leaves_them_alone() -> None:

@@ -438,6 +438,11 @@ def test_a_mistake_breaks_its_rule_and_no_other(
     assert [each for each in broken(outcomes) if each not in MAY_ALSO_BREAK.get(server, ())] == [name]
 
 
+def test_every_rule_has_a_server_that_breaks_it() -> None:
+    names = {rule.id.removeprefix("server/") for rule in RULES}
+    assert names == {name for _, name, _ in GALLERY} | {"contract/connects"}
+
+
 @pytest.mark.parametrize("tls", [False, True], ids=["plain", "tls"])
 @pytest.mark.parametrize("protocol", EACH)
 def test_a_sound_server_keeps_every_must_in_each_protocol(

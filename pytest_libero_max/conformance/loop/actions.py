@@ -29,8 +29,8 @@ def no_waiting(subject: LoopSubject) -> Iterator[Finding]:
                 f"{episode.name}: {counted(count, 'action')} that no query answered were executed before the "
                 "first query",
                 "the first query before the first action",
-                "The world has settled when reset() returns: leave waiting steps out, or put LiberoLoop around "
-                "the environment, which does not execute them.",
+                "The world has settled when reset() returns: leave waiting steps out, or put LiberoLoop "
+                "around the environment, which does not execute them.",
             )
             return
     yield kept("nothing is executed before the first query")

@@ -45,7 +45,8 @@ def same_prefix(subject: LoopSubject) -> Iterator[Finding]:
         ]
         if differing:
             yield broken(
-                f"the query of Base after {counted(first.step, 'step')} had another {differing[0]} in Dynamic",
+                f"another {differing[0]} in Dynamic than in Base, in the query after "
+                f"{counted(first.step, 'step')}",
                 "the same queries until the event",
                 "What a loop adds has to be the same in both arms: seed its noise from the case.",
             )
