@@ -11,13 +11,13 @@ from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
-from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, RefusalError
 from pytest_libero_max.evaluation.policy_source import PolicySource, close_policy
 from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.record_rules import SERVER
+from pytest_libero_max.runs.costs import PAIR, WORLD
 from pytest_libero_max.runs.media import TRACES_NAME
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.render.drawing import survival_curves
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.run_plots import camera_contrasts, category_map, stale_actions
+from pytest_libero_max.report.run_plots import category_map, stale_actions
 from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.studies.study_document import Study
-from pytest_libero_max.report.studies.study_figures import study_figures
+from pytest_libero_max.report.studies.study_figures import study_plots
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
 from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
 from pytest_libero_max.report.writers.summary import (
@@ -135,15 +135,8 @@ def _breakdowns(report: Report) -> Section:
 
 
 def _study(study: Study) -> Section:
-    figures = study_figures(study)
-    figures.pop("study-contrasts", None)
-    contrasts = (
-        [camera_contrasts(study.title, study.camera)] if study.camera is not None and study.cases else []
-    )
-    notes = " ".join(study_notes(study))
-    return Section(
-        f"Study: {study.title}", study_tables(study), lead=notes, plots=[*contrasts, *figures.values()]
-    )
+    title, plots = f"Study: {study.title}", [*study_plots(study).values()]
+    return Section(title, study_tables(study), lead=" ".join(study_notes(study)), plots=plots)
 
 
 def _provenance(report: Report, stored: StoredRun | None) -> Section:
