@@ -297,6 +297,21 @@ class MixedUp(Batched):
         return batch[place - 1]
 
 
+class AllFail(Batched):
+    """Answers a batch with an error where one of its requests lacks its inputs."""
+
+    def answer(self, request: Any) -> Any:
+        with self.lock:
+            batch = self.batch
+            batch.append("observation/state" in request)
+        time.sleep(0.1)
+        with self.lock:
+            self.batch = [] if self.batch is batch else self.batch
+        if not all(batch):
+            raise RuntimeError("a batch without inputs")
+        return Server.answer(self, request)
+
+
 class Rounding(Batched):
     """Answers in a batch differ in their last digits."""
 
@@ -374,11 +389,12 @@ GALLERY: list[tuple[type[Server], str, str]] = [
     (Limited, "requests/large", "images of 1024 pixels"),
     (OneSize, "requests/small", "images of 16 pixels"),
     (MixedUp, "clients/at-once", "at the same moment"),
+    (AllFail, "errors/neighbours", "3 of 3 clients"),
     (Rounding, "clients/rounding", "up to 1e-07"),
     (Deaf, "clients/pings", "were not answered before"),
     (Fragile, "clients/stranger", "bytes of no protocol"),
 ]
-MAY_ALSO_BREAK = {
+MAY_ALSO_BREAK: dict[type[Server], tuple[str, ...]] = {
     Counting: ("clients/company",),
 }
 

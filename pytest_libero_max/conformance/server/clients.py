@@ -120,20 +120,19 @@ def _alone_and_at_once(subject: ServerSubject) -> Finding | list[tuple[Actions, 
     if reason := subject.not_comparable():
         return reason
     alone = [subject.alone(index)[0] for index in range(QUERIES)]
-    pairs = []
+    pairs: list[tuple[Actions, Actions]] = []
     for _ in range(2):
         with ExitStack() as stack:
             clients = [stack.enter_context(subject.client()) for _ in range(QUERIES)]
-            pairs += zip(alone, _asked_together(clients), strict=True)
+            for before, answer in zip(alone, asked_together(clients), strict=True):
+                if isinstance(answer, LiberoMaxError):
+                    raise answer
+                pairs.append((before, answer))
     return pairs
 
 
-def _asked_together(clients: list[PolicySubject]) -> list[Actions]:
-    """Return the answers to query ``i`` of client ``i``, all asked at the same moment.
-
-    Raises:
-        LiberoMaxError: One was not answered.
-    """
+def asked_together(clients: list[PolicySubject]) -> list[Actions | LiberoMaxError]:
+    """Return the answers, or errors, to query ``i`` of client ``i``, all asked at the same moment."""
     barrier, answers = Barrier(len(clients)), dict[int, Actions | LiberoMaxError]()
 
     def ask(index: int) -> None:
@@ -148,9 +147,7 @@ def _asked_together(clients: list[PolicySubject]) -> list[Actions]:
         thread.start()
     for thread in threads:
         thread.join()
-    if errors := [answer for answer in answers.values() if isinstance(answer, LiberoMaxError)]:
-        raise errors[0]
-    return [answer for _, answer in sorted(answers.items()) if not isinstance(answer, LiberoMaxError)]
+    return [answers[index] for index in range(len(clients))]
 
 
 @rule("server/clients/reconnects", "must", needs=ANSWERS)
@@ -199,18 +196,18 @@ def pings(subject: ServerSubject) -> Iterator[Finding]:
         if ping is None:
             yield unexamined(f"{subject.address.protocol} has no pings")
             return
-        requests: list[Any] = []
-        link = alter_requests(client, lambda request: requests.append(request) or request)
+        link = alter_requests(client)
         client.ask(0)
+        request = link.request
         began = time.monotonic()
         ping().wait(TOGETHER_S)
         asked_at = time.monotonic()
-        link.ask(requests[0])
+        link.ask(request)
         query_s = time.monotonic() - asked_at
         if query_s < max(VISIBLE_S, 4 * (asked_at - began)):
             yield unexamined(f"a query takes {1e3 * query_s:.0f} ms, too short to see a ping in it")
             return
-        answered = [_pinged(lambda: link.ask(requests[0]), ping, query_s) for _ in range(3)]
+        answered = [_pinged(lambda: link.ask(request), ping, query_s) for _ in range(3)]
     if sum(answered) > 1:  # a busy machine may miss one
         yield kept("a ping is answered while a query is computed")
         return

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.conformance.policy.subject import QUERIES
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
-from pytest_libero_max.conformance.server.clients import STRANGER
+from pytest_libero_max.conformance.server.clients import AT_ONCE, STRANGER, asked_together
 from pytest_libero_max.conformance.server.subject import (
     ServerSubject,
     alter_requests,
     is_in_words,
+    served,
     still_answers,
 )
-from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError, counted
 
 LARGE_PX, SMALL_PX = 1024, 16
 """Side of large and of small images, pixels."""
@@ -114,20 +117,47 @@ def survives_errors(subject: ServerSubject) -> Iterator[Finding]:
     yield from still_answers(subject, "a request without any input")
 
 
+@rule("server/errors/neighbours", "should", needs=AT_ONCE)
+def spares_neighbours(subject: ServerSubject) -> Iterator[Finding]:
+    """Answer clients that ask at the same moment as one whose request lacks its inputs."""
+    with ExitStack() as stack:
+        clients = [stack.enter_context(subject.client()) for _ in range(QUERIES)]
+        alter_requests(clients[0], _nonsense(subject))
+        answers = asked_together(clients)[1:]
+        asked_again = [served(client).client.interruptions > 0 for client in clients[1:]]
+    met = sum(
+        again or isinstance(answer, LiberoMaxError)
+        for again, answer in zip(asked_again, answers, strict=True)
+    )
+    if not met:
+        yield kept(f"{counted(len(answers), 'client')} beside one without inputs are answered")
+        return
+    yield broken(
+        f"{met} of {counted(len(answers), 'client')} that asked beside one without inputs met an error",
+        "an error for that client alone",
+        "A batch fails as a whole: check requests before they are batched, or compute them again alone.",
+    )
+
+
 def _error_of_nonsense(subject: ServerSubject) -> str | None:
     """Return the error that a request without inputs ends with; None where it is answered."""
-    fixed = set(_literals(subject.profile.tables.get("request", {})))
-
-    def keeps(value: Any) -> bool:
-        return not isinstance(value, np.ndarray | bytes | str) or (isinstance(value, str) and value in fixed)
-
     with subject.client() as client:
-        alter_requests(client, partial(_without, keeps=keeps))
+        alter_requests(client, _nonsense(subject))
         try:
             client.ask(0)
         except ServerError as error:
             return str(error)
     return None
+
+
+def _nonsense(subject: ServerSubject) -> Callable[[Any], Any]:
+    """Return a function that takes the inputs out of a request."""
+    fixed = set(_literals(subject.profile.tables.get("request", {})))
+
+    def keeps(value: Any) -> bool:
+        return not isinstance(value, np.ndarray | bytes | str) or (isinstance(value, str) and value in fixed)
+
+    return partial(_without, keeps=keeps)
 
 
 def _without(value: Any, keeps: Callable[[Any], bool]) -> Any:

@@ -98,11 +98,13 @@ class AlteredLink:
     """A link whose requests are altered before they are sent.
 
     Attributes:
-        reply: The last reply, as it came; None before the first.
+        request: The last request, as it was sent; None before the first.
+        reply: The last reply, as it came.
     """
 
     def __init__(self, link: Link, alter: Callable[[Any], Any] = lambda request: request) -> None:
         self._link, self._alter = link, alter
+        self.request: Any = None
         self.reply: Any = None
 
     def open(self) -> Any:
@@ -111,7 +113,8 @@ class AlteredLink:
 
     def ask(self, request: Any) -> Any:
         """Send the altered request and return the reply."""
-        self.reply = self._link.ask(self._alter(request))
+        self.request = self._alter(request)
+        self.reply = self._link.ask(self.request)
         return self.reply
 
     def close(self) -> None:
