@@ -28,8 +28,12 @@ from pytest_libero_max.conformance.server.subject import open_at
 from pytest_libero_max.policies.clients import transport
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.policies.server.batching import Batching
+from pytest_libero_max.policies.server.host import Host
+from pytest_libero_max.policies.server.sockets import serving
 from tests.policies.clients.each_protocol import CERTIFICATE, EACH, accepting, forward, forwarded
 from tests.policies.clients.fakes import QUIET
+from tests.policies.server.policies import Batched as BatchedPolicy
 
 RULES = rules_for("server")
 
@@ -399,6 +403,9 @@ MAY_ALSO_BREAK: dict[type[Server], tuple[str, ...]] = {
 }
 
 
+OWN = [("openpi", "served", ""), ("vla-eval", "vla_eval_pi05", "/vla-eval")]
+"""Protocol, profile and path of the server of this package."""
+
 SCENES: dict[Any, Shown] = {}
 
 
@@ -476,6 +483,22 @@ def test_a_sound_server_keeps_every_must_in_each_protocol(
         outcomes = {outcome.rule.id: outcome for outcome in Examination(lambda: subject, RULES).outcomes()}
     assert not [id for id, outcome in outcomes.items() if outcome.fails]
     assert outcomes["server/contract/answers"].state == outcomes["server/errors/survives"].state == "kept"
+
+
+@pytest.mark.parametrize("batch", [1, 4])
+@pytest.mark.parametrize(("protocol", "profile", "path"), OWN)
+def test_the_server_of_this_package_keeps_every_rule(
+    protocol: str, profile: str, path: str, batch: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clients, "PAUSE_S", 0.3)
+    repeating = tmp_path / "repeating.toml"
+    repeating.write_text(f'extends = "{profile}"\n[policy]\nname = "x"\nrepeatable = true\n')
+    host = Host(BatchedPolicy(), "adapter abc", batching=Batching(batch, 0.02))
+    with serving(host, port=0) as (port, _):
+        address = f"{protocol}://127.0.0.1:{port}{path}?patience=0.3&timeout=5"
+        subject = open_at(address, profile if protocol == "openpi" else str(repeating), "tiny")
+        outcomes = Examination(lambda: subject, RULES).outcomes()
+    assert not [outcome for outcome in outcomes if outcome.state == "broken"]
 
 
 def test_a_server_that_is_not_there_breaks_the_first_rule(tmp_path: Path) -> None:
