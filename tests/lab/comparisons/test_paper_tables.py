@@ -357,7 +357,7 @@ OFFICIAL: Json = {
     ("changed", "played", "said"),
     [
         ({}, 8000, None),
-        ({}, 7999, "it measured 7,999 of the 8,000 cases"),
+        ({}, 7999, "it has 7,999 of the 8,000 cases"),
         ({"case_set": {"name": "track genuine/max"}}, 8000, "its cases are track genuine/max"),
         (
             {"case_set": {"name": "m", "released_as": f"like {MAX}, but NOT that file"}},
@@ -376,7 +376,7 @@ def test_published_results_stand_beside_runs_of_the_same_cases_alone(
 
 
 def test_published_results_are_refused_beside_other_runs(tmp_path: Path) -> None:
-    with pytest.raises(ReportError, match="cannot be in one table with runs/0: its cases are track smoke"):
+    with pytest.raises(ReportError, match="cannot be in one table with runs/0: its scenes are embedded"):
         write_tables(_runs(1), tmp_path, published=True)
     with pytest.raises(ReportError, match="No run is given"):
         write_tables({}, tmp_path)
