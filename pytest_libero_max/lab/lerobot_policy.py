@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.policies.transforms.states import axis_angle
-from pytest_libero_max.worlds.contract import Observation
+
+if TYPE_CHECKING:
+    from pytest_libero_max.worlds.contract import Observation
 
 __all__ = ["LeRobotPolicy"]
 
