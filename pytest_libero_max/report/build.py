@@ -19,6 +19,7 @@ from pytest_libero_max.report.base_failures import base_failures
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.report_document import (
     Cell,
@@ -146,6 +147,7 @@ def build_report(
         headline=_headline(counts, overall, stopped),
         missing_as_failures=_missing_as_failures(counts, overall.outcomes),
         policy=policy,
+        inference=inference_of(in_order, protocol),
         substrate=substrate_of(provenance, planned),
         caveats=caveats_of(map(Played.of, in_order)),
         overall=overall,
