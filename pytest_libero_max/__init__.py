@@ -51,8 +51,10 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.build import build_report
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
     from pytest_libero_max.report.measures import Measured
+    from pytest_libero_max.report.readers import PairOutcome, ReadResults, ResultsReader
     from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
     from pytest_libero_max.report.stopping_rule import StoppingRule
+    from pytest_libero_max.runs.plan import PlannedPair
     from pytest_libero_max.runs.store import read_pairs
     from pytest_libero_max.studies.study import Study
     from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
@@ -83,14 +85,18 @@ __all__ = [
     "Moment",
     "Opening",
     "PairError",
+    "PairOutcome",
     "PairRecord",
     "PairSettings",
+    "PlannedPair",
     "PlayedPairs",
     "Policy",
     "PolicySpec",
     "Probe",
     "Query",
+    "ReadResults",
     "ReportSection",
+    "ResultsReader",
     "Revert",
     "Scenario",
     "ServerProtocol",
@@ -173,6 +179,8 @@ _TO_EXTEND = {
     "report.stopping_rule": ("StoppingRule",),
     "report.report_section": ("ReportSection", "PlayedPairs"),
     "report.measures": ("Measured",),
+    "report.readers": ("ResultsReader", "ReadResults", "PairOutcome"),
+    "runs.plan": ("PlannedPair",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
     "policies.clients.protocol": ("ServerProtocol", "Opening"),

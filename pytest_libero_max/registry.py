@@ -42,6 +42,7 @@ ENTRY_POINTS = {
     "pytest_libero_max.study_sections": "a subclass of `StudySection`, under the name of its study",
     "pytest_libero_max.rules": "a `Rule`, under its id",
     "pytest_libero_max.exports": "a module with a function `text`, `files` or `write`, under its name",
+    "pytest_libero_max.readers": "a subclass of `ResultsReader`, under its name",
 }
 """The entry-point groups that other packages can add to, and the entries of each."""
 
