@@ -13,7 +13,7 @@ import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, rule
-from pytest_libero_max.changes.change import Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.pixels import FilterChange
 from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, World

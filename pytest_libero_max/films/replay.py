@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from pytest_libero_max.pairing.changing import Applied, apply_change, begin_worl
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World, WorldState
+from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, PosedWorld, World, WorldState
 from pytest_libero_max.worlds.rendering.appearance import (
     Appearance,
     Points,
@@ -161,22 +162,20 @@ class _Player:
         changed = -1
         for firing in self.firings[len(self.applied) :]:
             if firing.step <= end and changed != firing.step:
-                self._place(joints, firing.step)
+                self._place(joints, firing.step, world)
                 world.restore(self.state)
                 self._fire(firing.step, world)
                 self.state, changed = world.snapshot(), firing.step
         if changed != end:
-            self._place(joints, end)
+            self._place(joints, end, world)
         self.step = end
         own = f"{self.name}, {len(self.applied)}" if self.applied else ""
         self.link = self.state.physics.tobytes() + own.encode()
 
-    def _place(self, joints: NDArray[np.float32], step: int) -> None:
-        if step == 0:
-            return
-        physics = self.state.physics.copy()
-        physics[1 : 1 + joints.shape[1]] = joints[step - 1]  # the time is before them
-        self.state = replace(self.state, physics=physics, steps=self._steps_before + step)
+    def _place(self, joints: NDArray[np.float32], step: int, world: World) -> None:
+        if step:
+            posed = cast(PosedWorld, world).posed  # only the traces of such a world have positions
+            self.state = posed(self.state, joints[step - 1], self._steps_before + step)
 
     def fires(self, first: int, last: int) -> bool:
         """Return True if something happens in this range of steps that has not happened yet."""

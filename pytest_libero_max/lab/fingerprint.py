@@ -197,7 +197,7 @@ def _inputs() -> Json:
         ).astype(np.uint8)
         for number, camera in enumerate(CAMERAS)
     }
-    for name, size in PANDA.proprioception.items():
+    for name, size in PANDA.state.items():
         values = draw.uniform(-1.0, 1.0, size)
         observation[name] = values / np.linalg.norm(values) if name.endswith("quat") else values
     found = {}

@@ -21,7 +21,7 @@ from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
 from pytest_libero_max.policies.check import ask, notes_of, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import Observation, OnMujoco, World, WorldState
+from pytest_libero_max.worlds.contract import Observation, PosedWorld, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -53,7 +53,7 @@ class Stage:
     _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "films", self.films and isinstance(self.world, OnMujoco))
+        object.__setattr__(self, "films", self.films and isinstance(self.world, PosedWorld))
         object.__setattr__(self, "spec", replace(self.policy.spec))
 
     def handed_to(self, policy: Policy, begun: bool) -> Stage:
@@ -95,7 +95,7 @@ class Stage:
         """Return the positions of all joints now; None where no film is to be made."""
         if not self.films:
             return None
-        return np.array(cast("OnMujoco", self.world).data.qpos, dtype=np.float32)
+        return cast("PosedWorld", self.world).posture()
 
     def begin_world(self) -> None:
         """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.

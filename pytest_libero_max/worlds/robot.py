@@ -22,6 +22,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION
+
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
 begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as ``gripper0``."""
@@ -30,12 +32,30 @@ OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_"
 """Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Robot:
-    """An arm with a gripper, by the names that its parts have in a compiled model."""
+    """A robot as a policy knows it: the meaning and the number of what goes in and out."""
 
     name: str
-    """Robosuite's name of the robot."""
+    """Name of the robot."""
+    noop: tuple[float, ...] = NOOP_ACTION
+    """Action that holds the pose with the gripper open; its length is that of every action."""
+    control_hz: int = CONTROL_HZ
+    """Control steps in a second of simulated time."""
+    cameras: tuple[str, ...] = CAMERAS
+    """Cameras of a policy, the main one first, then that at the hand if there is one."""
+    state: Mapping[str, int] = field(default_factory=dict)
+    """Keys of an observation besides the images, with the sizes of their arrays."""
+    joints_key: str = f"{ROBOT}_joint_pos"
+    """Key of the positions of the arm's joints, rad."""
+    fingers_key: str = f"{ROBOT}_gripper_qpos"
+    """Key of the positions of the fingers, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MujocoRobot(Robot):
+    """An arm with a gripper, by the names that its parts have in a compiled model."""
+
     arm_joints: tuple[str, ...]
     """From the base to the hand."""
     finger_joints: tuple[str, ...]
@@ -54,21 +74,22 @@ class Robot:
     finger_start: Mapping[str, float] = field(default_factory=dict)
     """Positions of the fingers' joints there, m."""
 
-    @property
-    def proprioception(self) -> dict[str, int]:
-        """Keys of an observation besides the images, with the sizes of their arrays."""
-        return {
-            f"{ROBOT}_eef_pos": 3,
-            f"{ROBOT}_eef_quat": 4,
-            f"{ROBOT}_gripper_qpos": len(self.finger_joints),
-            f"{ROBOT}_gripper_qvel": len(self.finger_joints),
-            f"{ROBOT}_joint_pos": len(self.arm_joints),
-            f"{ROBOT}_joint_vel": len(self.arm_joints),
-        }
+
+def robosuite_state(arm_joints: int, fingers: int) -> dict[str, int]:
+    """Return robosuite's keys of a robot's state, with the sizes of their arrays."""
+    return {
+        f"{ROBOT}_eef_pos": 3,
+        f"{ROBOT}_eef_quat": 4,
+        f"{ROBOT}_gripper_qpos": fingers,
+        f"{ROBOT}_gripper_qvel": fingers,
+        f"{ROBOT}_joint_pos": arm_joints,
+        f"{ROBOT}_joint_vel": arm_joints,
+    }
 
 
-PANDA = Robot(
+PANDA = MujocoRobot(
     name="Panda",
+    state=robosuite_state(7, 2),
     arm_joints=tuple(f"{ROBOT}_joint{number}" for number in range(1, 8)),
     finger_joints=(f"{GRIPPER}_finger_joint1", f"{GRIPPER}_finger_joint2"),
     hand_body=f"{ROBOT}_right_hand",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, Array, ImageSize, WorldState
+from pytest_libero_max.worlds.scenery import Lights
 
 
 class OneWorld:
@@ -187,7 +188,6 @@ class Jostling(TinyWorld):
 class Shaking(TinyWorld):
     """A change of light moves the hand."""
 
-    def alter(self, field: str, index: int | slice, value: Any) -> None:
-        super().alter(field, index, value)
-        if field.startswith("light"):
-            self.data.qvel[0] += 1e-9
+    def set_lights(self, lights: Lights) -> None:
+        super().set_lights(lights)
+        self.data.qvel[0] += 1e-9

@@ -18,7 +18,7 @@ from pytest_libero_max.policies.transforms.steps import INPUT_STEPS, TEXT_STEPS,
 from pytest_libero_max.worlds.contract import CAMERAS, Observation
 from pytest_libero_max.worlds.robot import PANDA
 
-KEYS = tuple(PANDA.proprioception)
+KEYS = tuple(PANDA.state)
 """Sources of an input besides the images."""
 
 
