@@ -45,9 +45,10 @@ A gate that a stopping rule has decided is an exception: the run has the verdict
 
 The page and ``report.md`` show each gate of the run with its value and one of five verdicts: *holds*,
 *violated*, *not shown*, *open* (undecidable) or *no baseline yet*. A gate on an end of an interval is
-violated if the other end does not meet it either; otherwise it is not shown, and the line
-says with how many pairs four of five runs would show it. A failed ``equivalent_vs`` is violated if all of its interval lies beyond the
-margin. ``libero-max report`` decides the gates again that it is given, or those of the ini file.
+violated if the other end does not meet it either; otherwise it is not shown, and the line says
+with how many pairs four of five runs would show it. A failed ``equivalent_vs`` is violated if all of its
+interval lies beyond the margin. ``libero-max report`` decides the gates again that it is given, or those
+of the ini file.
 """
 
 from __future__ import annotations

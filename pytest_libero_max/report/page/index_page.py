@@ -16,6 +16,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_index import DIGITS, IndexedRun, RunIndex
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
 from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
+from pytest_libero_max.runs.provenance import commit_text
 
 _NUMBERS = (*quantities_in("runs"), quantity("trigger_coverage"))
 
@@ -141,7 +142,7 @@ def _date(report: Report) -> str:
 
 def _commit(report: Report) -> str:
     git = report.provenance.get("git")
-    return "" if git is None else str(git["commit"])[:DIGITS]
+    return "" if git is None else commit_text(git)
 
 
 def _revision(report: Report) -> str:

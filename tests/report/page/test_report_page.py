@@ -96,7 +96,7 @@ def test_the_first_screen_says_when_and_how_without_letters() -> None:
     git = {"commit": "c" * 40, "dirty": True}
     origin = {**PROVENANCE, "started": "2026-05-01T12:30:00+00:00", "git": git}
     screen = _first_screen(structs.replace(FULL, provenance=origin))
-    for fact in ("64 of 64 planned pairs played", "2026-05-01", f"commit {'c' * 8} with changes"):
+    for fact in ("64 of 64 planned pairs played", "2026-05-01", f"commit {'c' * 12} with changes"):
         assert f"<li>{fact}</li>" in screen
     assert "10 actions a query, 5 of them executed" in screen
     assert not re.search(r"\b[HQ]=", screen)
