@@ -101,7 +101,8 @@ def _write_surfaces(world: AlterableWorld, former: Former) -> None:
 
 
 def _with_former(now: Scenery, former: Former) -> Scenery:
-    return with_former(now, former.before, former.after)
+    restored: Scenery = with_former(now, former.before, former.after)
+    return restored
 
 
 def _remove_filters(world: AlterableWorld, former: Former) -> None:

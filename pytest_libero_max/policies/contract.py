@@ -12,8 +12,8 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.structs import Name, fits
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
 
@@ -58,7 +58,7 @@ class PolicySpec:
     """Identity of the weights among others of the same name, for example a checkpoint's commit or digest.
     Kept with every result."""
     suites: tuple[str, ...] | None = None
-    """The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they are
+    """The suites it can play, or None for all. Pairs of other suites are unsupported: they are
     skipped, and neither played nor failed."""
     control: Control = "delta"
     """Kind of its actions: movements (``delta``), or poses of the grip site in the world (``absolute``:
@@ -109,12 +109,12 @@ class PolicySpec:
         if isinstance(self.suites, str) or not self.suites:
             raise self._refusal("suites", "must be None or a tuple of names")
         for suite in self.suites:
-            if suite not in SUITE_BUDGETS:
+            if suite not in SUITES:
                 raise AdapterError.seen(
                     "suites",
                     self.suites,
                     f" of policy {self.name!r} names the unknown suite {suite!r}. "
-                    f"{did_you_mean(str(suite), SUITE_BUDGETS)}",
+                    f"{SUITES.none_called(str(suite))}",
                 )
         return tuple(sorted({*self.suites}))
 
@@ -162,7 +162,7 @@ class Episode:
     """Description of an episode, for a policy when it begins."""
 
     suite: str
-    """LIBERO suite."""
+    """Suite of the task."""
     task_index: int
     """Index of the task in its source's registry."""
     instruction: str

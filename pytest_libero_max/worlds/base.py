@@ -24,10 +24,11 @@ from pytest_libero_max.worlds.contract import (
     Image,
     ImageSize,
     PixelFilter,
+    Robot,
     Semantics,
     World,
 )
-from pytest_libero_max.worlds.robot import PANDA, Robot
+from pytest_libero_max.worlds.robot import PANDA
 
 
 class WorldBase(ABC):

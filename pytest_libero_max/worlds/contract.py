@@ -10,7 +10,7 @@ what changes read and write: views, lights, surfaces, poses. A privileged policy
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -21,7 +21,6 @@ from pytest_libero_max.errors import SubstrateError
 if TYPE_CHECKING:
     import mujoco
 
-    from pytest_libero_max.worlds.robot import Robot
     from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 
 Array = NDArray[np.float64]
@@ -61,6 +60,26 @@ Goal = tuple[tuple[str, ...], ...]
 def height_and_width(size: ImageSize) -> tuple[int, int]:
     """Height and width of an image, pixels."""
     return (size, size) if isinstance(size, int) else size
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A robot as a policy knows it: the meaning and the number of what goes in and out."""
+
+    name: str
+    """Name of the robot."""
+    noop: tuple[float, ...] = NOOP_ACTION
+    """Action that holds the pose with the gripper open; its length is that of every action."""
+    control_hz: int = CONTROL_HZ
+    """Control steps in a second of simulated time."""
+    cameras: tuple[str, ...] = CAMERAS
+    """Cameras of a policy, the main one first, then that at the hand if there is one."""
+    state: Mapping[str, int] = field(default_factory=dict)
+    """Keys of an observation besides the images, with the sizes of their arrays."""
+    joints_key: str = "robot0_joint_pos"
+    """Key of the positions of the arm's joints, rad."""
+    fingers_key: str = "robot0_gripper_qpos"
+    """Key of the positions of the fingers, m."""
 
 
 @dataclass(frozen=True)
@@ -443,5 +462,19 @@ def alterable(world: World) -> AlterableWorld:
         raise SubstrateError(
             f"{world.scene} cannot be altered: a change needs the members of AlterableWorld, and "
             f"{type(world).__name__} lacks some. Play it on a substrate that has them."
+        )
+    return world
+
+
+def on_mujoco(world: World) -> OnMujoco:
+    """Return the world as one on MuJoCo.
+
+    Raises:
+        SubstrateError: Another simulator plays it.
+    """
+    if not isinstance(world, OnMujoco):
+        raise SubstrateError(
+            f"{world.scene} is not simulated by MuJoCo, whose arrays are read here. Play it on a substrate "
+            "whose worlds are."
         )
     return world

@@ -69,7 +69,7 @@ class MujocoScenery(ABC):
 
     _model: mujoco.MjModel
     _data: mujoco.MjData
-    _entities: Mapping[str, Entity]
+    _entities: dict[str, Entity]
     _alterable: Mapping[str, NDArray[Any]]
     """The model's own arrays by the names in :data:`ALTERABLE`."""
 

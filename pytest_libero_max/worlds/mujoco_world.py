@@ -254,7 +254,8 @@ class MujocoWorld(WorldBase, MujocoScenery):
         return MappingProxyType(self._scene_fields)
 
     def posture(self) -> NDArray[np.float32]:
-        return self._data.qpos.astype(np.float32)
+        positions: NDArray[np.float32] = self._data.qpos.astype(np.float32)
+        return positions
 
     def posed(self, state: WorldState, posture: NDArray[np.float32], steps: int) -> WorldState:
         physics = state.physics.copy()

@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION
+from pytest_libero_max.worlds.contract import Robot
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
@@ -30,26 +30,6 @@ begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as
 
 OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER})
 """Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Robot:
-    """A robot as a policy knows it: the meaning and the number of what goes in and out."""
-
-    name: str
-    """Name of the robot."""
-    noop: tuple[float, ...] = NOOP_ACTION
-    """Action that holds the pose with the gripper open; its length is that of every action."""
-    control_hz: int = CONTROL_HZ
-    """Control steps in a second of simulated time."""
-    cameras: tuple[str, ...] = CAMERAS
-    """Cameras of a policy, the main one first, then that at the hand if there is one."""
-    state: Mapping[str, int] = field(default_factory=dict)
-    """Keys of an observation besides the images, with the sizes of their arrays."""
-    joints_key: str = f"{ROBOT}_joint_pos"
-    """Key of the positions of the arm's joints, rad."""
-    fingers_key: str = f"{ROBOT}_gripper_qpos"
-    """Key of the positions of the fingers, m."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,8 +45,15 @@ class Placing:
     """Brings the box from where it begins to where the plate does, as a function of the step alone."""
 
     spec = PolicySpec("placing", 8, 4, image_size=SIZE)
-    WAY = (((0.1, -0.1, 0.6), -1), ((0.1, -0.1, 0.43), -1), ((0.1, -0.1, 0.43), 1), ((0.1, -0.1, 0.6), 1))
-    WAY += (((0.1, 0.15, 0.6), 1), ((0.1, 0.15, 0.46), 1), ((0.1, 0.15, 0.46), -1))
+    WAY = (
+        ((0.1, -0.1, 0.6), -1),
+        ((0.1, -0.1, 0.43), -1),
+        ((0.1, -0.1, 0.43), 1),
+        ((0.1, -0.1, 0.6), 1),
+        ((0.1, 0.15, 0.6), 1),
+        ((0.1, 0.15, 0.46), 1),
+        ((0.1, 0.15, 0.46), -1),
+    )
 
     def reset(self, episode: Episode) -> None:
         pass
