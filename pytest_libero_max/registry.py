@@ -31,6 +31,7 @@ ENTRY_POINTS = {
     "pytest_libero_max.probes": "a subclass of `Probe`, under its name",
     "pytest_libero_max.stopping_rules": "a subclass of `StoppingRule`, under its name",
     "pytest_libero_max.substrates": "a `SubstrateKind`, under its name",
+    "pytest_libero_max.robots": "a `Robot`, under its name",
     "pytest_libero_max.suites": "a `Suite`, under its name",
     "pytest_libero_max.studies": "a subclass of `Study`, under its name",
     "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",

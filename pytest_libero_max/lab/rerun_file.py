@@ -69,7 +69,7 @@ def scenes(size: int) -> Look:
         parked = set(world.parked)
         return Scene(
             images,
-            opening_m(observation),
+            opening_m(world, observation),
             hand=np.array(world.end_effector()),
             entities={entity: world.pose(entity) for entity in world.entities if entity not in parked},
             cameras={camera: pose_of_camera(world, camera) for camera in CAMERAS},

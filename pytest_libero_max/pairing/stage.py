@@ -55,6 +55,12 @@ class Stage:
     def __post_init__(self) -> None:
         object.__setattr__(self, "films", self.films and isinstance(self.world, PosedWorld))
         object.__setattr__(self, "spec", replace(self.policy.spec))
+        if self.spec.robot not in (None, self.world.robot.name):
+            raise AdapterError(
+                f"policy {self.spec.name!r} is for robot={self.spec.robot!r}, but {self.world.scene} has "
+                f"{self.world.robot.name!r}. Play it on a substrate with its robot, or declare the one that "
+                "it drives: PolicySpec(robot=...)."
+            )
 
     def handed_to(self, policy: Policy, begun: bool) -> Stage:
         """Return the stage on which another policy goes on in the world as it is.
@@ -125,6 +131,7 @@ class Stage:
             instruction=self.instruction,
             seed=self.case.policy_seed,
             max_steps=self.case.budget,
+            robot=self.world.robot,
             world=self.world if self.spec.privileged else None,
         )
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.structs import Name, fits
 from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
+from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, Robot, World
+from pytest_libero_max.worlds.robot import PANDA, ROBOTS
 
 Arm = Literal["base", "dynamic"]
 
@@ -65,6 +66,9 @@ class PolicySpec:
     position in m, axis times angle in rad)."""
     wrappers: tuple[str, ...] = ()
     """Wrappers around the policy, from the inside out, for example ``restore=gated``."""
+    robot: str | None = PANDA.name
+    """Name of the robot that its actions are for, or None for any: it then reads ``episode.robot``. On
+    another one it is refused."""
     history: bool = False
     """True if its answers depend on all that it was asked before in the episode, without a ``snapshot``. It
     is then asked all of it again on the way to the event."""
@@ -88,6 +92,10 @@ class PolicySpec:
                 "control",
                 self.control,
                 f" of policy {self.name!r}. {did_you_mean(str(self.control), get_args(Control))}",
+            )
+        if self.robot is not None and self.robot not in ROBOTS:
+            raise AdapterError.seen(
+                "robot", self.robot, f" of policy {self.name!r}. {ROBOTS.none_called(str(self.robot))}"
             )
         if self.suites is not None:
             object.__setattr__(self, "suites", self._known_suites())
@@ -145,8 +153,16 @@ class PolicySpec:
         value = part[0] if part else getattr(self, field)
         return AdapterError.seen(field, value, f" of policy {self.name!r}, but {rule}.")
 
+    @property
+    def components(self) -> int | None:
+        """Number of components of its actions; None where it is for any robot."""
+        return None if self.robot is None else ROBOTS[self.robot].components
+
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON types; without the fields from ``suites`` on where they are at their defaults."""
+        """Return JSON types; without the fields from ``suites`` on where they are at their defaults.
+
+        A robot is named where it is another one than LIBERO's.
+        """
         values = {
             name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()
         }
@@ -154,6 +170,8 @@ class PolicySpec:
             value = values.pop(name)
             if value != default:
                 values[name] = value
+        if self.robot in (None, PANDA.name):
+            del values["robot"]
         return values
 
 
@@ -171,6 +189,8 @@ class Episode:
     """The policy seed of the case, the same in both arms."""
     max_steps: int
     """Policy steps the episode may take."""
+    robot: Robot = PANDA
+    """The robot of the world."""
     world: World | None = None
     """The live world for a policy that declares itself privileged, otherwise None. Read only."""
 

@@ -34,6 +34,8 @@ order, so ``image[::-1]`` is upright), ``robot0_eef_pos`` (3, m, world), ``robot
 ``robot0_joint_vel`` (7, rad/s)."""
 
 CONTROL_HZ = 20
+"""Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
+MOST_HZ = 1000
 ACTION_DIM = 7
 NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 """Hold the pose with the gripper open: LIBERO's settle action."""
@@ -64,10 +66,14 @@ def height_and_width(size: ImageSize) -> tuple[int, int]:
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """A robot as a policy knows it: the meaning and the number of what goes in and out."""
+    """A robot as a policy knows it: the meaning and the number of what goes in and out.
+
+    Raises:
+        ValueError: A value breaks its rule.
+    """
 
     name: str
-    """Name of the robot."""
+    """Name of the robot, by which policies and profiles name it."""
     noop: tuple[float, ...] = NOOP_ACTION
     """Action that holds the pose with the gripper open; its length is that of every action."""
     control_hz: int = CONTROL_HZ
@@ -80,6 +86,17 @@ class Robot:
     """Key of the positions of the arm's joints, rad."""
     fingers_key: str = "robot0_gripper_qpos"
     """Key of the positions of the fingers, m."""
+
+    def __post_init__(self) -> None:
+        if not self.name or not self.noop or not self.cameras:
+            raise ValueError(f"{self!r}: a robot has a name, components of an action and a camera")
+        if not isinstance(self.control_hz, int) or not 1 <= self.control_hz <= MOST_HZ:
+            raise ValueError(f"control_hz={self.control_hz!r} of {self.name!r}, but must be 1 to {MOST_HZ}")
+
+    @property
+    def components(self) -> int:
+        """Number of components of an action."""
+        return len(self.noop)
 
 
 @dataclass(frozen=True)

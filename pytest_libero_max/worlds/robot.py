@@ -1,19 +1,19 @@
-"""The robot of a world: the names of its parts and the numbers that are its own, in one place.
+"""Robots: what actions and observations mean, and the names that the parts of one have in a compiled model.
 
-Another robot needs another :class:`Robot`, and these, which follow from no name:
+A policy names its robot (:attr:`.PolicySpec.robot`), a world has one (:attr:`.World.robot`), and both must be
+the same. Another package adds its own, a :class:`.contract.Robot`, by an entry point
+(``pytest_libero_max.robots``).
 
-- whatever takes :data:`PANDA`: ``worlds/stepping``, ``worlds/robosuite_world``, ``changes/robot`` (number of
-  joints), ``makers/construction/preflight`` (base), ``policies/clients/request`` (keys of observations),
-  ``experts/scene_view`` (parts by name) and the substrates;
-- a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
-  drives with it, and checks the number of joints; gains, limits and indices come from the environment;
-- actions: seven components, six of the hand and one of the gripper (``ACTION_DIM`` in ``worlds/contract``);
-- observations: ``robot0_gripper_qpos`` has two fingers in ``films/replay``, ``policies/server/vla_eval``,
-  ``lab/servo`` and ``demos/lerobot``, which also writes the robot's name; ``policies/transforms/states``
-  has the quarter turn from the observed hand to the grip site;
-- its visuals on the embedded scenes (:mod:`pytest_libero_max.substrates.embedded.panda`);
-- initial states: the embedded ones start from :attr:`Robot.home_rad`, LIBERO's are files of the Panda;
-- the experts, which grasp with two fingers, and whatever a policy has learnt.
+On MuJoCo and robosuite a :class:`MujocoRobot` also names joints and bodies. What still follows from the
+Panda:
+
+- ``worlds/stepping``, ``worlds/robosuite_world`` and ``substrates/embedded`` take :data:`PANDA`, and so do
+  the experts, ``makers/construction`` and ``lab/demos``;
+- absolute control, and a robot that waits for an answer under it, have LIBERO's seven components
+  (``policies/check``, ``pairing/rollout``); ``policies/transforms/states`` has the quarter turn from the
+  observed hand to the grip site;
+- times of latency are steps of 50 ms (``runs/protocol``, ``runs/query_times``);
+- ``policies/model_inputs`` guesses the inputs of a model from LIBERO's two cameras.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.registry import Registry, given
 from pytest_libero_max.worlds.contract import Robot
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
@@ -77,3 +79,15 @@ PANDA = MujocoRobot(
     finger_start={f"{GRIPPER}_finger_joint1": 0.020833, f"{GRIPPER}_finger_joint2": -0.020833},
 )
 """The Franka Emika Panda with its own gripper, as robosuite 1.4 models it."""
+
+
+def _accept(name: str, candidate: object) -> Robot:
+    if not isinstance(candidate, Robot):
+        raise ValueError(f"{candidate!r} is no pytest_libero_max.worlds.contract.Robot")
+    return candidate
+
+
+ROBOTS: Registry[Robot] = Registry(
+    "robot", "pytest_libero_max.robots", given("name", PANDA), _accept, SubstrateError, attribute="name"
+)
+"""Every robot that a policy may name: LIBERO's Panda, then those that installed packages add."""

@@ -140,8 +140,8 @@ _ENTITIES = MappingProxyType(
 )
 
 _HAND = MujocoRobot(
-    name="hand",
-    state=PANDA.state,  # policies expect those of LIBERO's arm
+    name=PANDA.name,  # it takes the actions of LIBERO's arm, and shows its state
+    state=PANDA.state,
     arm_joints=("hand_x", "hand_y", "hand_z"),
     finger_joints=("finger_1", "finger_2"),
     hand_body=f"{GRIPPER}_hand",
