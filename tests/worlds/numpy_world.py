@@ -293,7 +293,8 @@ class NumpyWorld(WorldBase):
     def _proprioception(self) -> dict[str, Array]:
         values = {key: np.zeros(size) for key, size in self._robot.state.items()}
         values[self._robot.joints_key][:3] = self._hand
-        values[self._robot.fingers_key][:] = (self._opening_m, -self._opening_m)
+        fingers = values[self._robot.fingers_key]
+        fingers[:] = np.resize((self._opening_m, -self._opening_m), fingers.shape)
         for key in values:
             if key.endswith("eef_pos"):
                 values[key][:] = self._hand
@@ -432,14 +433,27 @@ class NumpyWorld(WorldBase):
         for number, (place, half, turn) in enumerate(zip(places, halves, turns, strict=True)):
             if number < len(self._names) and self._names[number] in self._parked:
                 continue
+            window = _window((place - origin) @ frame, float(np.linalg.norm(half)), focal, height, width)
             own = rotations.matrix(rotations.quaternion(turn))
-            distance, normal = _box_hits((origin - place) @ own, rays @ own, half)
-            closer = distance < nearest
-            nearest[closer], shown[closer], normals[closer] = distance[closer], number, normal[closer] @ own.T
+            distance, normal = _box_hits((origin - place) @ own, rays[window] @ own, half)
+            closer = distance < nearest[window]
+            nearest[window][closer], shown[window][closer] = distance[closer], number
+            normals[window][closer] = normal[closer] @ own.T
         return shown, normals
 
     def close(self) -> None:
         pass
+
+
+def _window(at: Array, radius: float, focal: float, height: int, width: int) -> tuple[slice, slice]:
+    """Return rows and columns of the pixels that can show a ball, which is here in the camera's frame."""
+    near = -at[2] - radius
+    if near < 0.05:
+        return slice(0, height), slice(0, width)
+    reach = focal * radius / near * 1.5 + 2.0
+    row, column = height / 2 - focal * at[1] / at[2], width / 2 - focal * at[0] / at[2]
+    rows, columns = ((max(0, int(middle - reach)), max(0, int(middle + reach))) for middle in (row, column))
+    return slice(*rows), slice(*columns)
 
 
 def _box_hits(origin: Array, rays: Array, half: Array) -> tuple[Array, Array]:
