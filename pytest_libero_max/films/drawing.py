@@ -188,7 +188,7 @@ class _Canvas:
     def _title_lines(self) -> list[tuple[str, str]]:
         record = self._record
         policy = record.policy
-        asked = f"{policy.get('horizon')} actions a query, {policy.get('query_interval')} executed"
+        asked = f"chunk of {policy.get('horizon')}, {policy.get('query_interval')} executed"
         outcome = _OUTCOMES[record.outcome] if {BASE, DYNAMIC} <= record.arms.keys() else "arms of a study"
         if record.arms.keys() >= {BASE, DYNAMIC} and not record.triggered:
             outcome += "; the event never happened"
