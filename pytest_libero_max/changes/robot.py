@@ -12,15 +12,12 @@ from pytest_libero_max.changes.alteration import Alteration
 from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import between, strength_of
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.errors import ChangeError, counted
 from pytest_libero_max.worlds.contract import AlterableWorld
-from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
-
-ARM_DOF = len(PANDA.arm_joints)
+from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
 
 _JointOffsets = Annotated[
-    tuple[Annotated[float, between(-3.0, 3.0)], ...],
-    rule(f"a list of {ARM_DOF} items", min_length=ARM_DOF, max_length=ARM_DOF),
+    tuple[Annotated[float, between(-3.0, 3.0)], ...], rule("a list of at least one number", min_length=1)
 ]
 
 _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
@@ -34,10 +31,19 @@ class OffsetArm(Alteration):
     touched: ClassVar[frozenset[Factor]] = frozenset({"robot"})
 
     delta_joint_rad: _JointOffsets
-    """(7,) added to the joint positions, rad."""
+    """Added to the joint positions, one for each joint of the arm, 7 for LIBERO's, rad."""
     keep_clear: bool | None = None
     """True: where the arm would touch something, the opposite offset is taken, and where that does too, three
     quarters of the one or the other, and so on. The evidence has the offset taken."""
+
+    def _require(self, world: AlterableWorld) -> None:
+        joints = len(world.arm_joints())
+        if len(self.delta_joint_rad) != joints:
+            raise ChangeError.seen(
+                f"{self.operation}.delta_joint_rad",
+                list(self.delta_joint_rad),
+                f", but the arm of {world.scene} has {counted(joints, 'joint')}. Give one number for each.",
+            )
 
     def _measure(self, world: AlterableWorld) -> dict[str, list[float]]:
         return {"joint_pos_rad": world.arm_joints().tolist(), "end_effector_m": world.end_effector().tolist()}

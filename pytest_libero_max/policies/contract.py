@@ -204,12 +204,12 @@ class Episode:
     """The policy seed of the case, the same in both arms."""
     max_steps: int
     """Policy steps the episode may take."""
-    robot: Robot = PANDA
-    """The robot of the world."""
     world: World | None = None
     """The live world for a policy that declares itself privileged, otherwise None. Read only."""
     handover: Handover | None = None
     """The rollout so far, where the policy takes over from another one; None for an episode of its own."""
+    robot: Robot = PANDA
+    """The robot of the world."""
 
 
 @dataclass(frozen=True)

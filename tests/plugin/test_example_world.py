@@ -132,10 +132,20 @@ def test_all_events_are_played_with_four_components_and_gated(
 def test_a_pair_is_filmed_with_six_components(installed: pytest.Pytester, results: Results) -> None:
     installed.makepyfile(adapter=ADAPTER.format(robot="turner"))
     done = installed.runpytest_subprocess(
-        *RUN, "-m", "boxes_six", "-k", "target_relocation and v1", "--libero-max-film=all"
+        *RUN,
+        "-m",
+        "boxes_six",
+        "-k",
+        "target_relocation and v1",
+        "--libero-max-film=all",
+        "--libero-max-latency=200ms",
     )
     done.assert_outcomes(passed=1, deselected=31)
-    check_records(results()[0], "boxes_six", "turner", 6)
+    lines = results()[0]
+    check_records(lines, "boxes_six", "turner", 6)
+    assert {arm["latency"] for line in lines if line["line"] == "pair" for arm in line["arms"].values()} == {
+        "2steps"
+    }
     assert len([*Path(installed.path, "libero-max-results", "films").iterdir()]) == 1
 
 

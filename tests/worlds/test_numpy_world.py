@@ -28,6 +28,7 @@ from pytest_libero_max.changes import (
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
+from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.films.replay import play_again, through_cameras
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.pairing.trace import traces_of
@@ -161,3 +162,9 @@ def _readings_of_mujoco(room: str) -> Iterator[str]:
 @pytest.mark.parametrize("room", ["changes", "events", "pairing", "policies", "films"])
 def test_no_room_above_the_worlds_reads_mujoco(room: str) -> None:
     assert list(_readings_of_mujoco(room)) == []
+
+
+def test_an_offset_of_other_joints_than_the_arm_has_is_refused() -> None:
+    WORLD.reset(0)
+    with pytest.raises(ChangeError, match="has 7 joints"):
+        OffsetArm((0.1,) * 6).apply(WORLD)

@@ -67,6 +67,7 @@ KIND = SubstrateKind(
     "boxes",
     lambda options: BoxesSubstrate(),
     lacking=_lacking,
+    control_hz=FLOATER.control_hz,
     note="Measured on boxes.",
     comparable_with_published=None,
 )
