@@ -67,22 +67,17 @@ def _export_named(text: str) -> tuple[str, Path]:
 
 def _export(options: argparse.Namespace) -> None:
     from pytest_libero_max.cli.ini_file import gates_of
-    from pytest_libero_max.report.exports import export_files
+    from pytest_libero_max.report.exports import ExportedRun, export
     from pytest_libero_max.report.gate_results import decide_on
-    from pytest_libero_max.report.writers.report_files import make_folder, report_of, write_text
+    from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.store import read_pairs
 
     stored = read_pairs(options.folder)
     gates, start = gates_of(options.gate, Path.cwd())
     verdicts = decide_on(gates, stored, report_of(stored), start) if gates else ()
+    run = ExportedRun(options.folder, stored, verdicts)
     for format_name, place in options.export:
-        files = export_files(format_name, stored, verdicts)
-        for name, text in files.items():
-            path = place / name
-            if name:
-                make_folder(path.parent)
-            write_text(path, text)
-        print(f"Written: {', '.join(str(place / name) for name in files)}")
+        print(f"Written: {', '.join(map(str, export(format_name, run, place)))}")
 
 
 def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Literal
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import OptionError, counted, did_you_mean
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.published import (
     PublishedPolicy,
@@ -117,10 +117,10 @@ def lack_of_connection(
     """
     lack = lacks_for_published(provenance, played, published_file(provenance))
     row = published_row(key)
-    if lack is None and query_interval not in (None, row.query_interval):
+    if lack is None and query_interval is not None and query_interval != row.query_interval:
         return (
-            f"it executes Q={query_interval} actions of each answer, the published row {row.name} executes "
-            f"Q={row.query_interval}"
+            f"it executes {counted(query_interval, 'action')} of each answer (Q), the published row "
+            f"{row.name} executes {row.query_interval}"
         )
     return lack
 

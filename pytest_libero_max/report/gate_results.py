@@ -138,8 +138,9 @@ def require_connectable(gates: Iterable[Gate], run: Run) -> None:
             )
         if not can_connect(run.provenance, gate.row, ARMS[gate.name], float(gate.threshold)):
             raise OptionError(
-                f"gate={gate.text!r} can never hold: the interval of {len(run.planned)} cases is wider, even "
-                "at the published rate. Give a larger margin."
+                f"gate={gate.text!r} can never hold: the interval of "
+                f"{counted(len(run.planned), 'case')} is wider, even at the published rate. "
+                "Give a larger margin."
             )
 
 

@@ -6,6 +6,7 @@ import inspect
 
 from pytest_libero_max import worlds
 from pytest_libero_max.benchmark import cases
+from pytest_libero_max.tasks.suites import LIBERO
 from pytest_libero_max.worlds import contract
 from tests.reference.docstrings import constants, description, summary
 from tests.reference.markdown import code, one_line, prose, table
@@ -69,7 +70,7 @@ def page() -> str:
     observations = table(
         ("Key", "Shape", "Type", "Meaning"), ((code(key), *entry) for key, entry in OBSERVATIONS.items())
     )
-    budgets = table(("Suite", "Policy steps"), ((suite, str(n)) for suite, n in cases.SUITE_BUDGETS.items()))
+    budgets = table(("Suite", "Policy steps"), ((suite.name, str(suite.budget)) for suite in LIBERO))
     numbers = table(
         ("Constant", "Value", "Meaning"),
         (
@@ -113,7 +114,7 @@ MuJoCo; or `corrected`, without its known errors.
 
 ## Budgets
 
-{one_line(next(item.text for item in constants(cases) if item.name == "SUITE_BUDGETS"))}
+Policy steps an episode of a suite of LIBERO may take after the settle steps.
 
 {budgets}
 

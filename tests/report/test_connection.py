@@ -109,7 +109,7 @@ def test_each_of_the_authors_sets_has_its_own_rate(released: str, cases: int, pu
         (provenance_of("the authors' core.json 1.0.0"), 5, "not those of"),
         (PROVENANCE, 5, "its scenes are embedded"),
         (provenance_of(protocol={"prefix": "fork", "latency": "4steps"}), 5, "another protocol"),
-        (provenance_of(), 10, "Q=10"),
+        (provenance_of(), 10, "10 actions"),
         (provenance_of(substrate={**provenance_of()["substrate"], "semantics": "corrected"}), 5, "semantics"),
     ],
 )

@@ -169,7 +169,7 @@ def _require_alike(old: RunOutcomes, new: RunOutcomes) -> None:
 def _policy(run: RunOutcomes) -> str:
     spec = run.policy or {}
     words = [spec.get("name"), spec.get("revision")]
-    asks = f"({spec.get('horizon')} actions a query, {spec.get('query_interval')} executed)"
+    asks = f"(chunk of {spec.get('horizon')}, {spec.get('query_interval')} executed)"
     return " ".join(str(word) for word in (*words, asks) if word)
 
 

@@ -14,8 +14,8 @@ from pytest_libero_max.report.formats import Format, counted
 from pytest_libero_max.report.page.page_frame import document_page
 from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_texts import policy_title, stopped_texts
 from pytest_libero_max.report.writers.report_files import MARKDOWN_NAME
-from pytest_libero_max.report.writers.summary import policy_title, stopped_texts
 from pytest_libero_max.runs.provenance import commit_text
 
 _NUMBERS = (*quantities_in("runs"), quantity("trigger_coverage"))

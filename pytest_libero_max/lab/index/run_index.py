@@ -12,9 +12,9 @@ from pytest_libero_max.errors import LiberoMaxError, OptionError
 from pytest_libero_max.report.about import About, about_of
 from pytest_libero_max.report.publication import checked
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_texts import cases_title
 from pytest_libero_max.report.verified_runs import PlayedAgain, pairs_digest
 from pytest_libero_max.report.writers.report_files import report_of
-from pytest_libero_max.report.writers.summary import cases_title
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.worlds.rendering.context import DEVICE, drawn_by
 

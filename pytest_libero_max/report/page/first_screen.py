@@ -15,7 +15,7 @@ from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.plots import direction, outcome_bar
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_plots import forest
-from pytest_libero_max.report.writers.summary import cases_title, returned_text
+from pytest_libero_max.report.run_texts import cases_title, returned_text
 from pytest_libero_max.runs.provenance import commit_text
 from pytest_libero_max.stats.blocks import Result
 

@@ -10,9 +10,9 @@ from pytest_libero_max.report.formats import Estimate, percent
 from pytest_libero_max.report.palette import ARMS, BOX, MUTED
 from pytest_libero_max.report.plots import Drawable
 from pytest_libero_max.report.render.drawing import drawn
+from pytest_libero_max.report.render.svg import circle, document, line, rectangle, text
 from pytest_libero_max.report.studies.study_document import Setting, Study
 from pytest_libero_max.report.studies.study_section import section_of
-from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text
 
 _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
 

@@ -11,6 +11,7 @@ from pytest_libero_max.lab.fleet.fleet import Fleet
 from pytest_libero_max.lab.fleet.plan_text import plan_lines
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
+from tests.cli.test_cli import require_refusal
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
 
 TIMINGS = {"pair_s": 8.0, "reset_s": 0.1, "observe_s": 3.2, "policy_s": 3.2}
@@ -92,3 +93,16 @@ def test_more_workers_than_one_controller_feeds_are_told_to_play_shards(
     assert "play at least 3 shards at once" in text
     assert main(["plan", "time", run, "--workers=8", "--record-ms=100"]) == 0
     assert "one controller feeds" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--workers 0", "argument --workers: '0', but must be a whole number from 1 to 1000000"),
+        ("--query-ms nan", "argument --query-ms: 'nan', but must be a number from 0 to 1e+06"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(
+    option: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    require_refusal(f"plan time run {option}", message, capsys)

@@ -314,10 +314,10 @@ def test_settings_are_read_as_they_are_written(cadences: list[Cadence]) -> None:
 
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
-    study = STUDIES[name]({"cadence": "2", "latency": "2,2sync"}.get(name))
+    study = STUDIES[name]({"cadence": "2", "latency": "2,2sync", "continue": "expert"}.get(name))
     read = study_from_dict(study.to_dict())
     assert (type(read), read.to_dict(), read.spelled) == (type(study), study.to_dict(), study.spelled)
-    damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": "x"}]
+    damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": 1}]
     for damaged in damage:
         with pytest.raises(ReportError, match="is none that this version knows"):
             study_from_dict(damaged)
