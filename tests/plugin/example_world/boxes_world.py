@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.suites import Suite
-from pytest_libero_max.substrates.contract import SubstrateKind, SubstrateOptions
-from pytest_libero_max.worlds.contract import Robot
+from pytest_libero_max import Case, Robot, SubstrateKind, SubstrateOptions, Suite
 from tests.worlds.numpy_world import NumpyWorld
 
 CAMERAS = ("overview", "palm")
