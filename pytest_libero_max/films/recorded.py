@@ -30,7 +30,7 @@ from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate
 from pytest_libero_max.substrates.registry import open_substrate
-from pytest_libero_max.worlds.contract import CONTROL_HZ, World
+from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 SIZE_PX = 256
@@ -99,7 +99,8 @@ def film_pair(
         look, also = policy_look(case, record, traces, shown, how.size)
         words = caption(record, shown)
     ticks = play_again(case, world, record, traces, look, how.every, also, simulate=shown is not None)
-    write_film(path, film_frames(record, traces, how.tell(ticks), how.size, words), CONTROL_HZ, how.overwrite)
+    frames = film_frames(record, traces, how.tell(ticks), how.size, words)
+    write_film(path, frames, record.control_hz, how.overwrite)
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,10 @@ class _Compared(Protocol):
         ...
 
 
+_LONGEST_ARMS = 120
+"""Most characters of the arms in the name of a film."""
+
+
 def selection_named(text: str) -> str:
     """Return the name of a selection; ``regression`` is another spelling of ``regressions``."""
     return "regressions" if text == "regression" else text
@@ -60,13 +64,18 @@ def is_selected(pair: _Compared, which: str) -> bool:
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:
     """Return the name of a film's file: the pair, the arms, and the view.
 
+    Of many arms it has the number, because a file system takes names of 255 bytes at most.
+
     Args:
         item_id: The pair.
         arms: The arms from left to right.
         suffix: One of :data:`FILM_SUFFIXES`.
         view: One of :data:`VIEWS`.
     """
-    return f"{item_id}{_SEPARATOR}{'-'.join(arms)}{_POLICY if view == 'policy' else ''}{suffix}"
+    names = [*arms]
+    text = "-".join(names)
+    shown = text if len(text) <= _LONGEST_ARMS else f"{len(names)}_arms"
+    return f"{item_id}{_SEPARATOR}{shown}{_POLICY if view == 'policy' else ''}{suffix}"
 
 
 def films_in(folder: Path, view: str = "world") -> dict[str, str]:

@@ -169,6 +169,8 @@ class SubstrateKind:
     """Finds the source variation of its own that a case plays, without building anything. Raises
     :class:`.SubstrateError` where it has none."""
     tracks: Callable[[SubstrateOptions], Tracks] = lambda options: Tracks()
+    control_hz: int = 20
+    """Control steps in a second of its robots, in which times of latency are counted; LIBERO's."""
     plays_frozen: bool = False
     """True if every case of the tracks that come with this package plays, wherever that is."""
     reads: frozenset[str] = frozenset()

@@ -16,6 +16,16 @@ def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
     assert films_in(tmp_path / "nothing") == {}
 
 
+def test_a_film_of_many_arms_has_a_name_that_a_file_system_takes(tmp_path: Path) -> None:
+    arms = [f"dynamic_controller_{number}" for number in range(20)]
+    name = film_name("a" * 100, arms, ".mp4", "policy")
+    assert len(name) < 255
+    assert "20_arms" in name
+    (tmp_path / "films").mkdir()
+    (tmp_path / "films" / name).touch()
+    assert films_in(tmp_path, "policy") == {"a" * 100: f"films/{name}"}
+
+
 def test_a_film_of_what_a_policy_saw_is_kept_but_not_taken_for_the_film_of_the_pair(tmp_path: Path) -> None:
     folder = tmp_path / "films"
     folder.mkdir()

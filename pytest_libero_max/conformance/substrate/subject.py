@@ -12,10 +12,13 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.pairing.changing import begin_world
 from pytest_libero_max.substrates.contract import Substrate
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.contract import ACTION_DIM, Array, World
 
-ACTIONS: Array = np.random.default_rng(20).uniform(-1.0, 1.0, (20, 7))
-"""(20, 7) actions that every world is played with; the first seed that was tried."""
+
+def actions_for(world: World) -> Array:
+    """Return the (20, d) actions that every world is played with; of the first seed that was tried."""
+    size = world.robot.components
+    return np.random.default_rng(20).uniform(-1.0, 1.0, (20, max(size, ACTION_DIM)))[:, :size]
 
 
 @dataclass(frozen=True)

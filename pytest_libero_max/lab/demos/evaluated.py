@@ -90,7 +90,7 @@ def _arms(
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
         observation = world.observe(CAMERAS, image_size)
-        return _Seen({}, opening_m(observation), observation=observation)
+        return _Seen({}, opening_m(world, observation), observation=observation)
 
     shown: dict[str, list[Observation]] = {name: [] for name in distinct_arms(record)}
     for tick in play_again(case, world, record, traces, look):

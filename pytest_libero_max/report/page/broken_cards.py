@@ -11,7 +11,6 @@ from pytest_libero_max.report.broken import Group, Part, parts_of
 from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.runs.media import caption_of
-from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _MOST_CARDS = 8
 
@@ -86,7 +85,7 @@ def _card(
                 arm_title(name, record.arms.get(name)) for name in caption_of(path, pair.item_id).split("-")
             ]
             if group.event and record.trigger is not None:  # a failure in Base has no event
-                film += f"#t={record.trigger.step / CONTROL_HZ + _AFTER_EVENT_S:g}"
+                film += f"#t={record.trigger.step / record.control_hz + _AFTER_EVENT_S:g}"
     # Base has failed in all other pairs than regressions, and the table keeps its causes apart.
     cause = {("cause" if outcome == "regression" else "base_cause"): group.cause}
     known = {"event": group.event, "outcome": outcome if group.event else "", **cause}

@@ -6,6 +6,7 @@ An error of the server comes as text, before it closes the connection. There is 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from threading import Event
 from typing import Any, ClassVar
 
 from pytest_libero_max.errors import AdapterError, ServerError
@@ -63,6 +64,10 @@ class OpenpiLink:
         if is_starvla_reply(reply):
             raise other_protocol(STARVLA, self._address, self._address.protocol)
         return reply
+
+    def ping(self) -> Event:
+        """Send a ping; return the event of its answer."""
+        return self._socket.ping()
 
     def close(self) -> None:
         self._socket.close()

@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,10 @@ class VlaEvalLink:
                 raise ServerError(f"actions of shapes {rows[0].shape} and {actions.shape} in one chunk")
             rows.append(actions)
         return {"actions": np.stack(rows), "singly": True}
+
+    def ping(self) -> Event:
+        """Send a ping; return the event of its answer."""
+        return self._socket.ping()
 
     def close(self) -> None:
         self._socket.close()
