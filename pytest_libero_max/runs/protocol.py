@@ -195,8 +195,8 @@ class ProtocolSettings:
         "TIME",
         "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms for LIBERO, rounded up). "
         "The robot goes on with the chunk before, and drops the actions of the new one that are late "
-        "(asynchronous inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
-        "query from the query times of a run",
+        "(asynchronous inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the "
+        "delay of each query from the query times of a run",
         _latency,
         recorded=Recorded(
             "protocol",
