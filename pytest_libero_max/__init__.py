@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.identity import Identity
     from pytest_libero_max.benchmark.latency import Latency
     from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
+    from pytest_libero_max.benchmark.suites import Suite
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.changes.change import Change, Evidence
     from pytest_libero_max.errors import LiberoMaxError
@@ -61,13 +62,16 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.substrates.tiny.world import TinyWorld
     from pytest_libero_max.tasks.contents import TaskMetadata
-    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, World, WorldState
+    from pytest_libero_max.worlds.base import WorldBase
+    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, Robot, World, WorldState
+    from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 
 __all__ = [
     "AlterableWorld",
     "Arm",
     "ArmEnv",
     "BatchItem",
+    "CameraView",
     "Case",
     "Change",
     "Entity",
@@ -80,6 +84,7 @@ __all__ = [
     "Identity",
     "Latency",
     "LiberoMaxError",
+    "Lights",
     "Manifest",
     "Measured",
     "Moment",
@@ -98,6 +103,7 @@ __all__ = [
     "ReportSection",
     "ResultsReader",
     "Revert",
+    "Robot",
     "Scenario",
     "ServerProtocol",
     "StoppingRule",
@@ -105,10 +111,13 @@ __all__ = [
     "Substrate",
     "SubstrateKind",
     "SubstrateOptions",
+    "Suite",
+    "Surfaces",
     "TaskMetadata",
     "TinyWorld",
     "Trigger",
     "World",
+    "WorldBase",
     "WorldState",
     "build_report",
     "changes",
@@ -182,7 +191,10 @@ _TO_EXTEND = {
     "report.readers": ("ResultsReader", "ReadResults", "PairOutcome"),
     "runs.plan": ("PlannedPair",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
-    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
+    "benchmark.suites": ("Suite",),
+    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld", "Robot"),
+    "worlds.base": ("WorldBase",),
+    "worlds.scenery": ("CameraView", "Lights", "Surfaces"),
     "policies.clients.protocol": ("ServerProtocol", "Opening"),
 }
 """Names for packages that add something, by the module that defines them."""

@@ -20,8 +20,7 @@ Colours = NDArray[np.floating[Any]]
 class CameraView:
     """Pose and field of view of a camera."""
 
-    IN_ROWS: ClassVar[bool] = False
-    """True for a value with one row for each thing, which is taken back row by row."""
+    IN_ROWS: ClassVar[bool] = False  # True for values with a row for each thing, taken back row by row
     position_m: NDArray[np.float64]
     """(3,) in the frame of the body that carries the camera, the world for a fixed one."""
     quaternion_wxyz: NDArray[np.float64]

@@ -7,8 +7,8 @@ import inspect
 from pytest_libero_max import worlds
 from pytest_libero_max.benchmark import cases
 from pytest_libero_max.tasks.suites import LIBERO
-from pytest_libero_max.worlds import contract
-from tests.reference.docstrings import constants, description, summary
+from pytest_libero_max.worlds import contract, scenery
+from tests.reference.docstrings import constants, description, section, summary
 from tests.reference.markdown import code, one_line, prose, table
 
 OBSERVATIONS = {
@@ -126,11 +126,25 @@ Policy steps an episode of a suite of LIBERO may take after the settle steps.
 
 {_protocol(contract.World)}
 
+{_protocol(contract.PosedWorld)}
+
+## Robots
+
+{_fields(contract.Robot)}
+
 ## What changes use
 
-{_protocol(contract.OnMujoco)}
-
 {_protocol(contract.AlterableWorld)}
+
+{_fields(scenery.CameraView)}
+
+{_fields(scenery.Lights)}
+
+{_fields(scenery.Surfaces)}
+
+## Worlds on MuJoCo
+
+{_protocol(contract.OnMujoco)}
 """
 
 
@@ -139,6 +153,12 @@ def _protocol(protocol: type) -> str:
     members = ((name, value) for name, value in vars(protocol).items() if not name.startswith("_"))
     rows = ((code(name + _arguments(value)), one_line(summary(value))) for name, value in members)
     return f"{prose(description(protocol))}\n\n{table(('Member', 'Meaning'), rows)}"
+
+
+def _fields(kind: type) -> str:
+    """Description and table of the fields of a value."""
+    rows = ((code(name), one_line(text)) for name, text in section(kind, "Attributes").items())
+    return f"{prose(description(kind))}\n\n{table(('Field', 'Meaning'), rows)}"
 
 
 def _arguments(value: object) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -74,6 +75,7 @@ def _draw_pro(path: Path, substrate: Any) -> None:
 KIND = SubstrateKind(
     "embedded",
     _open,
+    suites=LIBERO_SUITES,
     lacking=_lacking,
     catalogue=_catalogue,
     variation_of=_variation_of,
