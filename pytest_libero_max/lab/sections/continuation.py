@@ -117,7 +117,7 @@ class Continued(ReportSection):
         }
         tables = [
             _table("From the event on", names, _DYNAMIC_COLUMNS, measures, f"{_selection(report)} {NOTE}"),
-            _table("The handover alone", handed, columns, measures, HANDOVER_NOTE),
+            _table("Handover and event apart", handed, columns, measures, HANDOVER_NOTE),
         ]
         pairs = list(combinations(handed, 2))
         if pairs:
