@@ -19,12 +19,12 @@ from pytest_libero_max.errors import (
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
-from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, play_again, through_cameras
 from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
-from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
+from pytest_libero_max.runs.media import TRACES_NAME, distinct_arms, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
