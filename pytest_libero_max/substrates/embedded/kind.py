@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def _open(options: SubstrateOptions) -> Substrate:
     from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 
-    return EmbeddedSubstrate()
+    return EmbeddedSubstrate(images=options.images)
 
 
 def _catalogue(options: SubstrateOptions) -> Catalogue:
@@ -74,10 +74,12 @@ def _draw_pro(path: Path, substrate: Any) -> None:
 KIND = SubstrateKind(
     "embedded",
     _open,
+    lambda options: {"images": options.images},
     lacking=_lacking,
     catalogue=_catalogue,
     variation_of=_variation_of,
     plays_frozen=True,
+    reads=frozenset({"images"}),
     note=(
         "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not "
         "its images. Its scores are not comparable with published ones."

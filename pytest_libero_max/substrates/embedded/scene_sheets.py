@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
 from pytest_libero_max.substrates.embedded.scene import build_scene
@@ -42,7 +43,9 @@ def write_contact_sheet(
     captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
     pictures = []
     for number, task in enumerate(chosen):
-        world = EmbeddedWorld(build_scene(task.suite, task.index))
+        world = EmbeddedWorld(
+            build_scene(task.suite, task.index), images=SubstrateOptions().for_people().images
+        )
         try:
             world.reset(init)
             image = world.observe((camera,), size)[f"{camera}_image"][::-1]
