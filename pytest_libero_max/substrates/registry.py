@@ -85,7 +85,7 @@ def described_substrate(description: Mapping[str, Any]) -> ChosenSubstrate:
 
 
 def images_of(description: Mapping[str, Any]) -> str | None:
-    """Return the version of the images of the substrate that a run describes; None where there is one alone."""
+    """Return the version of the images of a described substrate; None where it has one version."""
     chosen = described_substrate(description)
     versions = chosen.name in SUBSTRATES and "images" in SUBSTRATES[chosen.name].reads
     return chosen.options.images if versions else None

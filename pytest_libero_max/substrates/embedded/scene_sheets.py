@@ -20,6 +20,7 @@ PLUS_LEVELS = (1, 3, 5)
 
 _CAMERA = "agentview"
 _STEPS = 10
+_IMAGES = SubstrateOptions().for_people().images
 # Noise and textures hardly compress; in a picture this small, the last three bits do not show.
 _COLOUR_STEP = 8
 
@@ -43,9 +44,7 @@ def write_contact_sheet(
     captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
     pictures = []
     for number, task in enumerate(chosen):
-        world = EmbeddedWorld(
-            build_scene(task.suite, task.index), images=SubstrateOptions().for_people().images
-        )
+        world = EmbeddedWorld(build_scene(task.suite, task.index), images=_IMAGES)
         try:
             world.reset(init)
             image = world.observe((camera,), size)[f"{camera}_image"][::-1]
