@@ -104,13 +104,10 @@ def test_what_drew_the_images_and_scenes_are_settings_too() -> None:
 
 
 def test_images_without_a_version_are_of_the_first_and_matter_to_policies_that_are_shown_some() -> None:
-    (difference,) = differences_between(
-        {THERE: side({"substrate": {"images": None}}), HERE: side()}, COMPARISON
-    )
+    unversioned: Json = {"substrate": {"images": None}}
+    (difference,) = differences_between({THERE: side(unversioned), HERE: side()}, COMPARISON)
     assert (difference.name, difference.values) == ("images", {THERE: "1", HERE: "2"})
-    assert not differences_between(
-        {THERE: side({"substrate": {"images": None}}, cameras=[]), HERE: side()}, COMPARISON
-    )
+    assert not differences_between({THERE: side(unversioned, cameras=[]), HERE: side()}, COMPARISON)
 
 
 def test_differences_are_accepted_by_name_field_or_part() -> None:

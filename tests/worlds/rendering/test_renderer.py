@@ -95,7 +95,8 @@ CHEQUERED = """<mujoco><asset>
 </worldbody></mujoco>"""
 
 
-TWO_COLOURS = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual><worldbody>
+TWO_COLOURS = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>
+<worldbody>
   <camera name="eye" pos="0 0 2"/>
   <geom type="plane" size="5 5 0.1" rgba="1 0 0 1" group="1"/>
   <geom type="box" size="0.3 0.3 0.1" euler="0 0 20" rgba="0 0 1 1" group="1"/>
