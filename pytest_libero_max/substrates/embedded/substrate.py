@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache, partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.machine import return_free_memory
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
 from pytest_libero_max.substrates.embedded.placement import initial_state
@@ -218,8 +219,10 @@ class EmbeddedSubstrate:
             world = EmbeddedWorld(remodelled(scene, plan), plan, starts, images=self._images)
         world.open_task = self._task_world
         self._worlds[key] = world
-        while len(self._worlds) > self._limit:
-            self._worlds.pop(next(iter(self._worlds))).close()
+        if len(self._worlds) > self._limit:
+            while len(self._worlds) > self._limit:
+                self._worlds.pop(next(iter(self._worlds))).close()
+            return_free_memory()
         return world
 
     def _task_world(self, suite: str, index: int) -> EmbeddedWorld:
