@@ -99,10 +99,12 @@ def tracked_numbers(report: Report) -> dict[str, float]:
         lost = [pair.cause for pair in report.changed_pairs if pair.outcome == "regression"]
         numbers |= {f"causes/{cause}": count for cause, count in Counter(lost).items()}
     if by_rule and pairs.played:
-        rates = {"base_success": overall.base_success, "dynamic_success": overall.dynamic_success}
-        for name, block in {**rates, "paired_change": overall.paired_change}.items():
-            if block.value is not None:
-                numbers[name] = block.value
+        estimates = {
+            "base_success": overall.base_success.value,
+            "dynamic_success": overall.dynamic_success.value,
+            "paired_change": overall.paired_change.value,
+        }
+        numbers |= {name: value for name, value in estimates.items() if value is not None}
         numbers |= dict(_interval_of_rule(report))
     if not is_measurable(overall):  # a curve would show a change of 0
         numbers = {name: number for name, number in numbers.items() if "paired_change" not in name}

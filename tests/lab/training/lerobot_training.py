@@ -48,7 +48,7 @@ def write_data() -> None:
     for _ in range(2):
         for _ in range(12):
             frame: dict[str, Any] = {
-                name: draw.integers(0, 256, IMAGE["shape"], dtype=np.uint8)
+                name: draw.integers(0, 256, (SIDE, SIDE, 3), dtype=np.uint8)
                 for name in ("observation.images.image", "observation.images.image2")
             }
             frame["observation.state"] = draw.normal(size=8).astype(np.float32)
