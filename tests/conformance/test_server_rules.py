@@ -26,7 +26,7 @@ from pytest_libero_max.conformance.server import clients, contract
 from pytest_libero_max.conformance.server import subject as server_subject
 from pytest_libero_max.conformance.server.subject import open_at
 from pytest_libero_max.policies.clients import transport
-from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
+from pytest_libero_max.policies.clients.codecs import OPENPI, VLA_EVAL, pack, unpack
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
@@ -246,6 +246,14 @@ class Coarse(Server):
         return {"actions": super().answer(request)["actions"].astype(np.float16)}
 
 
+class Foreign(Server):
+    """Writes arrays with keys that are texts, as vla-eval does and openpi's clients do not read."""
+
+    def reply(self, message: bytes) -> bytes | str | None:
+        reply = super().reply(message)
+        return reply if isinstance(reply, str | None) else pack(unpack(reply, OPENPI), VLA_EVAL)
+
+
 class Drawing(Server):
     """Draws a little noise from a generator that goes on from request to request."""
 
@@ -389,6 +397,7 @@ GALLERY: list[tuple[type[Server], str, str]] = [
     (Wider, "contract/action-spec", "7 components"),
     (Beyond, "contract/action-spec", "arm is"),
     (Coarse, "contract/precision", "float16"),
+    (Foreign, "contract/encoding", "keys '__ndarray__', 'data'"),
     (Drawing, "contract/seed", "two different answers"),
     (Limited, "requests/large", "images of 1024 pixels"),
     (OneSize, "requests/small", "images of 16 pixels"),

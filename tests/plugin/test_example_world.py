@@ -149,6 +149,24 @@ def test_a_pair_is_filmed_with_six_components(installed: pytest.Pytester, result
     assert len([*Path(installed.path, "libero-max-results", "films").iterdir()]) == 1
 
 
+def test_it_keeps_the_rules_of_substrates(installed: pytest.Pytester) -> None:
+    done = installed.runpytest_subprocess(
+        "-p", "no:cacheprovider", "--libero-max-conform=substrate:boxes", "-k", "not process"
+    )
+    outcomes = done.parseoutcomes()
+    assert "failed" not in outcomes
+    assert outcomes["passed"] >= 18
+
+
+def test_a_substrate_of_other_suites_refuses_it(installed: pytest.Pytester) -> None:
+    installed.makepyfile(adapter=ADAPTER.format(robot="floater"))
+    done = installed.runpytest_subprocess(
+        "-p", "no:cacheprovider", "--libero-max-policy=noop", "--libero-max-manifest=boxes.json"
+    )
+    done.stderr.fnmatch_lines(["*embedded has no suite boxes_four, but libero_spatial*"])
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+
+
 def test_a_policy_for_another_robot_is_refused(installed: pytest.Pytester) -> None:
     installed.makepyfile(adapter=ADAPTER.format(robot="turner"))
     done = installed.runpytest_subprocess(*RUN, "-m", "boxes_four and camera_shift")

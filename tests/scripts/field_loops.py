@@ -1,8 +1,8 @@
 """Evaluation loops of other packages, as subjects of the rules for loops.
 
-In an environment with LeRobot and what a conformance session of this project needs (``msgspec``, ``scipy``)::
+In an environment with LeRobot and this package::
 
-    PYTHONPATH=. PYTHON -m pytest -c /dev/null --libero-max-conform=loop:tests.scripts.field_loops:lerobot
+    pytest --libero-max-conform=loop:tests.scripts.field_loops:lerobot
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from pytest_libero_max.conformance.server.subject import (
     served,
 )
 from pytest_libero_max.errors import counted
-from pytest_libero_max.policies.clients.codecs import OPENPI, pack
+from pytest_libero_max.policies.clients.codecs import OPENPI, foreign_arrays, pack
 
 CONNECTS = "server/contract/connects"
 ANSWERS = "server/contract/answers"
@@ -179,6 +179,32 @@ def _actions_in(reply: Any, subject: ServerSubject) -> list[NDArray[Any]]:
     parts = subject.profile.get("reply", "parts", [])
     values = [value.get(part) for part in parts] if parts and isinstance(value, Mapping) else [value]
     return [array for array in values if isinstance(array, np.ndarray) and array.ndim]
+
+
+@rule("server/contract/encoding", "should", needs=ANSWERS)
+def encoding(subject: ServerSubject) -> Iterator[Finding]:
+    """Write arrays as the clients of its protocol read them."""
+    with subject.client() as client:
+        client.ask(0)
+        link: Any = served(client).client.link
+        dialect, message = getattr(link, "dialect", None), getattr(link, "message", None)
+    if dialect is None or not isinstance(message, bytes):
+        yield unexamined("the protocol has no encoding of its own")
+        return
+    foreign = foreign_arrays(message, dialect)
+    if not foreign:
+        yield kept("a reply has no array in a foreign encoding")
+        return
+    own = dialect.encode(np.zeros(1))
+    yield broken(
+        f"an array is a map with the keys {_keys(foreign[0])}",
+        f"the keys {_keys(own)}",
+        "This package reads every encoding; the clients of the protocol's authors read their own alone.",
+    )
+
+
+def _keys(array: Mapping[Any, Any]) -> str:
+    return ", ".join(map(repr, array))
 
 
 @rule("server/contract/seed", "must", needs=ANSWERS)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
-from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
+from pytest_libero_max.policies.clients.codecs import OPENPI, Dialect, pack, unpack
 from pytest_libero_max.policies.clients.declared import (
     DeclaredPolicy,
     RememberingPolicy,
@@ -38,6 +38,10 @@ class OpenpiLink:
 
     fits: ClassVar[tuple[Speech, ...]] = (SERVED,)
     """Kinds of servers that a greeting may declare."""
+
+    dialect: ClassVar[Dialect] = OPENPI
+    message: bytes = b""
+    """The last message, as it came."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
@@ -81,7 +85,7 @@ class OpenpiLink:
         if isinstance(message, str):
             lines = message.strip().splitlines()
             raise reported(lines[-1] if lines else "")
-        reply = unpack(message, OPENPI)
+        self.message, reply = message, unpack(message, OPENPI)
         if not isinstance(reply, dict):
             raise ServerError(f"a message is a {type(reply).__name__}, but openpi's are maps")
         return reply

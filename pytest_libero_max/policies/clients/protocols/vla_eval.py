@@ -12,14 +12,14 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from threading import Event
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.address import Address
-from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, shortened, unpack
+from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.transport import reported
@@ -32,6 +32,10 @@ PROTOCOL_VERSION = 1
 
 class VlaEvalLink:
     """A connection to a model server of vla-eval."""
+
+    dialect: ClassVar[Dialect] = VLA_EVAL
+    message: bytes | str = b""
+    """The last message, as it came."""
 
     def __init__(self, address: Address) -> None:
         self._socket = Socket(address)
@@ -86,7 +90,8 @@ class VlaEvalLink:
         return self._seq
 
     def _read(self, kind: str, seq: int, awaited: str = "") -> dict[Any, Any]:
-        message = unpack(self._socket.receive(awaited), VLA_EVAL)
+        self.message = self._socket.receive(awaited)
+        message = unpack(self.message, VLA_EVAL)
         if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
             raise ServerError("a message is no map with a map as 'payload'")
         payload: dict[Any, Any] = message["payload"]
