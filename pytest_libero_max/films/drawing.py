@@ -15,7 +15,7 @@ from PIL import ImageDraw, ImageFont
 
 from pytest_libero_max.errors import counted
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.films.replay import Tick, distinct_arms
+from pytest_libero_max.films.replay import Tick
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.report.happenings import Happening, arm_title, happenings
@@ -31,6 +31,7 @@ from pytest_libero_max.report.palette import (
     STALE,
     arm_colors,
 )
+from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.worlds.contract import Image
 
 _OLD_PLACE = "#ffd447"

@@ -23,6 +23,7 @@ from pytest_libero_max.pairing.changing import Applied, apply_change, begin_worl
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
+from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.worlds.contract import Image, Observation, PosedWorld, World, WorldState
 from pytest_libero_max.worlds.rendering.appearance import (
     Appearance,
@@ -59,15 +60,6 @@ class Tick:
     step: int
     views: Mapping[str, View]
     """By arm. An arm that ended earlier shows its last step."""
-
-
-def distinct_arms(record: PairRecord) -> tuple[str, ...]:
-    """Return the arms of a pair that differ from those before them, in the order of the record."""
-    proofs: dict[str | None, str] = {}
-    for name, arm in record.arms.items():
-        if arm.shares is None:
-            proofs.setdefault(arm.proof, name)
-    return tuple(proofs.values())
 
 
 def play_again(

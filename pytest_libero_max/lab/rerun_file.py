@@ -21,9 +21,10 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ReportError, install_extra
 from pytest_libero_max.films.drawing import labels, shared_steps
 from pytest_libero_max.films.recorded import Drawn
-from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m, play_again
+from pytest_libero_max.films.replay import Look, Tick, View, opening_m, play_again
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
+from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.worlds.contract import CAMERAS, Image, OnMujoco, World
 from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
 

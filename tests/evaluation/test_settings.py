@@ -130,7 +130,9 @@ def test_substrates_are_spelled_as_they_are_read() -> None:
     for text, words in (
         ("libero:semantics=right", "Known: corrected, published"),
         ("libero:colour=red", "colour is unknown"),
-        ("embedded:semantics=corrected", "takes no options, but libero does"),
+        ("embedded:semantics=corrected", "semantics is unknown. Known: images"),
+        ("embedded:images=3", "Known: 1, 2"),
+        ("tiny:images=1", "takes no options, but"),
     ):
         with pytest.raises(OptionError, match=words):
             option.read(text, option.flag)

@@ -15,10 +15,11 @@ from pytest_libero_max.films.drawing import (
     shared_steps,
     strip_px,
 )
-from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, play_again, through_cameras
 from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.palette import EVENT
+from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
 
 from .short_run import BUDGET, SIZE, Played, play

@@ -281,7 +281,7 @@ def test_a_policy_learns_the_case_and_no_more(world: TinyWorld) -> None:
     policy = Approaching()
     case = make_case(instruction="do it")
     record = play_pair(case, world, policy)
-    expected = Episode("libero_spatial", 0, "do it", 195, BUDGET, None)
+    expected = Episode("libero_spatial", 0, "do it", 195, BUDGET, robot=world.robot)
     assert policy.episodes == [expected] * 4  # two arms, and a late query of each asked again
     assert record.instruction == "do it"
     privileged = Approaching(privileged=True)

@@ -40,7 +40,7 @@ PROVENANCE: Json = {
     "platform": {"system": "Linux", "machine": "x86_64", "libc": "2.36"},
     "gl_backend": "egl",
     "git": None,
-    "substrate": {"name": "embedded"},
+    "substrate": {"name": "embedded", "images": "2"},
     "case_set": {"name": "track smoke", "digest": "0" * 64},
     "policy": {"reference": "scripted.py", "horizon": None, "query_interval": None},
     "protocol": {"prefix": "fork"},

@@ -2,7 +2,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pytest_libero_max.runs.media import caption_of, film_name, films_in, kept_beside, pictures_in
+from pytest_libero_max.runs.media import (
+    caption_of,
+    distinct_arms,
+    film_name,
+    filmed_arms,
+    films_in,
+    kept_beside,
+    pictures_in,
+)
+from tests.report.made_up import plan, record_of
 
 
 def test_the_films_of_a_run_are_found_by_their_pairs(tmp_path: Path) -> None:
@@ -52,3 +61,11 @@ def test_the_pictures_of_a_case_are_found_before_first(tmp_path: Path) -> None:
         "a": ["pictures/a--agent-after.png", "pictures/a--wrist-before.png", "pictures/a--wrist-after.png"],
         "b": ["pictures/b--agent-before.png"],
     }
+
+
+def test_the_arms_of_a_film_of_many_are_those_of_the_pair() -> None:
+    record = record_of(plan()[0], True, True)
+    names = film_name(record.item_id, ("base", "dynamic"), ".mp4")
+    assert filmed_arms(f"films/{names}", record) == ("base", "dynamic")
+    many = film_name(record.item_id, ["arm"] * 99, ".mp4")
+    assert filmed_arms(f"films/{many}", record) == distinct_arms(record)
