@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from xml.etree import ElementTree
 
 import pytest
@@ -137,3 +138,6 @@ def test_junit_has_one_failure_for_a_server_with_one_defect(
     assert "observed: 4 clients that ask at the same moment" in text
     assert "expected: the answer that each query gets alone" in text
     assert "keep each answer with its query" in text
+    (command,) = (line.removeprefix("Again: pytest ") for line in text.splitlines() if "Again:" in line)
+    again = pytester.runpytest_inprocess(*shlex.split(command), "--collect-only")
+    assert "1/" in again.stdout.str()
