@@ -14,6 +14,7 @@ KINDS = {
     "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
     "server": "the address of a policy server, with --libero-max-profile",
     "substrate": "a substrate, as for --libero-max-substrate",
+    "env": "the factory of an environment, PACKAGE:FACTORY or FILE.py:FACTORY, with :ARGUMENTS",
 }
 """Kinds of subjects, and what follows the colon."""
 
@@ -57,6 +58,10 @@ class Subject:
             from pytest_libero_max.policies.clients.opening import require_profile
 
             require_profile(self.name, profile)
+        elif self.kind == "env":
+            from pytest_libero_max.conformance.environment.declared import FactoryName
+
+            FactoryName.read(self.name).check()
 
 
 def examination(
@@ -94,6 +99,12 @@ def examination(
 
         def opens() -> object:
             return open_at(subject.name, profile, substrate)
+
+    elif subject.kind == "env":
+        from pytest_libero_max.conformance.environment.subject import open_environment
+
+        def opens() -> object:
+            return open_environment(subject.name)
 
     else:
         from pytest_libero_max.conformance.substrate.subject import open_subject
