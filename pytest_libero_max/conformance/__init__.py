@@ -1,4 +1,4 @@
-"""Conformance: rules that a policy, a server, a substrate or an environment must keep, each of which is one test.
+"""Conformance: rules that policies, servers, substrates and environments must keep, each of them a test.
 
 A :class:`Rule` examines one property of a *subject* and yields findings.
 ``pytest --libero-max-conform=SUBJECT`` makes each rule an item, and ``libero-max check`` prints the findings

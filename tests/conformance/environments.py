@@ -105,7 +105,7 @@ class LiberoShaped:
         return {**self.world.observe(()), **images}
 
     def image(self, camera: str) -> Image:
-        """(64, 64, 3): the reference's picture, with a line of the state; a renderer takes a hundred times longer."""
+        """(64, 64, 3): the reference's picture with a line of the state; a renderer takes much longer."""
         image = np.kron(reference().picture(camera), np.ones((2, 2, 1))).astype(np.uint8)
         values = np.concatenate([self.world.end_effector(), *map(self.world.position, ("box_1", "plate_1"))])
         image[:2].flat = np.resize((1e4 * values).astype(np.int64) % 256, image[:2].size)
@@ -141,7 +141,7 @@ class Drawn(LiberoShaped):
 
 
 class Gym(LiberoShaped):
-    """A Gymnasium environment that settles by itself, with nested observations and a state vector. It is sound."""
+    """A sound Gymnasium environment that settles by itself, with nested observations and a state vector."""
 
     settle_steps = 10
     max_episode_steps = 220
@@ -260,7 +260,8 @@ class Remembering(LiberoShaped):
         self.last = int(state)
         observation = super().set_init_state(state)
         if moved:
-            self.world.data.qpos[self.world.model.joint("box_1_joint0").qposadr[0]] += 0.03
+            address = self.world.model.joint("box_1_joint0").qposadr[0]
+            self.world.data.qpos[address : address + 2] += 0.03
             mujoco.mj_forward(self.world.model, self.world.data)
             return self.observation()
         return observation
@@ -282,9 +283,10 @@ class Unseeded(LiberoShaped):
     resets = 0
 
     def set_init_state(self, state: Any) -> dict[str, Any]:
+        observation = super().set_init_state(state)
         self.resets += 1
         self.world.model.body("cabinet_1_main").pos[1] = 0.002 * self.resets
-        return super().set_init_state(state)
+        return observation
 
 
 class Turned(LiberoShaped):
@@ -318,7 +320,8 @@ class Bgr(Turned):
 class Dark(LiberoShaped):
     def observation(self) -> dict[str, Any]:
         return {
-            key: value // 2 if key.endswith("_image") else value for key, value in super().observation().items()
+            key: value // 2 if key.endswith("_image") else value
+            for key, value in super().observation().items()
         }
 
 
@@ -353,7 +356,8 @@ class SharedImages(LiberoShaped):
         return LiberoShaped.image(self.opened[-1], camera)
 
     def close(self) -> None:
-        self.opened.remove(self)
+        if self in self.opened:
+            self.opened.remove(self)
         super().close()
 
 
@@ -374,7 +378,7 @@ class ShortEpisodes(LiberoShaped):
 
     def step(self, action: Any) -> tuple[Any, ...]:
         self.steps += 1
-        observation, reward, done, info = super().step(action)
+        observation, reward, done, _ = super().step(action)
         return observation, reward, done or self.steps >= 200, {"success": done}
 
 
@@ -382,8 +386,8 @@ class LongEpisodes(Gym):
     max_episode_steps = 280
 
 
-class Absolute(LiberoShaped):
-    """Takes actions for poses."""
+class Absolute(Gym):
+    """Takes actions for poses, once it has settled."""
 
     def action(self, action: Array) -> Array:
         return np.array([*(10.0 * (action[:3] - self.world.end_effector())), *action[3:]])

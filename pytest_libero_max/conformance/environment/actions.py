@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.environment.clock import RATE
-from pytest_libero_max.conformance.environment.contract import KEYS
+from pytest_libero_max.conformance.environment.contract import GRIPPER, QUATERNION, RESTS
 from pytest_libero_max.conformance.environment.measures import along_axes, moved
 from pytest_libero_max.conformance.environment.observing import hand_of
 from pytest_libero_max.conformance.environment.recording import OPENING_STEPS, SIGNS
@@ -19,9 +19,7 @@ from pytest_libero_max.worlds.contract import NOOP_ACTION
 
 Array = NDArray[np.float64]
 
-RESTS = "env/actions/rest"
 DIRECTIONS = "env/actions/directions"
-TURNS = "env/actions/rotation"
 
 _ALIKE = 0.9
 """Least cosine between two ways in the same direction."""
@@ -87,7 +85,7 @@ def scale(subject: EnvironmentSubject) -> Iterator[Finding]:
     )
 
 
-@rule(TURNS, "must", needs=RESTS)
+@rule("env/actions/rotation", "must", needs=QUATERNION)
 def rotation(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Turn the hand about the axis of the world that each of the components four to six names."""
     examined = 0
@@ -103,7 +101,7 @@ def rotation(subject: EnvironmentSubject) -> Iterator[Finding]:
             yield broken(
                 f"{move.steps} actions of +1 about {'xyz'[component]} turn the hand by {_degrees(turn)}",
                 f"about {_degrees(move.turn)}",
-                "The order, the sign, the unit (0.5 rad) or the frame of the rotation differs: LIBERO's is the world's.",
+                "The order, sign, unit (0.5 rad) or frame differs: LIBERO turns about the world's axes.",
             )
             return
     if examined:
@@ -112,7 +110,7 @@ def rotation(subject: EnvironmentSubject) -> Iterator[Finding]:
         yield unexamined("the observation has no quaternion, or the reference's hand does not turn")
 
 
-@rule("env/actions/gripper", "must", needs=KEYS)
+@rule(GRIPPER, "must", needs=RESTS)
 def gripper(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Close the gripper with +1, and open it with -1."""
     subject.begin()
@@ -151,7 +149,7 @@ def range_of_actions(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield broken(
         f"an action of 3 moves the hand {ratio:.2f} times as far as one of 1",
         "as far as one of 1",
-        "Clip actions to -1 to 1: a policy that overshoots is otherwise played in another way than by LIBERO.",
+        "Clip actions to -1 to 1: a policy that overshoots otherwise moves differently than in LIBERO.",
     )
 
 

@@ -34,7 +34,7 @@ def control_rate(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield broken(
         f"a step takes {1000 * step_s:.1f} ms of simulated time",
         f"{1000 * meant_s:.0f} ms",
-        f"LIBERO is controlled at {subject.reference.control_hz} Hz: policies and budgets of steps count on it.",
+        f"LIBERO is controlled at {subject.reference.control_hz} Hz: policies and budgets rely on it.",
     )
 
 

@@ -16,6 +16,9 @@ from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
 OPENS = "env/contract/opens"
 KEYS = "env/contract/keys"
 SAME = "env/repeats/same"
+GRIPPER = "env/actions/gripper"
+QUATERNION = "env/states/quaternion"
+RESTS = "env/actions/rest"
 
 _SHAPES = {"position": (3,), "quaternion": (4,), "gripper": (2,), "state": (8,)}
 
@@ -37,7 +40,7 @@ def keys(subject: EnvironmentSubject) -> Iterator[Finding]:
     if wrong:
         yield broken(
             ", ".join(wrong),
-            "images (H, W, 3) uint8 of at least 32 pixels; position (3,), quaternion (4,), gripper (2,) or a state (8,), finite",
+            "images (H, W, 3) uint8; position (3,), quaternion (4,), gripper (2,) or state (8,)",
             "Declare where they are: DeclaredEnvironment(keys={ROLE: KEY}), with / between levels.",
         )
         return
@@ -122,7 +125,7 @@ def reopens(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Begin as before in an environment that is opened after another was closed."""
     first = subject.once(settled)
     subject.abandon()
-    parts = differing(first, subject.begin())
+    parts = differing(first, subject.begin(drawn=True))
     if not parts:
         yield kept("an environment that is opened again begins in the same bits")
         return
@@ -153,7 +156,7 @@ def company(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 def _episode(subject: EnvironmentSubject, other: EnvironmentSubject | None = None) -> tuple[Reading, Reading]:
     """Return an observation while the other is open, and one after it was closed."""
-    subject.begin()
+    subject.begin(drawn=True)
     if other is not None:
         other.start()
         other.step((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))

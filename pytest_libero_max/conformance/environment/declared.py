@@ -46,6 +46,10 @@ class DeclaredEnvironment:
     settle_steps: int = 0
     """No-op steps that beginning an episode plays; what lacks until ten is played by the rules."""
 
+    drawing: Callable[[Any, bool], None] | None = None
+    """Switches the drawing of images off, for steps of which no rule reads the image, and on again. None:
+    every step draws; with software rendering that is nine tenths of its time."""
+
     def expects(self) -> TaskReference:
         """Return the reference.
 
@@ -95,15 +99,15 @@ class FactoryName:
         name = cls(module, *rest.split(":", 1))
         if not module or not name.factory.isidentifier():
             raise ValueError(
-                f"env:{text} names no factory. Write env:PACKAGE:FACTORY or env:FILE.py:FACTORY, and its arguments "
-                "as in TOML: env:my_package.envs:make:task_id=0,suite='libero_spatial'"
+                f"env:{text} names no factory. Write env:PACKAGE:FACTORY or env:FILE.py:FACTORY, with "
+                "arguments as in TOML: env:my_package.envs:make:task_id=0,suite='libero_spatial'"
             )
         try:
             _ = name.arguments
         except tomllib.TOMLDecodeError as error:
             raise ValueError(
-                f"arguments={name.written!r} are not TOML ({error}). Write name=value with commas between, texts in "
-                "quotation marks: task_id=0,suite='libero_spatial'"
+                f"arguments={name.written!r} are not TOML ({error}). Write name=value with commas between, "
+                "and texts in quotation marks: task_id=0,suite='libero_spatial'"
             ) from None
         return name
 
@@ -145,10 +149,9 @@ class FactoryName:
             return factory
         if not callable(factory):
             names = [name for name, value in vars(module).items() if callable(value) and name[0] != "_"]
+            near = did_you_mean(self.factory, names)
             raise OptionError.seen(
-                "factory",
-                self.factory,
-                f", but {self.module} has no function or class of this name. {did_you_mean(self.factory, names)}",
+                "factory", self.factory, f", but {self.module} has no function or class of this name. {near}"
             )
         if _declares(factory):
             declared = factory(**self.arguments)
@@ -176,7 +179,8 @@ def _executed(path: Path) -> Any:
     if folder not in sys.path:
         sys.path.append(folder)
     spec = importlib.util.spec_from_file_location(f"_libero_max_environment_{path.stem}", path)
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)

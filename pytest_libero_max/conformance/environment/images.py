@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.environment.contract import KEYS
-from pytest_libero_max.conformance.environment.measures import settled
+from pytest_libero_max.conformance.environment.measures import copied, settled
 from pytest_libero_max.conformance.environment.observing import images_of
 from pytest_libero_max.conformance.environment.reference import shrink
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
@@ -85,7 +85,7 @@ def orientation(subject: EnvironmentSubject) -> Iterator[Finding]:
             yield broken(
                 f"{_WORDS[match.turn]} (mean difference {match.levels:.1f} of 255)",
                 f"{_WORDS[declared]}, as declared",
-                "Policies of LIBERO rotate what it delivers by 180 degrees: leave that to one place, and declare "
+                "Policies rotate what LIBERO delivers by 180 degrees. Do it in one place, and declare "
                 "images= where it is this one.",
                 part=camera,
             )
@@ -124,7 +124,7 @@ def content(subject: EnvironmentSubject) -> Iterator[Finding]:
 @rule("env/images/fresh", "must", needs=KEYS)
 def fresh(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Show another image after each step in which the hand moves."""
-    before = images_of(subject.begin())
+    before = images_of(copied(subject.begin(drawn=True)))
     for number in range(4):
         after = images_of(subject.step((1.0, 0.5, -0.5, 0.0, 0.0, 0.0, -1.0)).reading)
         old = [camera for camera, image in after.items() if np.array_equal(image, before[camera])]

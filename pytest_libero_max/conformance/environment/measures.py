@@ -23,7 +23,7 @@ def copied(reading: Reading) -> Reading:
 
 def settled(subject: EnvironmentSubject) -> Reading:
     """Return the first observation that a policy is shown."""
-    return copied(subject.begin())
+    return copied(subject.begin(drawn=True))
 
 
 @dataclass(frozen=True)
@@ -41,16 +41,16 @@ class Starts:
 
 
 def starts(subject: EnvironmentSubject) -> Starts:
-    """Begin in a new environment from the reference's initial state, from 0, 1 and 2, and from the first again."""
+    """Begin in a new environment from the reference's initial state, from 0, 1 and 2, and from the first."""
     init = subject.reference.init
     others = (0, 1, 2) if subject.chooses else ()
     subject.abandon()  # the first episode of an environment may differ from all others
-    readings = {init: copied(subject.begin(init))}
+    readings = {init: copied(subject.begin(init, drawn=True))}
     fixtures = subject.fixtures
     for other in others:
-        reading = copied(subject.begin(other))
+        reading = copied(subject.begin(other, drawn=True))
         readings.setdefault(other, reading)
-    again = copied(subject.begin(init))
+    again = copied(subject.begin(init, drawn=True))
     return Starts(readings, again, fixtures, subject.fixtures)
 
 

@@ -31,8 +31,8 @@ ROLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """Names under which a thing is found in an observation, by its role: the cameras' images, the hand's position
-(m) and quaternion (xyzw), the finger joints (m), the arm's joints (rad), a state vector of eight (position, axis
-times angle, gripper), and the instruction."""
+(m) and quaternion (xyzw), the finger joints (m), the arm's joints (rad), a state vector of eight (position,
+axis times angle, gripper), and the instruction."""
 
 Reading = Mapping[str, Any]
 """What an observation holds, by role."""

@@ -43,7 +43,7 @@ def same_again(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 def _observations(subject: EnvironmentSubject) -> list[Reading]:
-    readings = [copied(subject.begin())]
+    readings = [copied(subject.begin(drawn=True))]
     for action in subject.reference.actions[:_STEPS]:
         readings.append(copied(subject.step(action).reading))
     return readings

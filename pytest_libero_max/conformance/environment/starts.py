@@ -72,7 +72,7 @@ def right_state(subject: EnvironmentSubject) -> Iterator[Finding]:
         nearest = int(np.argmin(apart))
         if nearest != init and apart[init] - apart[nearest] > _APART_M:
             yield broken(
-                f"initial state {init} puts the hand where state {nearest} has it, {1000 * apart[init]:.1f} mm away",
+                f"initial state {init} has the hand of state {nearest}, {1000 * apart[init]:.1f} mm away",
                 f"the hand of state {init} of {subject.reference.task}",
                 _INDEX_CURE,
             )
@@ -89,7 +89,7 @@ def right_state(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 @rule(FIXTURES, "must", needs=KEYS)
 def fixtures(subject: EnvironmentSubject) -> Iterator[Finding]:
-    """Put the fixtures in the same place for the same initial state, in the first episode and in later ones."""
+    """Put the fixtures in the same place in every episode from the same initial state."""
     measured = subject.once(starts)
     first, second = measured.fixtures, measured.fixtures_again
     if first is None or second is None:
@@ -102,8 +102,8 @@ def fixtures(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield broken(
         f"after other episodes a fixture stands {1000 * apart_m:.1f} mm elsewhere",
         "the place of the first episode",
-        "No initial state holds the places of fixtures: reset() draws them from numpy's global generator. Seed it "
-        "before each reset.",
+        "No initial state holds the places of fixtures: reset() draws them from numpy's global generator. "
+        "Seed it before each reset.",
     )
 
 
@@ -121,8 +121,8 @@ def by_index(subject: EnvironmentSubject) -> Iterator[Finding]:
         yield kept(f"initial state {init} begins the same after episodes from others")
         return
     yield broken(
-        f"after episodes from others, initial state {init} has the hand {1000 * apart_m:.2f} mm elsewhere, and images "
-        f"that differ by {levels:.2f} of 255 in the mean",
+        f"after episodes from others, initial state {init} has the hand {1000 * apart_m:.2f} mm elsewhere, "
+        f"and images that differ by {levels:.2f} of 255 in the mean",
         "the same state",
         _INDEX_CURE,
     )
@@ -136,7 +136,7 @@ def _levels(first: NDArray[Any], second: NDArray[Any]) -> float:
 def not_by_count(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Begin in the same initial state after reset() with the same seed, however many resets came before."""
     environment = subject.environment
-    if hasattr(environment, "set_init_state") or not hasattr(environment, "reset"):
+    if getattr(environment, "set_init_state", None) is not None or not hasattr(environment, "reset"):
         yield unexamined("reset(seed=...) alone begins no episode")
         return
     subject.abandon()
@@ -149,6 +149,6 @@ def not_by_count(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield broken(
         f"reset(seed=0) put the hand {1000 * apart:.1f} mm elsewhere the second or third time",
         "the same initial state for the same seed",
-        "The count of resets chooses the initial state: two policies whose episodes end at other times are then "
-        "compared on other states. Take the index as an argument.",
+        "The count of resets chooses the initial state: two policies whose episodes end at other times are "
+        "then compared on other states. Take the index as an argument.",
     )

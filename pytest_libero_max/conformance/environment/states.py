@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pytest_libero_max.conformance.environment.contract import KEYS
+from pytest_libero_max.conformance.environment.contract import GRIPPER, QUATERNION, RESTS
 from pytest_libero_max.conformance.environment.measures import settled
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.environment.task import FOLLOWS, episode
@@ -23,7 +23,7 @@ _CLOSE_RAD = 0.1
 """Largest difference of components of axis times angle, rad."""
 
 
-@rule("env/states/quaternion", "must", needs=KEYS)
+@rule(QUATERNION, "must", needs=RESTS)
 def quaternion(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Give the hand's orientation as LIBERO does: x, y, z, w of the hand in the world."""
     value = subject.once(settled).get("quaternion")
@@ -51,7 +51,7 @@ def quaternion(subject: EnvironmentSubject) -> Iterator[Finding]:
     )
 
 
-@rule("env/states/fingers", "must", needs=KEYS)
+@rule("env/states/fingers", "must", needs=GRIPPER)
 def fingers(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Give the positions of both finger joints, m, the second one below zero."""
     reading, reference = subject.once(settled), subject.reference

@@ -95,14 +95,28 @@ class EnvironmentSubject:
             init: Index of the initial state; None for the reference's.
         """
         init = self.reference.init if init is None else init
+        self.draw(True)
         return self._read(called("beginning an episode", self._begin, init))
 
-    def begin(self, init: int | None = None) -> Reading:
-        """Begin an episode, and play the settle steps that the environment leaves to others."""
+    def begin(self, init: int | None = None, *, drawn: bool = False) -> Reading:
+        """Begin an episode, and play the settle steps that the environment leaves to others.
+
+        Args:
+            init: As of :meth:`start`.
+            drawn: True for an observation with its images, and for all that follow.
+        """
         reading = self.start(init)
-        for _ in range(self.reference.settle_steps - self.declared.settle_steps):
+        steps = self.reference.settle_steps - self.declared.settle_steps
+        self.draw(drawn and steps <= 0)
+        for left in range(steps, 0, -1):
+            self.draw(drawn and left == 1)
             reading = self.step(NOOP_ACTION).reading
         return reading
+
+    def draw(self, on: bool) -> None:
+        """Switch the drawing of images on or off, where that can be."""
+        if self.declared.drawing is not None:
+            called("drawing=", self.declared.drawing, self.environment, on)
 
     def restart(self, seed: int) -> Reading:
         """Begin an episode by ``reset(seed=...)`` alone, whatever is declared."""
@@ -131,7 +145,7 @@ class EnvironmentSubject:
         """Play an action.
 
         Raises:
-            SubstrateError: The environment raised an error, or returned something else than four or five values.
+            SubstrateError: The environment raised an error, or did not return four or five values.
         """
         array = np.asarray(action, dtype=np.float64)
         if self.is_vector:
@@ -139,8 +153,8 @@ class EnvironmentSubject:
         result = called("step()", self.environment.step, array)
         if not isinstance(result, tuple) or len(result) not in (4, 5):
             raise SubstrateError(
-                f"step() returned {type(result).__name__}, but a step of an environment is a tuple of observation, "
-                "reward, terminated, truncated and info (Gymnasium), or of observation, reward, done and info "
+                f"step() returned {type(result).__name__}, but a step of an environment returns observation, "
+                "reward, terminated, truncated and info (Gymnasium), or observation, reward, done and info "
                 "(LIBERO)."
             )
         reward, *ends, info = (self._first(value) for value in result[1:])
@@ -167,7 +181,7 @@ class EnvironmentSubject:
         return ended
 
     def attribute(self, *names: str) -> Any:
-        """Return the first attribute of one of these names, of the environment or of what it wraps, or None."""
+        """Return the first attribute of one of these names, of it or of what it wraps; None for none."""
         for part in self._parts():
             for name in names:
                 value = getattr(part, name, None)

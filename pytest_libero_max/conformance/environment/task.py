@@ -88,7 +88,7 @@ def follows(subject: EnvironmentSubject) -> Iterator[Finding]:
         if played.apart_m[worst] > _CLOSE_M
         else f"the episode ended after {steps} of {total} steps",
         f"at most {1000 * _CLOSE_M:.0f} mm",
-        "The controller, its gains, the scene or the simulator's version differs: compare with the reference's versions.",
+        "The controller, its gains, the scene or the simulator differs: compare the versions.",
     )
 
 
@@ -105,5 +105,5 @@ def success(subject: EnvironmentSubject) -> Iterator[Finding]:
         else f"success is reported after step {observed}, {abs(observed - meant)} steps "
         f"{'early' if observed < meant else 'late'}",
         f"success after step {meant}",
-        "Ask check_success() after each step, and return it as info['is_success'] or as the end of the episode.",
+        "Ask check_success() after each step, and return it as info['is_success'] or as done.",
     )
