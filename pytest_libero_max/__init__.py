@@ -39,7 +39,14 @@ if TYPE_CHECKING:
         return_to,
     )
     from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
-    from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query
+    from pytest_libero_max.policies.contract import (
+        BatchItem,
+        Episode,
+        Handover,
+        Policy,
+        PolicySpec,
+        Query,
+    )
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.report.build import build_report
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
@@ -67,6 +74,7 @@ __all__ = [
     "Evaluation",
     "EventKind",
     "Evidence",
+    "Handover",
     "Identity",
     "Latency",
     "LiberoMaxError",
@@ -125,7 +133,7 @@ __all__ = [
 
 _TO_USE = {
     "evaluation.evaluate": ("evaluate", "Evaluation"),
-    "policies.contract": ("PolicySpec", "Policy", "Episode", "Query", "BatchItem"),
+    "policies.contract": ("PolicySpec", "Policy", "Episode", "Handover", "Query", "BatchItem"),
     "policies.loading": ("load_policy",),
     "benchmark.cases": ("Case",),
     "benchmark.manifests": ("Manifest", "load_manifest"),

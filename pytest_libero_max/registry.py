@@ -36,7 +36,10 @@ ENTRY_POINTS = {
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
     "pytest_libero_max.wrappers": "a subclass of `WrappedPolicy` with `modes`, under its name",
     "pytest_libero_max.commands": "a module with a function `add_command`, under the name of the command",
+    "pytest_libero_max.launchers": "what makes a plugin from the controller of a session, under its option",
+    "pytest_libero_max.comparisons": "a module with `add_options` and `compare`, under its option",
     "pytest_libero_max.sections": "a subclass of `ReportSection`, under its name",
+    "pytest_libero_max.study_sections": "a subclass of `StudySection`, under the name of its study",
     "pytest_libero_max.rules": "a `Rule`, under its id",
     "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
 }

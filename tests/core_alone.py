@@ -1,6 +1,7 @@
 """A copy of this repository without the lab: ``python -m tests.core_alone [ARGUMENT OF PYTEST ...]``.
 
-It plays the tests of everything else there, which have to pass as they do here.
+It plays the tests of everything else there, which have to pass as they do here. ``.ci/run`` plays the quick
+ones of ``tests/report``, ``tests/cli`` and ``tests/runs``.
 """
 
 from __future__ import annotations

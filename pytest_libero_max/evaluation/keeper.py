@@ -234,9 +234,10 @@ class RunKeeper:
         if settings.stop is not None:
             settings.stop.rule.check_run(run)
         if settings.gate and settings.shard is None:
-            from pytest_libero_max.report.gate_results import require_open
+            from pytest_libero_max.report.gate_results import require_connectable, require_open
 
             require_open(settings.gate, run.planned)
+            require_connectable(settings.gate, run)
         stored = None
         if settings.resume:
             with about("--libero-max-resume: "):

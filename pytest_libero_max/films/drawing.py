@@ -18,7 +18,7 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.films.replay import Tick, distinct_arms
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
-from pytest_libero_max.report.happenings import Happening, happenings
+from pytest_libero_max.report.happenings import Happening, arm_title, happenings
 from pytest_libero_max.report.palette import (
     EVENT,
     EVENT_INK,
@@ -40,7 +40,6 @@ EVENT_STEPS = CONTROL_HZ
 
 _BLINK_STEPS = 3
 _GAP_PX = 4
-_TITLES = {BASE: "Base", DYNAMIC: "Dynamic"}
 _OUTCOMES = {
     "preserved_success": "both succeed",
     "change_associated_success": "gain: only Dynamic succeeds",
@@ -55,12 +54,6 @@ class Label:
 
     words: str
     color: str
-
-
-def arm_title(name: str, arm: ArmRecord) -> str:
-    """Return the title of an arm: its name, and the policy that goes on in it where that is another one."""
-    title = _TITLES.get(name, name)
-    return f"{title}: {arm.policy['name']}" if arm.policy else title
 
 
 def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[Label]:
@@ -198,13 +191,14 @@ class _Canvas:
     def _title_lines(self) -> list[tuple[str, str]]:
         record = self._record
         policy = record.policy
+        asked = f"chunk of {policy.get('horizon')}, {policy.get('query_interval')} executed"
         outcome = _OUTCOMES[record.outcome] if {BASE, DYNAMIC} <= record.arms.keys() else "arms of a study"
         if record.arms.keys() >= {BASE, DYNAMIC} and not record.triggered:
             outcome += "; the event never happened"
         lines = [
             (record.item_id, INK),
             (record.instruction, MUTED),
-            (f"{policy.get('name')} (H={policy.get('horizon')} Q={policy.get('query_interval')})", MUTED),
+            (f"{policy.get('name')} ({asked})", MUTED),
             (outcome, INK),
         ]
         if self._caption is not None:

@@ -20,7 +20,7 @@ from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
 from pytest_libero_max.policies.check import ask, notes_of, require_spec, show, start
-from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
+from pytest_libero_max.policies.contract import Episode, Handover, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.worlds.contract import Observation, OnMujoco, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
@@ -46,6 +46,8 @@ class Stage:
     probes: Probes = STANDARD
     films: bool = False
     """True if the positions of all joints are kept, for films."""
+    handover: Handover | None = None
+    """What the policy is given of the rollout so far, where it takes over from another one."""
     spec: PolicySpec = field(init=False)
     """A copy of the policy's spec, which must stay the same."""
     images: KeptImages = field(init=False, default_factory=KeptImages, repr=False)
@@ -56,12 +58,13 @@ class Stage:
         object.__setattr__(self, "films", self.films and isinstance(self.world, OnMujoco))
         object.__setattr__(self, "spec", replace(self.policy.spec))
 
-    def handed_to(self, policy: Policy, begun: bool) -> Stage:
+    def handed_to(self, policy: Policy, handover: Handover | None) -> Stage:
         """Return the stage on which another policy goes on in the world as it is.
 
         Args:
             policy: The policy, to which an episode begins here.
-            begun: True if a query has been made, so that no first one begins it.
+            handover: What it is given of the rollout so far; None where that has no step, so that the first
+                query begins its episode.
 
         Raises:
             AdapterError: It wants another control of the robot, or raised.
@@ -71,9 +74,9 @@ class Stage:
                 f"policy {policy.spec.name!r} has control={policy.spec.control!r}, but goes on from "
                 f"{self.spec.name!r} with {self.spec.control!r}. Play arms of one control."
             )
-        stage = Stage(self.case, self.world, policy, self.clock, self.watch, self.probes, self.films)
+        stage = replace(self, policy=policy, handover=handover)
         stage._words_at_reset[:] = self._words_at_reset
-        if begun:
+        if handover is not None:
             stage.begin_policy()
         return stage
 
@@ -126,6 +129,7 @@ class Stage:
             seed=self.case.policy_seed,
             max_steps=self.case.budget,
             world=self.world if self.spec.privileged else None,
+            handover=self.handover,
         )
 
     def begin_policy(self) -> None:

@@ -157,6 +157,21 @@ class PolicySpec:
         return values
 
 
+@dataclass(frozen=True, eq=False)
+class Handover:
+    """Rollout of another policy in the middle of which a policy takes over."""
+
+    policy: str
+    """Name of the policy that acted before."""
+    step: int
+    """Policy steps executed so far."""
+    executed: NDArray[np.float64]
+    """(step, 7) all actions executed so far, in their order; read only."""
+    remaining: NDArray[np.float64]
+    """(k, 7) actions of the last chunk that the robot would execute next, without those beyond Q; read only.
+    A policy that is asked at once replaces them, but for those executed until its answer is there."""
+
+
 @dataclass(frozen=True)
 class Episode:
     """Description of an episode, for a policy when it begins."""
@@ -173,6 +188,8 @@ class Episode:
     """Policy steps the episode may take."""
     world: World | None = None
     """The live world for a policy that declares itself privileged, otherwise None. Read only."""
+    handover: Handover | None = None
+    """The rollout so far, where the policy takes over from another one; None for an episode of its own."""
 
 
 @dataclass(frozen=True)
@@ -289,6 +306,7 @@ __all__ = [
     "BatchItem",
     "BatchPolicy",
     "Episode",
+    "Handover",
     "Policy",
     "PolicySpec",
     "Query",

@@ -85,10 +85,14 @@ SECTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
                 "runtime": Text,
             }
         ),
+        "published": MappingProxyType({"row": Text}),
         "sources": MappingProxyType({}),
     }
 )
 """Tables of a profile with the types of their fields. Tables without fields here take any."""
+
+_NOT_PLAYED = ("sources", "native", "published")
+"""Tables about a policy that do not reach its requests."""
 
 GIVEN_BY_OPTION = MappingProxyType(
     {
@@ -126,8 +130,8 @@ class Profile:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of its content, hexadecimal, without ``native`` and ``sources``."""
-        tables = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
+        """SHA-256 of its content, hexadecimal, without what is not played."""
+        tables = {name: table for name, table in self.tables.items() if name not in _NOT_PLAYED}
         return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
     @property
@@ -144,7 +148,7 @@ class Profile:
 
     def unknown(self) -> tuple[str, ...]:
         """Return the fields that could not be established, for example ``policy.horizon``."""
-        played = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
+        played = {name: table for name, table in self.tables.items() if name not in _NOT_PLAYED}
         return tuple(name for name, value in leaves(played) if value == UNKNOWN)
 
     def require_known(self, given: tuple[str, ...] = ()) -> None:

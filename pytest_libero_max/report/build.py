@@ -37,12 +37,12 @@ from pytest_libero_max.report.report_document import (
     Stop,
 )
 from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.run_texts import alarm_texts
 from pytest_libero_max.report.sections import measured_sections
 from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
 from pytest_libero_max.report.timing import success_curves
-from pytest_libero_max.report.writers.summary import alarm_texts
 from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 RECORDED_RUN = "recorded:"
 """Begins the text of a latency that is read from a run."""
 
-_HEADER = ("reference", "code", "servers")
+_HEADER = ("reference", "code", "servers", "published")
 """Fields of a policy in the provenance that say where it comes from and are no settings."""
 
 _WRAPPERS_BEFORE = ("restore", "adaptive")
@@ -172,8 +172,9 @@ class ProtocolSettings:
         "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
         "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
         "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
-        "smoke: each case 3 or so many times, with other seeds of the policy), one of another package, or a "
-        "JSON or TOML file that spells one",
+        "smoke: each case 3 or so many times, with other seeds of the policy), continue:a.py,b.py (of the "
+        "track lite: these policies go on from the event after the prefix of the run's), one of another "
+        "package, or a JSON or TOML file that spells one",
         _study,
         recorded=Recorded("protocol", Object, lambda study: study and study.to_dict(), option=None),
     )

@@ -11,7 +11,6 @@ from pytest_libero_max.events.schedules import Arm, Entry, arms_of, change_of, p
 from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.drawing import (
     EVENT_STEPS,
-    arm_title,
     film_frames,
     labels,
     shared_steps,
@@ -19,6 +18,7 @@ from pytest_libero_max.films.drawing import (
 )
 from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
 from pytest_libero_max.pairing.record import PROGRAM, PairRecord
+from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.palette import EVENT
 from pytest_libero_max.worlds.contract import Image
 
@@ -38,7 +38,7 @@ def _frames(played: Played) -> list[Image]:
 def test_an_arm_with_a_policy_of_its_own_is_titled_with_it(played: Played) -> None:
     dynamic = played.record.arms["dynamic"]
     assert arm_title("dynamic", dynamic) == "Dynamic"
-    assert arm_title("dynamic_other", replace(dynamic, policy={"name": "other"})) == "dynamic_other: other"
+    assert arm_title("dynamic_other", replace(dynamic, policy={"name": "other"})) == "dynamic other (other)"
 
 
 def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> None:

@@ -7,7 +7,8 @@ from types import ModuleType
 from typing import get_args
 
 from pytest_libero_max.evaluation.settings import OPTIONS
-from pytest_libero_max.plugin import hooks, hookspec, ray
+from pytest_libero_max.lab import ray
+from pytest_libero_max.plugin import hooks, hookspec
 from pytest_libero_max.report import exit_status
 from pytest_libero_max.runs import progress
 from pytest_libero_max.runs.setting import Group, Option

@@ -15,11 +15,11 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.studies.study_document import Setting
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.stats.best import best_of
-from pytest_libero_max.stats.condition_blocks import BestSetting
 from pytest_libero_max.stats.measured import number, table_change_of
 from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
 from pytest_libero_max.stats.paired import measure
 from pytest_libero_max.stats.ratios import Ratio
+from pytest_libero_max.stats.setting_blocks import BestSetting
 from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _EVENT = [{"trigger": "event", "change": "event"}]
