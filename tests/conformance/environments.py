@@ -501,3 +501,23 @@ class Aging(LiberoShaped):
     def step(self, action: Any) -> tuple[Any, ...]:
         observation, *rest = super().step(action)
         return observation | {"robot0_eef_pos": observation["robot0_eef_pos"] + 1e-6 * self.age}, *rest
+
+
+class Hashed(LiberoShaped):
+    """Begins elsewhere in a process with other hashes."""
+
+    def observation(self) -> dict[str, Any]:
+        flat = super().observation()
+        return flat | {"robot0_eef_pos": flat["robot0_eef_pos"] + 1e-12 * (hash("hand") % 1000)}
+
+
+def by_hash() -> DeclaredEnvironment:
+    """Declare an environment that another process opens by its name."""
+    return declared(Hashed)
+
+
+def plain(task_id: int = 0) -> LiberoShaped:
+    """Return an environment as it is, which declares nothing."""
+    environment = LiberoShaped()
+    environment.task_id = task_id  # type: ignore[attr-defined]
+    return environment

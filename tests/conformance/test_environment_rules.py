@@ -6,9 +6,13 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
+from pytest_libero_max.conformance.environment.declared import DEFAULT_REFERENCE, FactoryName
+from pytest_libero_max.conformance.environment.reference import SIDE, read_reference, references
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, open_environment
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination, Outcome
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.worlds.contract import CAMERAS
 from tests.conformance import environments
 
 RULES = rules_for("env")
@@ -106,3 +110,48 @@ def test_images_that_are_drawn_are_known_again() -> None:
     rules = [rule for rule in RULES if rule.id.removeprefix("env/") in needed]
     assert {outcome.state for outcome in Examination(lambda: subject, rules).outcomes()} == {"kept"}
     subject.abandon()
+
+
+def test_another_process_finds_what_hashes_decide() -> None:
+    subject = open_environment("tests.conformance.environments:by_hash")
+    rules = [rule for rule in RULES if rule.area in ("contract", "starts", "repeats")]
+    outcomes = {outcome.rule.id: outcome for outcome in Examination(lambda: subject, rules).outcomes()}
+    subject.abandon()
+    (finding,) = outcomes["env/repeats/process"].broken
+    assert "after 0 steps position differ" in finding.observed
+    assert outcomes["env/repeats/same"].state == "kept"
+
+
+def test_a_factory_that_declares_nothing_is_called_with_its_arguments() -> None:
+    declared = FactoryName.read("tests.conformance.environments:plain:task_id=3").load()
+    environment = declared.make()
+    assert environment.task_id == 3
+    environment.close()
+    assert declared.reference == DEFAULT_REFERENCE
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("tests.conformance.environments:plane", "Did you mean 'plain'"),
+        ("tests.conformance.no_such:plain", "cannot be imported"),
+    ],
+)
+def test_what_cannot_be_loaded_says_what_is_missing(name: str, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
+        FactoryName.read(name).load()
+
+
+@pytest.mark.parametrize("name", references())
+def test_references_that_ship_are_whole(name: str) -> None:
+    reference = read_reference(name)
+    assert len(reference.actions) == len(reference.steps) == reference.success_step
+    assert len(reference.moves) == 6
+    assert len(reference.openings) == 3
+    assert {reference.picture(camera).shape for camera in CAMERAS} == {(SIDE, SIDE, 3)}
+    assert {"mujoco", "robosuite"} <= {*reference.versions}
+
+
+def test_a_reference_that_is_not_there_is_named() -> None:
+    with pytest.raises(OptionError, match="Did you mean"):
+        read_reference("libero_spatial-1")

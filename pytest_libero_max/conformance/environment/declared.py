@@ -154,7 +154,12 @@ class FactoryName:
                 "factory", self.factory, f", but {self.module} has no function or class of this name. {near}"
             )
         if _declares(factory):
-            declared = factory(**self.arguments)
+            try:
+                declared = factory(**self.arguments)
+            except Exception as error:  # a factory of others may raise anything
+                raise OptionError.seen(
+                    "factory", self.factory, f" raised {type(error).__name__}: {error}"
+                ) from error
             assert isinstance(declared, DeclaredEnvironment)
             return declared
         return DeclaredEnvironment(lambda: factory(**self.arguments))
