@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -26,8 +27,13 @@ notes = ["It does not install."]
 """
 
 
+def _rule(subject: object) -> Iterator[Finding]:
+    """Be one."""
+    yield kept("one")
+
+
 def _examination(state: Finding, level: Level) -> str:
-    outcome = Outcome(Rule("env/a/b", level, lambda subject: ()), (state,))
+    outcome = Outcome(Rule("env/a/b", level, _rule), (state,))
     return conformance_json(conformance("env:x:y", {"env/a/b": RuleResult.of(outcome)}, ["env/a/b"]))
 
 
@@ -47,7 +53,7 @@ def test_an_examination_is_a_column_and_a_section(
     (tmp_path / "one.json").write_text(_examination(finding, level))
     assert main(["dev", "field", str(tmp_path), f"first={tmp_path / 'one.json'}"]) == 0
     page = (tmp_path / "README.md").read_text()
-    (row,) = (line for line in page.splitlines() if line.startswith("| `a/b` | " + level))
+    row = next(line for line in page.splitlines() if line.startswith("| `a/b` | " + level))
     assert row.split("|")[3].strip() == cell
     assert "- Second: It does not install." in page
     assert (tmp_path / FIELD_NAME).exists()
