@@ -18,6 +18,7 @@ from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Array, Image
 from pytest_libero_max.worlds.rotations import about, multiply
 
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _TURN_RAD = 0.1
 """Turn of the hand under an action of 1."""
 
@@ -37,7 +38,7 @@ class TurningWorld(TinyWorld):
         return qpos
 
     def _control_step(self, action: Array) -> bool:
-        for axis, value in zip(np.eye(3), action[3:6], strict=True):
+        for axis, value in zip(_AXES, action[3:6], strict=True):
             self.turn = multiply(about(axis, _TURN_RAD * float(np.clip(value, -1.0, 1.0))), self.turn)
         return super()._control_step(action)
 
@@ -108,7 +109,7 @@ class LiberoShaped:
         """(64, 64, 3): the reference's picture with a line of the state; a renderer takes much longer."""
         image = np.kron(reference().picture(camera), np.ones((2, 2, 1))).astype(np.uint8)
         values = np.concatenate([self.world.end_effector(), *map(self.world.position, ("box_1", "plate_1"))])
-        image[:2].flat = np.resize((1e4 * values).astype(np.int64) % 256, image[:2].size)
+        image[:2] = np.resize((1e4 * values).astype(np.int64) % 256, image[:2].shape)
         return image
 
     def step(self, action: Any) -> tuple[Any, ...]:
@@ -148,7 +149,7 @@ class Gym(LiberoShaped):
     set_init_state = None  # type: ignore[assignment]
     task_description = "put the box on the plate"
 
-    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:  # type: ignore[override]
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
         self.world.reset(self.initial_state(int((options or {}).get("init", 1))))
         for _ in range(self.settle_steps):
             self.world.step(NOOP_ACTION)
@@ -272,7 +273,7 @@ class Counting(Gym):
 
     resets = 0
 
-    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:  # type: ignore[override]
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
         self.resets += 1
         return super().reset(seed, options or {"init": self.resets % INITS})
 
