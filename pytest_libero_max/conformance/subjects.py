@@ -16,6 +16,7 @@ KINDS = {
     "server": "the address of a policy server, with --libero-max-profile",
     "substrate": "a substrate, as for --libero-max-substrate",
     "loop": "the function of an evaluation loop, PACKAGE:FUNCTION or FILE.py:FUNCTION",
+    "env": "the factory of an environment, PACKAGE:FACTORY or FILE.py:FACTORY, with :ARGUMENTS",
 }
 """Kinds of subjects, and what follows the colon."""
 
@@ -63,6 +64,10 @@ class Subject:
             require_profile(self.name, profile)
         elif self.kind == "loop":
             PythonName.read(self.kind, self.name).check()
+        elif self.kind == "env":
+            from pytest_libero_max.conformance.environment.declared import FactoryName
+
+            FactoryName.read(self.name).check()
 
 
 def examination(
@@ -106,6 +111,12 @@ def examination(
 
         def opens() -> object:
             return open_loop(subject.name)
+
+    elif subject.kind == "env":
+        from pytest_libero_max.conformance.environment.subject import open_environment
+
+        def opens() -> object:
+            return open_environment(subject.name)
 
     else:
         from pytest_libero_max.conformance.substrate.subject import open_subject

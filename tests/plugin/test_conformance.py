@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from xml.etree import ElementTree
 
 import pytest
@@ -95,6 +96,10 @@ def test_workers_examine_and_a_part_is_called_a_part(pytester: pytest.Pytester, 
         (["--libero-max-conform=adaptor.py"], "adaptor.py"),
         (["--libero-max-conform=substrate:embeded"], "embedded"),
         (["--libero-max-conform=policy:"], "expected a policy"),
+        (["--libero-max-conform=env:package"], "names no factory"),
+        (["--libero-max-conform=env:json:loads:x"], "are not TOML"),
+        (["--libero-max-conform=env:no_such_package.envs:make"], "no such module or file"),
+        (["--libero-max-conform=env:nowhere.py:make"], "no such module or file"),
         (["--libero-max-conform=expert", "--libero-max-policy=expert"], "Give one of them"),
         (["--libero-max-conform=expert", "--libero-max-xfails=no.toml"], "cannot be read"),
     ],
@@ -137,3 +142,6 @@ def test_junit_has_one_failure_for_a_server_with_one_defect(
     assert "observed: 4 clients that ask at the same moment" in text
     assert "expected: the answer that each query gets alone" in text
     assert "keep each answer with its query" in text
+    (command,) = (line.removeprefix("Again: pytest ") for line in text.splitlines() if "Again:" in line)
+    again = pytester.runpytest_inprocess(*shlex.split(command), "--collect-only")
+    assert "1/" in again.stdout.str()
