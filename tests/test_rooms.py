@@ -100,3 +100,20 @@ def test_no_module_imports_itself_through_others() -> None:
         assert len([*TopologicalSorter(graph).static_order()]) == len(modules)
     except CycleError as error:
         pytest.fail(f"a circle of imports: {' -> '.join(error.args[1])}")
+
+
+def test_what_a_report_says_does_not_depend_on_how_it_is_written() -> None:
+    """Documents and what they are computed from import no writer: writers read them."""
+    folder = PACKAGE / "report"
+    computed = {
+        *(folder / f"{name}.py" for name in ("build", "sections", "run_tables", "run_texts", "gate_rows")),
+        *folder.rglob("*_document.py"),
+        *(folder / "studies").glob("*.py"),
+    }
+    importers = {
+        f"{file.relative_to(PACKAGE)} imports {module}"
+        for file in computed
+        for module in _imported_modules(file, _modules())
+        if module.startswith("pytest_libero_max.report.writers")
+    }
+    assert not importers

@@ -12,6 +12,7 @@ import pytest
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.lab.recovery import compare_recovery
 from pytest_libero_max.lab.sections.safety import PROBE, beyond
+from pytest_libero_max.lab.studies.camera.blocks import Camera
 from pytest_libero_max.report.formats import (
     change_text,
     count_text,
@@ -21,9 +22,6 @@ from pytest_libero_max.report.formats import (
     rate_text,
 )
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.studies.study_document import (
-    Camera,
-)
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.blocks import Rate
@@ -114,7 +112,7 @@ def counted_rate(rate: Rate) -> str:
 def camera(name: str) -> Camera:
     study = report(f"studies/{name}").study
     assert study is not None
-    assert study.camera is not None
+    assert isinstance(study.camera, Camera)
     return study.camera
 
 

@@ -12,8 +12,9 @@ happen one after another, each with a ``trigger`` and either a ``change`` or the
 
 The word ``"event"`` stands for the trigger or the change of the case's own event, and ``{"event": FIELD}``
 inside a trigger or a change for one of its fields. An arm may also have a ``cadence``, a ``latency`` and a
-``policy``, the name of the one that goes on from its first entry. ``base`` and ``dynamic`` are part of every
-program; where they are not spelled out, nothing happens in Base, and the case's event happens in Dynamic.
+``policy``, the name of the one that goes on from its first entry, ``at_once`` or after the queued actions.
+``base`` and ``dynamic`` are part of every program; where they are not spelled out, nothing happens in Base,
+and the case's event happens in Dynamic.
 :mod:`pytest_libero_max.events.schedules` turns programs into triggers and changes.
 """
 
@@ -157,6 +158,7 @@ class _Arm(_Spelled, frozen=True):
     cadence: _Cadence = _Cadence(1)
     latency: Annotated[str, rule("steps, for example 4steps or 4steps,sync", pattern=LATENCY)] = "0steps"
     policy: Annotated[str, rule("the name of a policy, no file and no address", pattern=r"^[\w-]+\Z")] = "own"
+    at_once: bool = False
 
 
 class _Happening(_Spelled, frozen=True):
@@ -302,6 +304,11 @@ def _check_arm(value: Json, where: str) -> str:
         raise ManifestError(
             f"{where}: arm {name!r} has policy={arm.policy!r} and an empty schedule, but another policy goes "
             "on from the first entry. Give it one, for example at_start with the change nothing."
+        )
+    if arm.at_once and "policy" not in value:
+        raise ManifestError(
+            f"{where}: arm {name!r} has at_once=true and no policy, but only another policy is asked at "
+            "once. Give it a policy, or leave at_once out."
         )
     if (name == BASE and schedule) or (name == DYNAMIC and not schedule):
         what = "nothing happens in Base" if name == BASE else "something happens in Dynamic"

@@ -55,9 +55,9 @@ _PARTS = {
             "words": "words",
         },
     ),
-    "plan": ("What a run takes and what it can show", {"time": "plan", "pairs": "power", "gates": "power"}),
+    "plan": ("What a run takes and what it can show", {"pairs": "power", "gates": "power"}),
     "shards": ("A run in several parts, on several machines", {"slurm": "slurm", "merge": "merge"}),
-    "publish": ("Results for others", {"pack": "publish", "verify": "publish", "index": "publish"}),
+    "publish": ("Results for others", {"pack": "publish", "verify": "publish"}),
 }
 """The commands of this package that hold others: what these have in common, and the module of each."""
 

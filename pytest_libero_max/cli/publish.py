@@ -1,4 +1,4 @@
-"""``libero-max publish pack``: results packed, verified and listed."""
+"""``libero-max publish pack`` and ``publish verify``: results packed, and verified."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def add_command(commands: Commands) -> None:
-    """Add ``pack``, ``verify`` and ``index`` to the parser."""
+    """Add ``pack`` and ``verify`` to the parser."""
     publish = commands.add_parser(
         "pack", help="Write packed pairs, report and figures of a run into a folder to be published"
     )
@@ -72,25 +72,6 @@ def add_command(commands: Commands) -> None:
     )
     check.set_defaults(run=_verify_run)
 
-    index = commands.add_parser(
-        "index",
-        help="Write a page of published runs, with a table to be sorted for each set of cases",
-        description="Reports, figures and cases of each run are computed again first. A run that does not "
-        "agree with itself is named at the top of the page and in no table, and the exit status is 1. The "
-        "page is one static file.",
-    )
-    index.add_argument(
-        "folders", type=Path, nargs="+", metavar="FOLDER", help="A published run, or a folder above several"
-    )
-    option(index, "--output FILE", "The page", type=Path, default=Path("index.html"))
-    option(
-        index,
-        "--verified FILE",
-        "Checks of those who run the index, written by libero-max publish verify --record",
-        type=Path,
-    )
-    index.set_defaults(run=_index)
-
 
 def _publish(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.about import About
@@ -108,7 +89,7 @@ def _publish(options: argparse.Namespace) -> None:
 
 def _verify_run(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.publication import checked
-    from pytest_libero_max.report.run_index import note_check, read_checks
+    from pytest_libero_max.report.verified_runs import note_check, read_checks
     from pytest_libero_max.runs.outside import outside_text
     from pytest_libero_max.runs.replay_command import is_outside
     from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, FRESH, verification_lines, verified
@@ -205,17 +186,3 @@ def _replayed(options: argparse.Namespace, run: StoredRun, seed: str) -> dict[st
         return {
             record.item_id: recorded.replayed(record) for record in chosen(run.records, options.pairs, seed)
         }
-
-
-def _index(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.page.index_page import index_html
-    from pytest_libero_max.report.run_index import published_in, read_checks, run_index
-    from pytest_libero_max.report.writers.report_files import write_text
-
-    known = {} if options.verified is None else read_checks(options.verified)
-    index = run_index(published_in(options.folders), known)
-    write_text(options.output, index_html(index, options.output.parent))
-    for folder, reason in index.refused:
-        print(f"refused: {folder}: {reason}")
-    print(f"Written: {options.output}, {counted(sum(map(len, index.groups.values())), 'run')}")
-    return 1 if index.refused else 0

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from msgspec import structs
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.latency import NO_LATENCY
-from pytest_libero_max.costs.model import PAIR, WORLD
 from pytest_libero_max.errors import AdapterError, RefusalError
 from pytest_libero_max.evaluation.policy_source import PolicySource, close_policy
 from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.record_rules import SERVER
+from pytest_libero_max.runs.costs import PAIR, WORLD
 from pytest_libero_max.runs.media import TRACES_NAME
 
 if TYPE_CHECKING:
@@ -107,7 +107,9 @@ class PairPlayer:
         self._adapter: str | None = None
         self._declared: tuple[Policy, PolicySpec] | None = None
         self._first: _First | None = None
-        self._of_arms: dict[str, Policy] = {}
+        self._of_arms: dict[str, Any] = {}
+        study = source.settings.study
+        self._references: Mapping[str, str | None] = {} if study is None else study.policies
 
     def play(self, case: Case, sources: Sources, process: Playing) -> PlayedPair:
         """Play a pair.
@@ -201,7 +203,7 @@ class PairPlayer:
         pair = self._measure_arms(case, world, policy, process, fingerprints, arms)
         if study is not None:
             study.check(pair)
-        pair = _with_codes(self._with_files(pair, policy))
+        pair = _with_codes(self._with_files(pair, policy), self._references)
         return _timed(pair, {WORLD: world_s, PAIR: perf_counter() - begin})
 
     def _played_by(
@@ -210,17 +212,22 @@ class PairPlayer:
         """Load the policies that arms name; return the arms whose policy plays the suite of the case.
 
         Raises:
-            AdapterError: One is not installed, or wants a camera that the world lacks.
+            AdapterError: One cannot be loaded, or wants a camera that the world lacks.
         """
         from pytest_libero_max.policies.check import check_cameras
-        from pytest_libero_max.policies.loading import installed_policy
+        from pytest_libero_max.policies.loading import installed_policy, load_policy
 
         for name in dict.fromkeys(arm.policy for arm in arms if arm.policy is not None):
             if name not in self._of_arms:
                 process.enter(POLICY_PHASE)
-                self._of_arms[name] = installed_policy(name)
+                reference = self._references.get(name)
+                self._of_arms[name] = (
+                    installed_policy(name) if reference is None else load_policy(reference, further=True)
+                )
                 check_cameras(self._of_arms[name], world)
                 process.enter("setup")
+            if hasattr(self._of_arms[name], "begin_pair"):
+                self._of_arms[name].begin_pair(markers_of(case))
         return tuple(
             arm for arm in arms if arm.policy is None or self._of_arms[arm.policy].spec.supports(case.suite)
         )
@@ -321,16 +328,21 @@ def _on_servers(policy: Policy, case: Case, measure: Callable[[], Result]) -> Re
             continue
 
 
-def _with_codes(pair: Pair) -> Pair:
-    """Return the pair with the identity of each policy that an arm names."""
+def _with_codes(pair: Pair, references: Mapping[str, str | None]) -> Pair:
+    """Return the pair with reference and identity of each policy that an arm names.
+
+    Args:
+        pair: The pair, whose arms know names.
+        references: Their references by name; without one, or None, for those that are installed.
+    """
     from pytest_libero_max.policies.adapter_digest import adapter_digest
 
-    arms = {
-        name: arm
-        if arm.policy is None
-        else structs.replace(arm, policy={**arm.policy, "code": adapter_digest(arm.policy["reference"])})
-        for name, arm in pair.record.arms.items()
-    }
+    arms = dict(pair.record.arms)
+    for name, arm in arms.items():
+        if arm.policy is not None:
+            reference = references.get(arm.policy["reference"]) or arm.policy["reference"]
+            spec = {**arm.policy, "reference": reference, "code": adapter_digest(reference)}
+            arms[name] = structs.replace(arm, policy=spec)
     return replace(pair, record=structs.replace(pair.record, arms=arms))
 
 

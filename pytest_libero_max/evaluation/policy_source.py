@@ -40,6 +40,7 @@ class PolicySource:
 
         settings = self.settings
         check_reference(settings.reference, settings.profile, settings.revision)
+        check_policies_of_arms(settings, settings.reference)
         if is_served(settings.reference):
             self.servers = read_servers(settings.reference, settings.profile, settings.revision).resolved()
 
@@ -48,6 +49,13 @@ class PolicySource:
         """Its servers; None for a single one that answers all pairs, and for other policies."""
         served = self.servers
         return served if served and (len(served.addresses) > 1 or served.groups[0].marks) else None
+
+    @property
+    def published_row(self) -> str | None:
+        """Row of the paper that the profiles of its servers name; None without one, or for several."""
+        groups = () if self.servers is None else self.servers.groups
+        rows: set[str | None] = {group.profile.get("published", "row") for group in groups}
+        return rows.pop() if len(rows) == 1 else None
 
     def identity(self) -> str:
         """Return what tells it from another policy, see :mod:`pytest_libero_max.policies.adapter_digest`."""
@@ -111,7 +119,7 @@ class PolicySource:
             "reference": self.settings.reference,
             "code": self.identity(),
             **self.settings.recorded("policy"),
-            **known(servers=None if several is None else several.to_list()),
+            **known(servers=None if several is None else several.to_list(), published=self.published_row),
         }
 
 
@@ -144,6 +152,7 @@ class GivenPolicy(PolicySource):
                 f"policy={self.thing!r} is no policy. Give an object with spec, reset and predict, a class "
                 "or function that returns one, or what --libero-max-policy takes: a name, file or address."
             )
+        check_policies_of_arms(self.settings)
 
     def identity(self) -> str:
         return OBJECT
@@ -178,6 +187,30 @@ class GivenPolicy(PolicySource):
             close_policy(policy)
         elif self._policy.spec is not self._spec:
             self._policy.spec = self._spec
+
+
+def check_policies_of_arms(settings: Settings, *references: str) -> None:
+    """Check the policies that arms of the study name, without loading anything.
+
+    Args:
+        settings: The settings.
+        references: Of the other policies that play in the same processes.
+
+    Raises:
+        AdapterError: One is not installed or leads nowhere, or two adapters have helpers of one name.
+    """
+    from pytest_libero_max.policies.adapter_digest import require_separate_helpers
+    from pytest_libero_max.policies.loading import check_reference
+    from pytest_libero_max.policies.references import require_installed
+
+    named = {} if settings.study is None else settings.study.policies
+    for name, reference in named.items():
+        if reference is None:
+            require_installed(name)
+        else:
+            check_reference(reference)
+    if named:
+        require_separate_helpers([*references, *filter(None, named.values())])
 
 
 def wrapped(policy: Policy, settings: Settings) -> Policy:

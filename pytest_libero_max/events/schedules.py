@@ -108,6 +108,9 @@ class Arm:
     policy: str | None = None
     """Name of the policy that goes on from the first entry; None for that of Base. The executed prefix, and
     what is queued of it, are of the policy of Base. A cadence is then that of this policy."""
+    at_once: bool = False
+    """True if that policy is asked where it goes on, and its answer replaces what is queued; otherwise it is
+    asked when the queued actions are executed."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not NAME.fullmatch(self.name):
@@ -145,6 +148,8 @@ class Arm:
             values["latency"] = str(self.latency)
         if self.policy is not None:
             values["policy"] = self.policy
+        if self.at_once:
+            values["at_once"] = True
         return values
 
 
@@ -333,6 +338,7 @@ def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
             None if cadence is None else Cadence(cadence["query_interval"], cadence.get("horizon")),
             Latency.parse(raw["latency"]) if "latency" in raw else NO_LATENCY,
             raw.get("policy"),
+            raw.get("at_once", False),
         )
     except ManifestError as error:
         raise error.within(where) from error

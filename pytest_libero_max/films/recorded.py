@@ -19,18 +19,18 @@ from pytest_libero_max.errors import (
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
-from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, play_again, through_cameras
 from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
-from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
+from pytest_libero_max.runs.media import TRACES_NAME, distinct_arms, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.substrates.registry import described_substrate, open_substrate
-from pytest_libero_max.worlds.contract import CONTROL_HZ, World
+from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 SIZE_PX = 256
@@ -99,7 +99,8 @@ def film_pair(
         look, also = policy_look(case, record, traces, shown, how.size)
         words = caption(record, shown)
     ticks = play_again(case, world, record, traces, look, how.every, also, simulate=shown is not None)
-    write_film(path, film_frames(record, traces, how.tell(ticks), how.size, words), CONTROL_HZ, how.overwrite)
+    frames = film_frames(record, traces, how.tell(ticks), how.size, words)
+    write_film(path, frames, record.control_hz, how.overwrite)
 
 
 @dataclass(frozen=True)

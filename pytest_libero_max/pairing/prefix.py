@@ -13,9 +13,15 @@ from pytest_libero_max.pairing.consistency import (
     restored_elsewhere,
 )
 from pytest_libero_max.pairing.stage import Stage
-from pytest_libero_max.pairing.trajectory import Trajectory, event_link, first_link, next_link
+from pytest_libero_max.pairing.trajectory import (
+    HandedOver,
+    Trajectory,
+    event_link,
+    first_link,
+    next_link,
+)
 from pytest_libero_max.policies.check import Actions, memory_of, remembers, sees
-from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.policies.contract import Handover, Policy
 from pytest_libero_max.worlds.contract import WorldState, alterable
 
 PrefixMode = Literal["fork", "replay"]
@@ -44,11 +50,29 @@ class BranchPoint:
         """Fingerprint of the world, 32 bytes."""
         return self.trajectory.digest
 
-    def handed_to(self, query_interval: int) -> BranchPoint:
-        """Return the point as another policy with this Q goes on from it, whose queries are still to come."""
+    def handed_to(self, query_interval: int, at_once: bool = False) -> BranchPoint:
+        """Return the point as another policy goes on from it, whose queries are still to come.
+
+        Args:
+            query_interval: Q of that policy.
+            at_once: True if it is asked here, whatever is queued.
+        """
         trajectory = self.trajectory
-        over = replace(trajectory, handed_over=(len(trajectory.queries), query_interval))
-        return replace(self, trajectory=over, memory=None, recorded=None)
+        over = HandedOver(len(trajectory.queries), query_interval, at_once)
+        return replace(self, trajectory=replace(trajectory, handed_over=over), memory=None, recorded=None)
+
+    def handover_of(self, policy: str) -> Handover | None:
+        """Return what a policy that takes over is given of the rollout so far; None at its beginning.
+
+        Args:
+            policy: Name of the policy that acted before.
+        """
+        if not self.step:
+            return None
+        executed, remaining = self.trajectory.actions, self.trajectory.pending.copy()
+        executed.setflags(write=False)
+        remaining.setflags(write=False)
+        return Handover(policy, self.step, executed, remaining)
 
     @property
     def pending(self) -> Actions:

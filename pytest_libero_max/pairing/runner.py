@@ -227,9 +227,11 @@ def _pair(
     rollouts = {arm.name: rollouts[arm.name] for arm in chosen}
     played = {arm.name: ArmRecord.of(arm, rollouts) for arm in chosen}
     for arm in chosen:
-        if arm.policy is not None:
+        # Where nothing happened, nobody went on: the arm is another one, with the policy of that.
+        if arm.policy is not None and played[arm.name].shares is None:
             with played_at(settings.policies[arm.policy], arm.cadence) as acting:
                 named = {"reference": arm.policy, **acting.to_dict()}
+                named |= {"at_once": True} if arm.at_once else {}
             played[arm.name] = structs.replace(played[arm.name], policy=named)
     times = query_times(rollouts)
     timings = {**clock.seconds, **({QUERY_MS: times} if times else {})}
@@ -281,8 +283,8 @@ def _play(
                 with stage.clock("prefix_s"):
                     return_to_branch(branch, stage, settings.prefix)
                 if goes_on:
-                    acting = stage.handed_to(policy, begun=branch.step > 0)
-                    branch = branch.handed_to(policy.spec.query_interval)
+                    acting = stage.handed_to(policy, branch.handover_of(stage.spec.name))
+                    branch = branch.handed_to(policy.spec.query_interval, arm.at_once)
                 rollout = Rollout.resume(branch, acting, task.arms)
             with stage.clock(f"arm_{arm.name}_s"):
                 while rollout.due() is not None:

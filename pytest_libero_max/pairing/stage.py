@@ -20,8 +20,8 @@ from pytest_libero_max.pairing.probes.standard import STANDARD
 from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
 from pytest_libero_max.policies.check import ask, notes_of, require_spec, show, start
-from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import Observation, OnMujoco, World, WorldState
+from pytest_libero_max.policies.contract import Episode, Handover, Policy, PolicySpec, Query, query_seed
+from pytest_libero_max.worlds.contract import Observation, PosedWorld, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -46,6 +46,8 @@ class Stage:
     probes: Probes = STANDARD
     films: bool = False
     """True if the positions of all joints are kept, for films."""
+    handover: Handover | None = None
+    """What the policy is given of the rollout so far, where it takes over from another one."""
     spec: PolicySpec = field(init=False)
     """A copy of the policy's spec, which must stay the same."""
     images: KeptImages = field(init=False, default_factory=KeptImages, repr=False)
@@ -53,15 +55,22 @@ class Stage:
     _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "films", self.films and isinstance(self.world, OnMujoco))
+        object.__setattr__(self, "films", self.films and isinstance(self.world, PosedWorld))
         object.__setattr__(self, "spec", replace(self.policy.spec))
+        if self.spec.robot not in (None, self.world.robot.name):
+            raise AdapterError(
+                f"policy {self.spec.name!r} is for robot={self.spec.robot!r}, but {self.world.scene} has "
+                f"{self.world.robot.name!r}. Play it on a substrate with its robot, or declare the one that "
+                "it drives: PolicySpec(robot=...)."
+            )
 
-    def handed_to(self, policy: Policy, begun: bool) -> Stage:
+    def handed_to(self, policy: Policy, handover: Handover | None) -> Stage:
         """Return the stage on which another policy goes on in the world as it is.
 
         Args:
             policy: The policy, to which an episode begins here.
-            begun: True if a query has been made, so that no first one begins it.
+            handover: What it is given of the rollout so far; None where that has no step, so that the first
+                query begins its episode.
 
         Raises:
             AdapterError: It wants another control of the robot, or raised.
@@ -71,9 +80,9 @@ class Stage:
                 f"policy {policy.spec.name!r} has control={policy.spec.control!r}, but goes on from "
                 f"{self.spec.name!r} with {self.spec.control!r}. Play arms of one control."
             )
-        stage = Stage(self.case, self.world, policy, self.clock, self.watch, self.probes, self.films)
+        stage = replace(self, policy=policy, handover=handover)
         stage._words_at_reset[:] = self._words_at_reset
-        if begun:
+        if handover is not None:
             stage.begin_policy()
         return stage
 
@@ -95,7 +104,7 @@ class Stage:
         """Return the positions of all joints now; None where no film is to be made."""
         if not self.films:
             return None
-        return np.array(cast("OnMujoco", self.world).data.qpos, dtype=np.float32)
+        return cast("PosedWorld", self.world).posture()
 
     def begin_world(self) -> None:
         """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
@@ -125,7 +134,9 @@ class Stage:
             instruction=self.instruction,
             seed=self.case.policy_seed,
             max_steps=self.case.budget,
+            robot=self.world.robot,
             world=self.world if self.spec.privileged else None,
+            handover=self.handover,
         )
 
     def begin_policy(self) -> None:

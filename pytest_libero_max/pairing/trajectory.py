@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +106,17 @@ class Firing:
     """The last link after it. The same as before it where the world stayed as it was."""
 
 
+class HandedOver(NamedTuple):
+    """The place where another policy goes on."""
+
+    query: int
+    """Number of its first query."""
+    query_interval: int
+    """Its Q."""
+    at_once: bool = False
+    """True if it is asked there, whatever is queued."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
     """All that has happened in a rollout, from the first policy step on.
@@ -130,8 +142,8 @@ class Trajectory:
     """The state of each probe, in the order of the probes."""
     latency: Latency = NO_LATENCY
     """Time that a query takes, unless a change says otherwise (:meth:`latency_of`)."""
-    handed_over: tuple[int, int] | None = None
-    """Where another policy goes on: number of its first query, and its Q; None where none does."""
+    handed_over: HandedOver | None = None
+    """The place where another policy goes on; None where none does."""
 
     @classmethod
     def begin(
@@ -196,13 +208,14 @@ class Trajectory:
 
     def interval_of(self, number: int) -> int:
         """Return Q of a query: of the policy that was asked."""
-        own = self.handed_over is None or number < self.handed_over[0]
-        return self.query_interval if own or self.handed_over is None else self.handed_over[1]
+        over = self.handed_over
+        return self.query_interval if over is None or number < over.query else over.query_interval
 
     @property
     def queued(self) -> int:
         """Number of actions that will be executed before the next query, held ones included."""
-        if not self.queries:
+        over = self.handed_over
+        if not self.queries or (over is not None and over.at_once and len(self.queries) == over.query):
             return 0
         last = len(self.queries) - 1
         interval = self.latency_of(last).interval(self.interval_of(last), last)
@@ -226,16 +239,16 @@ class Trajectory:
     def _queue(self) -> Actions:
         """Return the (k, 7) actions that are left of the last chunk whose answer is there."""
         done, number = len(self.executed), len(self.queries) - 1
-        latency = self.latency_of(number)
-        chunk, delay = self.queries[number], latency.delay(number)
-        if done < chunk.step + delay:  # its answer is under way
-            if number == 0:
-                return chunk.actions[:0]
-            chunk, delay = self.queries[number - 1], self.latency_of(number - 1).delay(number - 1)
-        there = chunk.step + delay
+        waits = self.latency_of(number).runner == "sync"
+        # Two answers may be under way where a policy takes over while one is.
+        while done < (there := self.queries[number].step + self.latency_of(number).delay(number)):
+            if number == 0 or waits:
+                return self.queries[number].actions[:0]
+            number -= 1
+        chunk = self.queries[number]
         # Actions executed since the observation were in the place of the chunk's first ones; waiting is not.
-        dropped = delay - sum(step.held for step in self.executed[chunk.step : there])
-        end = self.interval_of(number) if latency.runner == "sync" else len(chunk.actions)
+        dropped = there - chunk.step - sum(step.held for step in self.executed[chunk.step : there])
+        end = self.interval_of(number) if waits else len(chunk.actions)
         return chunk.actions[dropped + done - there : end]
 
     @property

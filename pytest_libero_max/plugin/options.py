@@ -103,7 +103,7 @@ def places_of(config: pytest.Config, settings: Settings) -> Places:
         str(path_from(folder, profile)) if profile is not None and profile.endswith(".toml") else profile,
         None if settings.manifest is None else str(settings.manifest.absolute()),
         None,
-        None,
+        None if settings.study is None else settings.study.seen_from_elsewhere(folder),
         tuple(map(str, settings.libero)),
         None if settings.libero_assets is None else str(settings.libero_assets),
         tuple(arguments),

@@ -71,9 +71,11 @@ def _be_controller(config: pytest.Config) -> None:
     for plugin in (controller, controller.progress, controller.stop, controller.end):
         config.pluginmanager.register(plugin)
     if settings.ray is not None:
-        from pytest_libero_max.plugin.ray.session import RayRun
+        from pytest_libero_max.plugin.launchers import LAUNCHERS
 
-        config.pluginmanager.register(RayRun(config, settings, cases, controller.progress, controller.stop))
+        with options.usage_errors():
+            launch = LAUNCHERS["ray"]
+        config.pluginmanager.register(launch(controller))
     elif config.getoption("tx", None):
         from pytest_libero_max.plugin.processes.workers import Workers, let_workers_restart
 

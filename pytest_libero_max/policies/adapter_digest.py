@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.files_read import FILES_READ
 from pytest_libero_max.policies.references import (
@@ -114,6 +115,30 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
         names = {name for file in new for name in _imported(file, folder) if name[: len(inside)] == inside}
         new = {helper for name in names for helper in _files(name, folder, inside)} - files
     return tuple(sorted(files))
+
+
+def require_separate_helpers(references: Iterable[str]) -> None:
+    """Check that adapter files which play in one process import no different helpers by one name.
+
+    Args:
+        references: The references of the policies; those that are no files have no such helpers.
+
+    Raises:
+        AdapterError: Two do, or a reference leads nowhere.
+    """
+    folders: dict[str, Path] = {}
+    for text in references:
+        reference = None if is_served(text) else parse_reference(text)
+        if reference is None or not reference.is_file or (first := file_of(reference)) is None:
+            continue
+        for file in adapter_files(reference):
+            name = file.relative_to(first.parent).parts[0].removesuffix(".py")
+            folder = first.parent if file == first else folders.setdefault(name, first.parent)
+            if folder != first.parent:
+                raise AdapterError(
+                    f"helper {name!r} is in {folder} and in {first.parent}, but the policies of both folders "
+                    "play in one process, in which a name is one module. Rename one of the two."
+                )
 
 
 def _scope(reference: Reference, first: Path) -> tuple[Path | None, tuple[str, ...]]:

@@ -42,6 +42,7 @@ def load_policy(
     profile: str | None = None,
     revision: str | None = None,
     seat: int = 0,
+    further: bool = False,
 ) -> Policy:
     """Load the policy that a reference names.
 
@@ -66,6 +67,8 @@ def load_policy(
         query_interval: Replaces Q of the adapter's spec.
         profile: Name or path of the profile of a policy behind a server.
         seat: Number of this process among those that play; spreads them over several servers.
+        further: True for one more policy of this process: the adapter file before keeps its folder and its
+            helpers (:func:`~.adapter_digest.require_separate_helpers`).
 
     Returns:
         The policy. With H or Q replaced, its ``spec`` attribute is set to the new spec before anything else
@@ -93,7 +96,7 @@ def load_policy(
     path = file_of(reference)
     if reference.is_file:
         assert path is not None
-        policy = _BESIDE.load(path, reference)
+        policy = (_further() if further else _BESIDE).load(path, reference)
     else:
         module = _import(reference, path)
         policy = _construct(_find(module, reference), reference, path)
@@ -222,10 +225,19 @@ class _BesideAdapter:
 
 
 _BESIDE = _BesideAdapter()
+_FURTHER: list[_BesideAdapter] = []
+
+
+def _further() -> _BesideAdapter:
+    """Return a place for one more adapter file of this process."""
+    _FURTHER.append(_BesideAdapter())
+    return _FURTHER[-1]
 
 
 def forget_adapter() -> None:
-    """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter file loaded last."""
+    """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter files that were loaded."""
+    while _FURTHER:
+        _FURTHER.pop().leave()
     _BESIDE.leave()
 
 

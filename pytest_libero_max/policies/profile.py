@@ -21,6 +21,8 @@ from typing import Annotated, Any
 from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.worlds.contract import Robot
+from pytest_libero_max.worlds.robot import PANDA, ROBOTS
 
 PROFILE_ALONE = "profile"
 """Begins the revision of a policy whose weights nobody has declared."""
@@ -57,6 +59,7 @@ SECTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
                 "every_step": Flag,
                 "suites": Texts,
                 "unnorm_key": Text,
+                "robot": Text,
             }
         ),
         "inputs": MappingProxyType({}),
@@ -85,10 +88,14 @@ SECTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
                 "runtime": Text,
             }
         ),
+        "published": MappingProxyType({"row": Text}),
         "sources": MappingProxyType({}),
     }
 )
 """Tables of a profile with the types of their fields. Tables without fields here take any."""
+
+_NOT_PLAYED = ("sources", "native", "published")
+"""Tables about a policy that do not reach its requests."""
 
 GIVEN_BY_OPTION = MappingProxyType(
     {
@@ -125,9 +132,18 @@ class Profile:
         return str(self.get("policy", "protocol"))
 
     @property
+    def robot(self) -> Robot:
+        """The robot whose keys it reads and whose actions it brings; LIBERO's Panda unless it names one.
+
+        Raises:
+            SubstrateError: No installed package has it.
+        """
+        return ROBOTS[self.get("policy", "robot", PANDA.name)]
+
+    @property
     def digest(self) -> str:
-        """SHA-256 of its content, hexadecimal, without ``native`` and ``sources``."""
-        tables = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
+        """SHA-256 of its content, hexadecimal, without what is not played."""
+        tables = {name: table for name, table in self.tables.items() if name not in _NOT_PLAYED}
         return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
     @property
@@ -144,7 +160,7 @@ class Profile:
 
     def unknown(self) -> tuple[str, ...]:
         """Return the fields that could not be established, for example ``policy.horizon``."""
-        played = {name: table for name, table in self.tables.items() if name not in ("sources", "native")}
+        played = {name: table for name, table in self.tables.items() if name not in _NOT_PLAYED}
         return tuple(name for name, value in leaves(played) if value == UNKNOWN)
 
     def require_known(self, given: tuple[str, ...] = ()) -> None:

@@ -74,110 +74,120 @@ RULES = (
     Rule(
         "program",
         lambda record: PROGRAM in record.fingerprints,
-        "The arms are those of a program (its name ends the id). What happens in Dynamic is what the program "
-        "says: the event of a case, by which tables group it, may be no part of it. All numbers are of Base "
-        "and Dynamic; further arms are counted apart.",
+        "The arms are those of a program, whose name ends the id. Dynamic gets what the "
+        "program says; the event of the case, by which tables group it, may be no part of "
+        "that. All numbers compare Base and Dynamic; further arms are counted apart.",
     ),
     Rule(
         "later_mujoco",
         lambda record: is_later_line(record.fingerprints.get("mujoco", "")),
-        "Played with MuJoCo 3.4 or later, in which boxes touch in another way than in 3.3. The frozen cases "
-        "were certified and the published runs were played with 3.3. Single pairs end otherwise: compare "
-        "runs of one version.",
+        "Played with MuJoCo 3.4 or later, where boxes touch in another way than in 3.3. "
+        "The frozen cases were certified with 3.3, and the published runs were played with "
+        "it. Single pairs end otherwise: compare runs of one version only.",
     ),
     Rule(
         "not_repeatable",
         lambda record: not record.policy.get("repeatable", True),
-        "The policy draws noise of its own and cannot be given a seed, so that a pair may end otherwise when "
-        "it is played again: what changed holds this chance as well as the event. "
-        "--libero-max-noise=sham:SHARE measures flips by chance on a share of the pairs.",
+        "The policy draws its own noise and takes no seed, so a pair may end otherwise "
+        "when it is played again: the measured change holds this chance besides the effect "
+        "of the event. --libero-max-noise=sham:SHARE measures on a share of the pairs how "
+        "often an outcome flips by chance.",
     ),
     Rule(
         "interrupted_server",
         lambda record: WAITED in record.timings,
-        "The policy server was interrupted and asked again, while the episode stood still. A server without "
-        "memory and with seeded noise answers as it would have without the interruption.",
+        "The policy server was interrupted and asked again while the episode stood still. "
+        "A server without memory and with seeded noise gives the same answer as without "
+        "the interruption.",
     ),
     Rule(
         "contaminated_prompt",
         lambda record: record.source == "plus" and _TOKENS.search(record.instruction) is not None,
-        "The prompt names the variation, as in '... plate view 0 0 100 0 0 initstate 4': the authors read "
-        "it out of the task's name. --libero-max-substrate=libero:instruction=clean gives the task's own "
-        "words.",
+        "The prompt contains the name of the variation, as in '... plate view 0 0 100 0 0 "
+        "initstate 4', because the authors make it from the task's name. --libero-max- "
+        "substrate=libero:instruction=clean gives the task's own words.",
     ),
     Rule(
         "tumbled_insertions",
         _event("published", *_INSERTIONS),
-        "Published events: what the event brings in waited inside the floor, was shot out of it, and came "
-        "back as it had tumbled by then: rotated, or lying. Corrected events bring it upright.",
+        "Events as published: the inserted object waited inside the floor, was pushed out "
+        "of it, and comes back in the pose into which it had tumbled: rotated, or lying. "
+        "Corrected events insert it upright.",
     ),
     Rule(
         "one_noise_stream",
         _event("published", "sensor_noise_onset"),
-        "Published events: noise and rectangle of both cameras come from one stream, counted in steps since "
-        "the event. Corrected events give each camera its own.",
+        "Events as published: one random stream, counted in steps since the event, gives "
+        "the noise and the rectangle of both cameras. Corrected events give each camera a "
+        "stream of its own.",
     ),
     Rule(
         "shifted_observations",
         lambda record: _semantics(record) == "published",
-        "Published events: the authors' runner looks four times before the first step and once after the "
-        "event. Each look makes every later observation one substep (2 ms) older. What was moved keeps its "
-        "share of the solver's last forces. Corrected events look once before the first step, and no more.",
+        "Events as published: the authors' runner reads observations four times before the "
+        "first step and once after the event. Each reading makes all later observations "
+        "one substep (2 ms) older. A moved object keeps its part of the solver's last "
+        "forces. Corrected events read once before the first step, and no more.",
     ),
     Rule(
         "corrected_events",
         lambda record: _semantics(record) == "corrected",
-        "Corrected events: what is brought in comes upright, each camera has noise of its own, observations "
-        "keep their age. Published numbers are not of these events, but of those as published, without "
-        "semantics=corrected in --libero-max-substrate.",
+        "Corrected events: inserted objects stand upright, each camera has its own noise, "
+        "and observations keep their age. Published numbers belong to the events as "
+        "published, which --libero-max-substrate plays without semantics=corrected.",
     ),
     Rule(
         "own_variations",
         _own_variation,
-        "The source variation is this package's own, made at reset on LIBERO's scene: it is of LIBERO-Plus's "
-        "or LIBERO-PRO's category, but not theirs, and their published numbers are of others.",
+        "The source variation is made by this package, at reset, on LIBERO's scene: it has "
+        "the category of LIBERO-Plus or LIBERO-PRO, but is not theirs. Their published "
+        "numbers are of other scenes.",
     ),
     Rule(
         "erased_robot_pose",
         _varied("plus", "Robot Initial States"),
-        "LIBERO-Plus sets the frozen initial state after the robot's pose and so erases it: the arm starts "
-        "where it always does, and the controller slowly turns it towards the pose that was meant.",
+        "LIBERO-Plus sets the robot's pose first and the frozen initial state after it, "
+        "which erases the pose: the arm starts where it always does, and the controller "
+        "slowly turns it towards the pose that was meant.",
     ),
     Rule(
         "reseeded_noise",
         _varied("plus", "Sensor Noise"),
-        "LIBERO-Plus draws its noise without a seed; here it is drawn from the scene and the step, so that "
-        "both rollouts of a pair see the same. It is on the agent's view alone, and not in the first look.",
+        "LIBERO-Plus draws its noise without a seed. Here scene and step are the seed, so "
+        "that both rollouts of a pair see the same noise. The noise is on the agent's view "
+        "alone, and not in the first observation.",
     ),
     Rule(
         "inert_shape",
         _varied("pro", "object_shape"),
-        "LIBERO-PRO scales meshes of a compiled model, which changes neither pictures nor contacts: these "
-        "pairs are of the unmodified task.",
+        "LIBERO-PRO scales the meshes of a model that is already compiled, which changes "
+        "neither images nor contacts: these pairs play the unmodified task.",
     ),
     Rule(
         "tint_for_texture",
         _varied("pro", "object_texture"),
-        "LIBERO-PRO's new texture is a tint: the old one stays in the renderer's memory under it.",
+        "LIBERO-PRO's new texture is only a tint: the old texture stays in the renderer's memory under it.",
     ),
     Rule(
         "small_occluder",
         _varied("pro", "view_occlusion"),
-        "LIBERO-PRO's occluder keeps its own size: scaling the meshes of a compiled model has no effect.",
+        "LIBERO-PRO's occluder has its original size: scaling the meshes of a compiled model has no effect.",
     ),
 )
 
 
 UNEQUAL_BASES = (
-    "Base was played twice, or begins in the same state with the same seed and instruction as that of an "
-    "earlier pair, and was another rollout, although the policy says that it answers alike. It remembers "
-    "something from episode to episode, so that results depend on what was played before."
+    "Base was another rollout than its repetition, or than the Base of an earlier pair "
+    "with the same state, seed and instruction, although the policy says that it answers "
+    "alike. It remembers something from episode to episode, so that results depend on what "
+    "was played before."
 )
 
 OTHER_RENDERERS = (
-    "Their images were drawn by another renderer, or another version of it, than those of most pairs, as the "
-    "records say (gl_renderer, gl_version). Pixels may differ, which is enough for a policy that sees to end "
-    "a pair otherwise. Play all pairs on one renderer."
+    "Their images were drawn by another renderer, or another version of it, than those of "
+    "most pairs (gl_renderer and gl_version in the records). Pixels may differ, and one "
+    "pixel is enough for a policy that sees to end a pair otherwise. Play all pairs with "
+    "one renderer."
 )
 
 

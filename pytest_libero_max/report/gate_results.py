@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.report.connection import ARMS, can_connect, connect, lack_of_connection
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted, points
 from pytest_libero_max.report.gate_baseline import (
@@ -31,9 +32,10 @@ from pytest_libero_max.report.gates import (
 )
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of
-from pytest_libero_max.runs.plan import PlannedPair
+from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.blocks import SuccessContrast
+from pytest_libero_max.stats.intervals import Interval
 
 _OF_LOSSES = (
     *("delta", "delta.clustered", "preserved_success", "regressions"),
@@ -115,6 +117,33 @@ def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:
             require_reachable(gate, chosen)
 
 
+def require_connectable(gates: Iterable[Gate], run: Run) -> None:
+    """Refuse gates against rows of the paper that a run cannot be held against, whatever it measures.
+
+    Args:
+        gates: The gates.
+        run: Plan and provenance of the run.
+
+    Raises:
+        OptionError: There is one; says why.
+    """
+    for gate in gates:
+        if gate.row is None:
+            continue
+        lack = lack_of_connection(run.provenance, len(run.planned), gate.row)
+        if lack is not None:
+            raise OptionError(
+                f"gate={gate.text!r} cannot compare this run with published results: {lack}. Play all of the "
+                "authors' cases on genuine scenes, or leave the gate out."
+            )
+        if not can_connect(run.provenance, gate.row, ARMS[gate.name], float(gate.threshold)):
+            raise OptionError(
+                f"gate={gate.text!r} can never hold: the interval of "
+                f"{counted(len(run.planned), 'case')} is wider, even at the published rate. "
+                "Give a larger margin."
+            )
+
+
 def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult, ...]:
     """Decide gates on the run in ``folder``.
 
@@ -190,8 +219,12 @@ def _why_an_end_fails(
     """Return whether a failed gate on the end of an interval is not shown by these pairs, and a sentence."""
     from pytest_libero_max.report.gate_plan import pairs_to_show
 
+    if gate.row is not None:
+        connection = connect(report, gate.row, ARMS[gate.name])
+        return _why_no_equivalence(gate, None if isinstance(connection, str) else connection.interval)
     if gate.name == EQUIVALENT:
-        return _why_no_equivalence(gate, contrasts[gate.run or ""])
+        other = contrasts[gate.run or ""]
+        return _why_no_equivalence(gate, None if isinstance(other, str) else equivalence_interval(other))
     if gate.end is None:
         return False, ""
     other = "upper" if gate.end == "lower" else "lower"
@@ -214,14 +247,13 @@ def _why_an_end_fails(
     more = (
         ""
         if needed is None
-        else f"; with such losses and gains, {counted(needed, 'pair')} would mostly show it"
+        else f"; at these rates of losses and gains, four of five runs of {counted(needed, 'pair')} show it"
     )
     return True, f"{text}, and so does the estimate, {shown(gate, estimate.value)}{more}."
 
 
-def _why_no_equivalence(gate: Gate, contrast: SuccessContrast | str) -> tuple[bool, str]:
+def _why_no_equivalence(gate: Gate, interval: Interval | None) -> tuple[bool, str]:
     """As for an end: not shown where the interval of the difference reaches into the margin."""
-    interval = None if isinstance(contrast, str) else equivalence_interval(contrast)
     if interval is None:
         return False, ""
     ends = f"[{points(interval.lower)}, {points(interval.upper)}] points"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pytest_libero_max.events.schedules import DYNAMIC
+from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PROGRAM, ArmRecord, FiringRecord, PairRecord
 
 _WAITS = "nothing"
@@ -99,3 +99,9 @@ def _when(steps: list[int]) -> str:
     if len(steps) == 1:
         return f"at step {steps[0]}"
     return f"{len(steps)} times from step {steps[0]} to {steps[-1]}"
+
+
+def arm_title(name: str, arm: ArmRecord | None) -> str:
+    """Return the title of an arm, with its own policy where it has one."""
+    title = {BASE: "Base", DYNAMIC: "Dynamic"}.get(name, name.replace("_", " "))
+    return title if arm is None or arm.policy is None else f"{title} ({arm.policy['name']})"

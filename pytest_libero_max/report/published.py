@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.releases import RELEASED, ReleasedFile
@@ -17,6 +17,7 @@ from pytest_libero_max.report.quantities import TEXT, Quantity
 from pytest_libero_max.report.render.terminal import WIDTH, table_lines
 from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Outcomes
+from pytest_libero_max.stats.ratios import Ratio
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.report_document import Report
@@ -112,6 +113,26 @@ def authors_cases() -> dict[str, int]:
     return cases
 
 
+def published_file(provenance: Mapping[str, Any]) -> ReleasedFile | None:
+    """Return the authors' cases that a run played, of those with published results; None for others."""
+    released = provenance["case_set"].get("released_as")
+    return next((file for file in (_MAX, _PRO, _LITE) if str(file) == released), None)
+
+
+def published_success(policy: PublishedPolicy, file: ReleasedFile, arm: Literal["base", "dynamic"]) -> Ratio:
+    """Return the successes of a published policy on some of the authors' cases.
+
+    The paper prints counts for all of them. For a part it prints the rate to 0.1 points; the count is the
+    nearest one, which for Lite's 800 cases is the only one with this rate.
+    """
+    if file is _MAX:
+        counts: Ratio = getattr(policy.outcomes, arm)
+        return counts
+    shares = policy.printed.lite if file is _LITE else policy.printed.source["pro"]
+    share = shares[("base", "dynamic").index(arm)]
+    return Ratio(round(share * file.cases / 100), file.cases)
+
+
 BESIDE_TITLE = "Published results of the same cases"
 
 
@@ -126,6 +147,8 @@ class _Row(NamedTuple):
     query_interval: int | None
     scale: str
     lost: float | None = None
+    key: str = ""
+    """Name in gates."""
 
     @classmethod
     def of(cls, policy: PublishedPolicy, file: ReleasedFile) -> _Row:
@@ -136,7 +159,8 @@ class _Row(NamedTuple):
             shares = printed.lite if file is _LITE else printed.source["pro"]
             base, dynamic, change = (value / 100 for value in shares)
         scale, lost = policy.scale or "not reported", rates.conditional_regression.value
-        return cls(policy.name, base, dynamic, change, policy.horizon, policy.query_interval, scale, lost)
+        protocol = policy.horizon, policy.query_interval
+        return cls(policy.name, base, dynamic, change, *protocol, scale, lost, policy.key)
 
 
 _RATES: tuple[Quantity[_Row], ...] = (
@@ -145,6 +169,7 @@ _RATES: tuple[Quantity[_Row], ...] = (
     Quantity("paired_change", "Paired change, pp", lambda row: row.change, Tenths()),
 )
 _LOST: Quantity[_Row] = Quantity("lost", "Lost", lambda row: row.lost, Percent())
+_KEY: Quantity[_Row] = Quantity("key", "Row", lambda row: row.key, TEXT)
 _PROTOCOL: tuple[Quantity[_Row], ...] = (
     Quantity("horizon", "H", lambda row: row.horizon, TEXT),
     Quantity("query_interval", "Q", lambda row: row.query_interval, TEXT),
@@ -159,8 +184,7 @@ def published_beside(report: Report) -> Table | None:
     800 of Lite among them. A run that differs from them in anything but its policy has none beside it, and
     the note says why.
     """
-    released = report.provenance["case_set"].get("released_as")
-    file = next((file for file in (_MAX, _PRO, _LITE) if str(file) == released), None)
+    file = published_file(report.provenance)
     if file is None or not report.pairs.played:
         return None
     lack = lacks_for_published(report.provenance, report.pairs.played, file)
@@ -199,11 +223,13 @@ def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None
     """
     file = file or _MAX
     case_set, substrate = provenance["case_set"], provenance["substrate"]
+    if substrate["name"] != "libero":
+        return f"its scenes are {substrate['name']}, not those of LIBERO-Plus and LIBERO-PRO"
     asked = {"semantics": "published", "instruction_source": "published", "source_variations": "installed"}
     if case_set.get("released_as") != str(file):
         return f"its cases are {case_set['name']}, not those of {file}"
     if played < file.cases:
-        return f"it measured {played:,} of the {file.cases:,} cases"
+        return f"it has {played:,} of the {file.cases:,} cases"
     extra = protocol_words(provenance["protocol"])
     if extra:
         return f"it played another protocol ({', '.join(extra)})"
@@ -220,5 +246,5 @@ def _document() -> Json:
 def published_lines() -> list[str]:
     """Return the published results as a table for the terminal, under a line with their origin."""
     rows = [(policy.name, _Row.of(policy, _MAX)) for policy in published_policies()]
-    table = table_of("", "Policy", (*_RATES, _LOST, *_PROTOCOL), rows)
+    table = table_of("", "Policy", (_KEY, *_RATES, _LOST, *_PROTOCOL), rows)
     return [*textwrap.wrap(NOTE, WIDTH), "", *table_lines(table)]

@@ -11,24 +11,19 @@ from pytest_libero_max.report.broken import broken_sections
 from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Code, Document, Section, Strong, Table
 from pytest_libero_max.report.formats import IntervalByTask, lack_of_tasks
+from pytest_libero_max.report.gate_rows import GateRow, named_pairs
 from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.render.drawing import survival_curves
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.run_plots import camera_contrasts, category_map, stale_actions
+from pytest_libero_max.report.run_plots import category_map, stale_actions
+from pytest_libero_max.report.run_texts import GIVEN_RESPONSE_NOTE, clipping_text, note_texts, title_text
 from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.studies.study_document import Study
-from pytest_libero_max.report.studies.study_figures import study_figures
+from pytest_libero_max.report.studies.study_figures import study_plots
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
-from pytest_libero_max.report.writers.gate_text import GateRow, named_pairs
-from pytest_libero_max.report.writers.summary import (
-    GIVEN_RESPONSE_NOTE,
-    clipping_text,
-    note_texts,
-    title_text,
-)
 from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import Result
@@ -51,7 +46,7 @@ def run_document(
         gates: Verdicts on the gates that the run was given.
         stored: The run, for its origin; None leaves that out.
     """
-    notes = [report.substrate.note, *note_texts(report), clipping_text(report)]
+    notes = [report.substrate.note, report.inference.text, *note_texts(report), clipping_text(report)]
     return Document(
         title_text(report),
         report.warnings,
@@ -135,15 +130,8 @@ def _breakdowns(report: Report) -> Section:
 
 
 def _study(study: Study) -> Section:
-    figures = study_figures(study)
-    figures.pop("study-contrasts", None)
-    contrasts = (
-        [camera_contrasts(study.title, study.camera)] if study.camera is not None and study.cases else []
-    )
-    notes = " ".join(study_notes(study))
-    return Section(
-        f"Study: {study.title}", study_tables(study), lead=notes, plots=[*contrasts, *figures.values()]
-    )
+    title, plots = f"Study: {study.title}", [*study_plots(study).values()]
+    return Section(title, study_tables(study), lead=" ".join(study_notes(study)), plots=plots)
 
 
 def _provenance(report: Report, stored: StoredRun | None) -> Section:

@@ -15,12 +15,10 @@ from pytest_libero_max.report.plots import (
     Histogram,
     Plot,
     Viewed,
-    change_plot,
     change_row,
     rates_row,
 )
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.studies.study_document import Camera
 from pytest_libero_max.stats.blocks import Result
 
 
@@ -76,18 +74,6 @@ def stale_actions(report: Report) -> Histogram:
         "stale actions before the next query",
         report.overall.stale_actions.histogram,
     )
-
-
-def camera_contrasts(title: str, study: Camera) -> Plot:
-    """Return the contrasts of a camera study with their intervals, and numbers of gains and losses."""
-    labels = study.conditions
-    rows = [
-        change_row(
-            f"{labels[row.first]} - {labels[row.second]}", f"+{row.gains} -{row.losses}", row, _change(row)
-        )
-        for row in study.contrasts
-    ]
-    return change_plot(f"{title}: paired contrasts", "Contrast (gain, loss)", rows)
 
 
 RUN_PLOTS: Mapping[str, Callable[[Report], Drawable]] = {

@@ -15,7 +15,7 @@ from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.quantities import QUANTITIES, TEXT, Cell, Quantity, quantities_in
 from pytest_libero_max.report.render.tables import table_csv, table_latex
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.summary import title_text
+from pytest_libero_max.report.run_texts import title_text
 from pytest_libero_max.stats.blocks import Measure, Result
 
 ALL_PAIRS = "overall"

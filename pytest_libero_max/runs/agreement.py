@@ -86,6 +86,8 @@ class Agreement:
     def _require_same_arms(self, pair: PairRecord) -> None:
         """Compare the policies that arms name with those of the pairs before."""
         for name, arm in pair.arms.items():
+            if arm.shares is not None:  # nothing happened, so that no policy went on
+                continue
             known, item_id = self._of_arms.setdefault(name, (arm.policy, pair.item_id))
             if known != arm.policy:
                 raise OtherRunError(

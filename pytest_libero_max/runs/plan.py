@@ -30,10 +30,10 @@ from pytest_libero_max.benchmark.structs import (
     rule,
     to_builtins,
 )
-from pytest_libero_max.costs.model import Kind
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, Version, require_version
+from pytest_libero_max.runs.costs import Kind
 from pytest_libero_max.runs.protocol import renamed, require_settings
 
 Moment = Annotated[

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 RECORDED_RUN = "recorded:"
 """Begins the text of a latency that is read from a run."""
 
-_HEADER = ("reference", "code", "servers")
+_HEADER = ("reference", "code", "servers", "published")
 """Fields of a policy in the provenance that say where it comes from and are no settings."""
 
 _WRAPPERS_BEFORE = ("restore", "adaptive")
@@ -107,11 +107,16 @@ def _of_spec(name: str) -> Callable[[Json, Any], Any]:
     return lambda spec, _: spec.get(name)
 
 
-def _latency(text: str) -> Latency | str:
-    """Parse the time that a query takes; the records of a run are read where settings are resolved."""
-    from pytest_libero_max.worlds.contract import CONTROL_HZ
+_SOME_HZ = 1
+"""Control rate with which only the form of a latency is checked."""
 
-    return text if text.startswith(RECORDED_RUN) else Latency.parse(text, CONTROL_HZ)
+
+def _latency(text: str) -> Latency | str:
+    """Parse the time that a query takes; milliseconds and the records of a run wait for the control rate."""
+    if text.startswith(RECORDED_RUN):
+        return text
+    latency = Latency.parse(text, _SOME_HZ)
+    return text if "ms" in text else latency
 
 
 def _study(text: str) -> str:
@@ -172,8 +177,9 @@ class ProtocolSettings:
         "track camera unless another one is named), event-timing, audit, cadence:2,4,8 (values of Q) or "
         "cadence:2/2,4/4 (H/Q), latency:1,2,4,8 (steps that a query takes; 4sync for the runner that waits; "
         "both of the track lite, and always beside the policy's own), repeats or repeats:PLAYS (of the track "
-        "smoke: each case 3 or so many times, with other seeds of the policy), one of another package, or a "
-        "JSON or TOML file that spells one",
+        "smoke: each case 3 or so many times, with other seeds of the policy), continue:a.py,b.py (of the "
+        "track lite: these policies go on from the event after the prefix of the run's), one of another "
+        "package, or a JSON or TOML file that spells one",
         _study,
         recorded=Recorded("protocol", Object, lambda study: study and study.to_dict(), option=None),
     )
@@ -187,10 +193,10 @@ class ProtocolSettings:
     )
     latency: Latency = setting(
         "TIME",
-        "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms, rounded up). The robot "
-        "goes on with the chunk before, and drops the actions of the new one that are late (asynchronous "
-        "inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the delay of each "
-        "query from the query times of a run",
+        "Let the world go on while the policy is asked: 200ms or 4steps (of 50 ms for LIBERO, rounded up). "
+        "The robot goes on with the chunk before, and drops the actions of the new one that are late "
+        "(asynchronous inference); with ,sync behind it, it waits for the answer. recorded:RUN draws the "
+        "delay of each query from the query times of a run",
         _latency,
         recorded=Recorded(
             "protocol",

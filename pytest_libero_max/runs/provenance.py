@@ -118,6 +118,11 @@ def git_state(folder: Path) -> Json | None:
     return {"commit": commit, "dirty": bool(status)}
 
 
+def commit_text(git: Json) -> str:
+    """Return the commit of a :func:`git_state` as pages name it."""
+    return f"{git['commit'][:12]}{' with changes' if git.get('dirty') else ''}"
+
+
 def redacted(command: Sequence[str], environment: Mapping[str, str] | None = None) -> list[str]:
     """Return a command line fit to be published: no value of a secret, no user in a URL, no home folder.
 

@@ -37,7 +37,7 @@ class Places:
     program: str | None = None
     """Name or file of the program that is laid over the cases, if any."""
     study: str | None = None
-    """File of the study, if one spells it."""
+    """Value of its option, if a file spells it or policies of it have places."""
     installations: tuple[str, ...] = ()
     """LIBERO's folders; none: what ``import libero`` finds."""
     assets: str | None = None
@@ -90,7 +90,7 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     options += option_values(provenance)
     study = provenance["protocol"].get("study") or {}
     name = ":".join(filter(None, [study.get("name"), study.get("settings")])) or None
-    options.append(("study", (places.study or f"{name}.json") if "document" in study else name))
+    options.append(("study", places.study or (f"{name}.json" if "document" in study else name)))
     options += _selection(provenance) if depends_on_selection(provenance) else []
     options.append(("output", OUTPUT))
     given = (

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from pytest_libero_max.costs.model import CostModel, Kind, seconds_of
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.runs.costs import CostModel, Kind, seconds_of
 from pytest_libero_max.runs.plan import PlannedPair
 
 

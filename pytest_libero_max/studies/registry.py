@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from msgspec import Struct
 
@@ -15,9 +15,7 @@ from pytest_libero_max.benchmark.programs import BASE, DYNAMIC, parse_program, r
 from pytest_libero_max.benchmark.structs import Object, Text, checked
 from pytest_libero_max.errors import ManifestError, OptionError, ReportError
 from pytest_libero_max.registry import Registry
-from pytest_libero_max.studies.camera_study import CameraStudy
 from pytest_libero_max.studies.study import Study
-from pytest_libero_max.studies.sweeps import CadenceSweep, LatencySweep
 
 FOLDER = Path(__file__).parent
 """Folder of the studies of this package that are data, a file each."""
@@ -35,11 +33,10 @@ class _Document(Struct, frozen=True):
     title: Text
     arms: tuple[Object, ...]
     track: Text = "smoke"
-    section: Literal["arms", "camera"] = "arms"
 
 
 def spelled_study(document: Any) -> Study:
-    """Return the study that a document spells: the keys of a program, ``title``, ``track`` and ``section``.
+    """Return the study that a document spells: the keys of a program, ``title`` and ``track``.
 
     Raises:
         ManifestError: It breaks the format.
@@ -51,9 +48,9 @@ def spelled_study(document: Any) -> Study:
                 f"study.arms spells {arm['name']!r}, but a study plays its arms beside Base and Dynamic of "
                 "the case. Leave it out, or lay the arms over the cases with --libero-max-program."
             )
-    study = CameraStudy() if head.section == "camera" else Study()
+    study = Study()
     study.name, study.title, study.track = head.name.replace("_", "-"), head.title, head.track
-    spelled = {key: value for key, value in document.items() if key not in ("title", "track", "section")}
+    spelled = {key: value for key, value in document.items() if key not in ("title", "track")}
     study.program, study.document = parse_program(spelled, "study"), document
     return study
 
@@ -92,9 +89,7 @@ def _from_file(name: str, settings: str | None) -> Study:
 
 
 def _own() -> Mapping[str, Callable[[], object]]:
-    files = (path.stem for path in sorted(FOLDER.glob("*.json")))
-    sweeps = {kind.name: partial(getattr, kind, "of") for kind in (CadenceSweep, LatencySweep)}
-    return {**{name: partial(partial, _from_file, name) for name in files}, **sweeps}
+    return {path.stem: partial(partial, _from_file, path.stem) for path in sorted(FOLDER.glob("*.json"))}
 
 
 def _of_package(point: EntryPoint) -> Callable[[str | None], Study]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from pytest_libero_max.benchmark.cases import Case
@@ -37,7 +39,8 @@ class Study:
     document: Json | None = None
     """What spells it, where its name does not say it."""
     source: str | None = None
-    """Path of the file that it was read from."""
+    """Where it is found: the path of its file, or the value of the option where that names files of policies.
+    None where name and settings say all of it."""
     example: str = ""
     """Settings, as they are given behind its name: ``--libero-max-study=NAME:SETTINGS``."""
 
@@ -79,6 +82,22 @@ class Study:
     def scales(self) -> bool:
         """True if the study itself sets strengths, so that a run cannot set one as well."""
         return any("strength" in entry for arm in self.spelled for entry in arm.get("schedule", ()))
+
+    @property
+    def policies(self) -> Mapping[str, str | None]:
+        """Reference of each policy that its arms name as the user gave it; None for an installed one."""
+        return {}
+
+    def seen_from_elsewhere(self, folder: Path) -> str | None:
+        """Return the value of the option that asks for the same study in another working folder.
+
+        Args:
+            folder: The folder in which it was asked for.
+
+        Returns:
+            None where its name and settings, or its document, say all of it.
+        """
+        return None
 
     @property
     def spelled(self) -> tuple[Json, ...]:

@@ -173,6 +173,12 @@ class SubstrateKind:
     """Finds the source variation of its own that a case plays, without building anything. Raises
     :class:`.SubstrateError` where it has none."""
     tracks: Callable[[SubstrateOptions], Tracks] = lambda options: Tracks()
+    suites: tuple[str, ...] | None = None
+    """Suites whose tasks it has; None for any."""
+    examples: Callable[[SubstrateOptions], Sequence[Case]] = lambda options: ()
+    """Returns cases with which the rules examine it; none for those of its tracks."""
+    control_hz: int = 20
+    """Control steps in a second of its robots, in which times of latency are counted; LIBERO's."""
     plays_frozen: bool = False
     """True if every case of the tracks that come with this package plays, wherever that is."""
     reads: frozenset[str] = frozenset()
@@ -196,3 +202,13 @@ class SubstrateKind:
     """Cases that a process examines at a time, after which they are kept."""
     sheets: Mapping[str, Callable[[Path, Any], None]] = field(default_factory=dict)
     """Functions that draw contact sheets of its own with an open substrate, by the files' names."""
+
+    def unplayable(self, options: SubstrateOptions, cases: Sequence[Case]) -> dict[str, str]:
+        """Return the reasons why cases cannot play, by case id: another suite, or what is lacking."""
+        foreign = {
+            case.case_id: f"{self.name} has no suite {case.suite}, but {', '.join(self.suites)}"
+            for case in cases
+            if self.suites is not None and case.suite not in self.suites
+        }
+        own = [case for case in cases if case.case_id not in foreign]
+        return {**foreign, **self.lacking(options, own)} if own else foreign

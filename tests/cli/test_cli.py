@@ -93,11 +93,6 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
             "argument --seconds: '-1', but must be a number from 0.001 to 3600",
         ),
         ("runs run --interval nan", "argument --interval: 'nan', but must be a number from 0.01 to 3600"),
-        (
-            "plan time run --workers 0",
-            "argument --workers: '0', but must be a whole number from 1 to 1000000",
-        ),
-        ("plan time run --query-ms nan", "argument --query-ms: 'nan', but must be a number from 0 to 1e+06"),
         ("shards slurm --shards 1 -- -q", "argument --shards: '1', but must be a whole number of at least 2"),
         ("film run --size 31", "argument --size: '31', but must be a whole number of at least 32"),
     ],
@@ -105,6 +100,11 @@ def test_a_case_is_found_by_the_beginning_of_its_name(capsys: pytest.CaptureFixt
 def test_a_number_out_of_range_names_the_command_the_argument_and_the_rule(
     arguments: str, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    require_refusal(arguments, message, capsys)
+
+
+def require_refusal(arguments: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Give a command arguments that its parser refuses with a message."""
     with pytest.raises(SystemExit, match="2"):
         main(arguments.split())
     error = capsys.readouterr().err

@@ -225,7 +225,7 @@ def test_a_program_that_fits_no_case_is_refused(run: Run) -> None:
             "--libero-max-program: case *: program 'transient'.arms[[]0].schedule[[]1].trigger.type="
             "'step_after' is not a trigger. Did you mean 'steps_after'*",
         ),
-        (json.dumps(RESET), ("--libero-max-study=camera-timing",), "*Leave one of the two out."),
+        (json.dumps(RESET), ("--libero-max-study=event-timing",), "*Leave one of the two out."),
     ],
     ids=["damaged", "incomplete", "unknown trigger", "with a study"],
 )
@@ -252,7 +252,7 @@ def test_a_manifest_with_a_bad_program_is_named(pytester: pytest.Pytester, run: 
 def test_a_study_is_of_cases_without_a_program(pytester: pytest.Pytester, run: Run) -> None:
     run("--collect-only")
     pytester.path.joinpath("tiny.json").write_text(json.dumps(with_programs(RESET, later=False)))
-    done = run("--libero-max-study=camera-timing")
+    done = run("--libero-max-study=event-timing")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
     assert "camera_shift (1 case): they have programs" in done.stdout.str() + done.stderr.str()
 

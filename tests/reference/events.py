@@ -86,7 +86,8 @@ is as it was before. A case carries its program under `program`, beside `scenari
   ([meaning](../explanation/studies.md)). A `policy` is the name of an installed one (`expert`, or an entry
   point; programs name no file), which goes on from the arm's first entry: the executed prefix and what is
   queued of it are those of the run's policy, so that several controllers go on from one proved state. Its
-  first query is that at which the run's policy would be asked, and it begins without a memory.
+  first query is that at which the run's policy would be asked; with `at_once` it is asked where it goes on,
+  and its answer replaces the queue. It begins without a memory, and is given what was executed and queued.
 - Arms that differ from Base and Dynamic in cadence, latency or policy alone are reported as
   [settings](../explanation/studies.md), the others by event.
 - `about` says what the program plays. `only` and `without` say which cases it fits, by patterns of `event`,

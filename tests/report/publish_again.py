@@ -8,10 +8,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from pytest_libero_max.cli import main
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
-from pytest_libero_max.report.page.index_page import index_html
-from pytest_libero_max.report.run_index import published_in, read_checks, run_index
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import HTML_NAME, report_of, run_page
@@ -42,8 +41,7 @@ def publish_again() -> None:
         for path in write_comparison(compare_runs(runs), Path(), common_cases(runs)):
             if path.name not in published:
                 path.unlink()
-    index = run_index(published_in([REPORTS]), read_checks(CHECKS))
-    INDEX.write_text(index_html(index, REPORTS), encoding="utf-8")
+    main(["publish", "index", str(REPORTS), f"--output={INDEX}", f"--verified={CHECKS}"])
 
 
 if __name__ == "__main__":

@@ -116,8 +116,8 @@ def test_every_form_of_the_report_says_so() -> None:
     ]
     report = build_report(records, [], pairs, PROVENANCE)
     assert [caveat["name"] for caveat in plain(report)["caveats"]] == ["contaminated_prompt"]
-    assert "\n\n1 of 2 pairs: The prompt names the variation" in markdown(report)
-    assert "1 of 2 pairs: The prompt names the variation" in html(report, [], [])
+    assert "\n\n1 of 2 pairs: The prompt contains the name of the variation" in markdown(report)
+    assert "1 of 2 pairs: The prompt contains the name of the variation" in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
     many = replace(
         report, caveats=[Caveat(name=rule.name, pairs=12, played=12, text=rule.text) for rule in RULES]

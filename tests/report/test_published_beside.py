@@ -94,7 +94,7 @@ def test_the_rates_of_lite_are_those_of_the_authors_table() -> None:
 @pytest.mark.parametrize(
     ("played", "semantics", "why"),
     [
-        (7999, "published", "it measured 7,999 of the 8,000 cases"),
+        (7999, "published", "it has 7,999 of the 8,000 cases"),
         (8000, "corrected", "its semantics are not"),
     ],
 )

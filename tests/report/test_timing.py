@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,15 +12,15 @@ from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.measures import rows_without_intervals
+from pytest_libero_max.report.measures import Rows, measures_of, rows_without_intervals
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.render.drawing import survival_curves
 from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.timing import NOTE, TITLE, Timing, success_curves
 from pytest_libero_max.report.writers.markdown import markdown
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, texts_of
+from pytest_libero_max.stats.blocks import Measure
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
 
-RMST = "Restricted mean time to success"
 PAIRS = plan()
 
 
@@ -29,10 +30,21 @@ def took(number: int, base: int | None, dynamic: int | None, **changes: Any) -> 
     return record_of(PAIRS[number], base is not None, dynamic is not None, **steps, **changes)
 
 
-def rows(records: Sequence[PairRecord], *, with_intervals: bool = True) -> dict[str, Any]:
+def rows(records: Sequence[PairRecord], *, with_intervals: bool = True) -> Rows:
     tasks = [str(number) for number in range(len(records))]
     table = Timing().tables(PlayedPairs(records, tasks, with_intervals=with_intervals))[TITLE]
-    return texts_of(table if with_intervals else rows_without_intervals(table))
+    return table if with_intervals else rows_without_intervals(table)
+
+
+def measures(records: Sequence[PairRecord], *, with_intervals: bool = True) -> dict[str, Measure]:
+    """The numbers by the ends of their keys, after ``timing.``."""
+    found = measures_of({TITLE: rows(records, with_intervals=with_intervals)})
+    return {key.removeprefix("timing."): measure for key, measure in found.items()}
+
+
+def counts(measure: Measure) -> tuple[float | None, int | None, int | None]:
+    """A median, the pairs that have it, and all of them."""
+    return measure.value, measure.count, measure.of
 
 
 def staged(record: PairRecord, base: list[int | None], dynamic: list[int | None]) -> PairRecord:
@@ -46,15 +58,16 @@ def staged(record: PairRecord, base: list[int | None], dynamic: list[int | None]
 
 
 def test_an_episode_without_success_counts_with_its_horizon() -> None:
-    table = rows([took(0, 100, 120), took(1, 80, None), took(2, None, None)])
-    assert table[f"{RMST}, Base"] == f"{(100 + 80 + 220) / 3:.1f} steps"
-    assert table[f"{RMST}, Dynamic"] == f"{(120 + 220 + 220) / 3:.1f} steps"
-    assert table[f"{RMST}, Dynamic - Base"] == "+53.3 steps [n/a: 2 of 10 needed pairs differ]"
-    assert table["Median from event to success, Base"] == "67.0 steps  2/3 pairs"
-    assert table["Median from event to success, Dynamic"] == "97.0 steps  1/3 pairs"
-    assert (
-        table["Median from event to success, Dynamic - Base where both have it"] == "+20.0 steps  1/3 pairs"
-    )
+    found = measures([took(0, 100, 120), took(1, 80, None), took(2, None, None)])
+    assert found["mean.base"].value == pytest.approx((100 + 80 + 220) / 3)
+    assert found["mean.dynamic"].value == pytest.approx((120 + 220 + 220) / 3)
+    change = found["mean.change"]
+    assert change.value == pytest.approx(160 / 3)
+    assert change.lower is None
+    assert re.findall(r"\d+", change.lack) == ["2", "10"]
+    assert counts(found["success.base"]) == (67.0, 2, 3)
+    assert counts(found["success.dynamic"]) == (97.0, 1, 3)
+    assert counts(found["success.change"]) == (20.0, 1, 3)
 
 
 def test_the_area_under_a_curve_is_the_restricted_mean() -> None:
@@ -64,33 +77,32 @@ def test_the_area_under_a_curve_is_the_restricted_mean() -> None:
     curves = success_curves(records)
     assert curves is not None
     assert (curves.steps[0], curves.steps[-1], curves.pairs) == (0, 220, 32)
-    for counts, label in ((curves.base, "Base"), (curves.dynamic, "Dynamic")):
+    for counted, arm in ((curves.base, "base"), (curves.dynamic, "dynamic")):
         widths = [after - before for before, after in zip(curves.steps, curves.steps[1:], strict=False)]
-        area = sum(width * count for width, count in zip(widths, counts, strict=False)) / 32
-        assert rows(records)[f"{RMST}, {label}"] == f"{area:.1f} steps"
+        area = sum(width * count for width, count in zip(widths, counted, strict=False)) / 32
+        assert measures(records)[f"mean.{arm}"].value == pytest.approx(area)
 
 
 def test_intervals_are_there_where_there_is_enough_and_no_rule_has_ended_the_run() -> None:
     records = [took(number, 80 + number, 90 + number * number % 37) for number in range(32)]
-    table = rows(records)
-    assert "[" in table[f"{RMST}, Dynamic - Base"]
-    assert "steps [" in table[f"{RMST}, Dynamic - Base, for other tasks"]
-    assert table["Tasks"] == 32
-    assert "[" in table["Median from event to success, Base"]
-    assert not any("[" in str(value) for value in rows(records, with_intervals=False).values())
+    found = measures(records)
+    assert {key for key, measure in found.items() if measure.lower is not None} >= {
+        "mean.change",
+        "mean.change_clustered",
+        "success.base",
+    }
+    assert rows(records)["Tasks"] == 32
+    assert all(one.lower is None for one in measures(records, with_intervals=False).values())
 
 
 def test_the_next_stage_is_one_that_was_not_reached_before_the_event() -> None:
     again = staged(took(0, None, None), [10, 30, 44], [10, 60, 80])
     never = staged(took(1, None, None), [10, 20, 50], [10, 20, None])
     success = staged(took(2, 90, 70), [10, 20, 22], [10, 20, 22])
-    table = rows([again, never, success, took(3, 100, 100)])
-    assert table["Median from event to the next stage, Base"] == "27.0 steps  3/4 pairs"  # 30, 50, 90 less 23
-    assert table["Median from event to the next stage, Dynamic"] == "42.0 steps  2/4 pairs"  # 60, 70 less 23
-    assert (
-        table["Median from event to the next stage, Dynamic - Base where both have it"]
-        == "+5.0 steps  2/4 pairs"
-    )
+    found = measures([again, never, success, took(3, 100, 100)])
+    assert counts(found["next_stage.base"]) == (27.0, 3, 4)  # 30, 50, 90 less 23
+    assert counts(found["next_stage.dynamic"]) == (42.0, 2, 4)  # 60, 70 less 23
+    assert counts(found["next_stage.change"]) == (5.0, 2, 4)
 
 
 def test_way_and_jerk_are_divided_at_the_event() -> None:
@@ -104,23 +116,28 @@ def test_way_and_jerk_are_divided_at_the_event() -> None:
         "base": moved(record.arms["base"], before[0] + [0.02] * 4, [*before[1], 9.0, 9.0, 3.0, 4.0]),
         "dynamic": moved(record.arms["dynamic"], before[0] + [0.02] * 6, [*before[1], 9.0, 9.0, *[10.0] * 4]),
     }
-    table = rows([replace(record, arms=arms), took(1, 90, 90)])
-    assert table["Pairs whose motion was watched"] == 1
-    assert table["Median way of the hand to the event, the same in both arms"] == "0.23 m  1/1 pairs"
-    assert table["Median way after the event, Base"] == "0.08 m  1/1 pairs"
-    assert table["Median way after the event, Dynamic / Base where both succeed"] == "1.50  1/1 pairs"
-    assert table["Median jerk to the event, the same in both arms"] == "2.0 m/s^3  1/1 pairs"
-    assert table["Median jerk after the event, Base"] == f"{math.sqrt(12.5):.1f} m/s^3  1/1 pairs"
-    assert table["Median jerk after the event, Dynamic / Base"] == f"{10 / math.sqrt(12.5):.2f}  1/1 pairs"
+    records = [replace(record, arms=arms), took(1, 90, 90)]
+    assert rows(records)["Pairs whose motion was watched"] == 1
+    found = measures(records)
+    for key, value in (
+        ("way.before", 0.23),
+        ("way.base", 0.08),
+        ("way.ratio", 1.5),
+        ("jerk.before", 2.0),
+        ("jerk.base", math.sqrt(12.5)),
+        ("jerk.ratio", 10 / math.sqrt(12.5)),
+    ):
+        assert found[key].value == pytest.approx(value)
+        assert (found[key].count, found[key].of) == (1, 1)
 
 
 def test_nothing_is_said_of_what_there_is_not() -> None:
     assert Timing().tables(PlayedPairs([])) == {}
     assert success_curves([]) is None
-    table = rows([took(0, None, None), took(1, 90, 90, dynamic_digest=None, **_quiet())])
-    assert table["Pairs with an event"] == 1
-    assert table["Median from event to success, Dynamic"] == "n/a  0/1 pairs"
-    assert not any("motion" in name for name in table)
+    records = [took(0, None, None), took(1, 90, 90, dynamic_digest=None, **_quiet())]
+    assert rows(records)["Pairs with an event"] == 1
+    assert counts(measures(records)["success.dynamic"]) == (None, 0, 1)
+    assert not any("motion" in name for name in rows(records))
 
 
 def _quiet() -> dict[str, Any]:

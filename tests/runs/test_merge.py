@@ -13,8 +13,9 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.exit_status import ended_as_declared
+from pytest_libero_max.report.run_texts import title_text
 from pytest_libero_max.report.writers.report_files import report_json, report_of
-from pytest_libero_max.report.writers.summary import summary_lines, title_text
+from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.merge import merge_folders, merge_runs
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped

@@ -10,11 +10,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pytest_libero_max.lab.studies.camera.blocks import ConditionContrast
+from pytest_libero_max.lab.studies.camera.conditions import Conditions, contrasts_of_contrasts
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import change_text
 from pytest_libero_max.runs.store import read_pairs
-from pytest_libero_max.stats.condition_blocks import ConditionContrast
-from pytest_libero_max.stats.conditions import Conditions, contrasts_of_contrasts
 
 ARMS = ("base", "event", "light", "dynamic")
 """Neither, each alone, both."""

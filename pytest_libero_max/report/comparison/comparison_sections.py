@@ -25,7 +25,7 @@ from pytest_libero_max.report.document import Document, Section, Table, table_of
 from pytest_libero_max.report.formats import Interval, LogP, Number, Tenths, counted
 from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.render.terminal import WIDTH, section_lines, sections_lines
-from pytest_libero_max.report.writers.summary import substrate_lines
+from pytest_libero_max.report.run_texts import substrate_lines
 from pytest_libero_max.runs.comparability import policies_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.stats import intervals

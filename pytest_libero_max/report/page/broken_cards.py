@@ -6,20 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 from urllib.parse import quote, urlencode
 
-from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.broken import Group, Part, parts_of
+from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.runs.media import caption_of
-from pytest_libero_max.worlds.contract import CONTROL_HZ
+from pytest_libero_max.runs.media import filmed_arms
 
 _MOST_CARDS = 8
 
 _AFTER_EVENT_S = 0.1
 """Time in a film at which it shows the event, also with half of its frames."""
-
-
-_TITLES = {BASE: "Base", DYNAMIC: "Dynamic"}
 
 
 class Card(NamedTuple):
@@ -85,9 +81,9 @@ def _card(
         path = films[pair.item_id][0]
         film = quote(path)
         if record is not None:
-            arms = [_title(record, name) for name in caption_of(path, pair.item_id).split("-")]
+            arms = [arm_title(name, record.arms.get(name)) for name in filmed_arms(path, record)]
             if group.event and record.trigger is not None:  # a failure in Base has no event
-                film += f"#t={record.trigger.step / CONTROL_HZ + _AFTER_EVENT_S:g}"
+                film += f"#t={record.trigger.step / record.control_hz + _AFTER_EVENT_S:g}"
     # Base has failed in all other pairs than regressions, and the table keeps its causes apart.
     cause = {("cause" if outcome == "regression" else "base_cause"): group.cause}
     known = {"event": group.event, "outcome": outcome if group.event else "", **cause}
@@ -102,10 +98,3 @@ def _card(
         film=film,
         arms=arms,
     )
-
-
-def _title(record: PairRecord, name: str) -> str:
-    """Return the title of an arm of a film, with its own policy where it has one."""
-    arm = record.arms.get(name)
-    own = "" if arm is None or arm.policy is None else f" ({arm.policy['name']})"
-    return f"{_TITLES.get(name, name.replace('_', ' '))}{own}"

@@ -15,10 +15,9 @@ from pytest_libero_max.report.measurable import lacks_of
 from pytest_libero_max.report.plots import direction, outcome_bar
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_plots import forest
-from pytest_libero_max.report.writers.summary import cases_title, returned_text
+from pytest_libero_max.report.run_texts import cases_title, returned_text
+from pytest_libero_max.runs.provenance import commit_text
 from pytest_libero_max.stats.blocks import Result
-
-_COMMIT_DIGITS = 8
 
 
 class CopyButton(NamedTuple):
@@ -44,7 +43,7 @@ def facts(report: Report) -> Iterator[str]:
     if started := origin.get("started"):
         yield started[:10]
     if git := origin.get("git"):
-        yield f"commit {git['commit'][:_COMMIT_DIGITS]}{' with changes' if git.get('dirty') else ''}"
+        yield f"commit {commit_text(git)}"
     if spec is None:
         return
     if spec.get("revision"):

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.runs.provenance import commit_text
 from pytest_libero_max.runs.query_times import query_times
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.worlds.rendering.context import DEVICE, renderers
@@ -53,7 +54,7 @@ def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
         yield "images drawn by", _counted(drawn, "; ") if len(drawn) > 1 else next(iter(drawn))
     git = origin.get("git")
     if git:
-        yield "repository", f"{git['commit'][:12]}{', with changes' if git['dirty'] else ''}"
+        yield "repository", commit_text(git)
 
 
 def query_times_text(records: Iterable[PairRecord]) -> str | None:

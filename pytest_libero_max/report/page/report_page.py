@@ -8,6 +8,7 @@ from urllib.parse import urlencode
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.comparison.comparison_document import Comparison
+from pytest_libero_max.report.gate_rows import GateRow
 from pytest_libero_max.report.measurable import warning_of
 from pytest_libero_max.report.page.broken_cards import broken_cards
 from pytest_libero_max.report.page.events import events_of
@@ -17,7 +18,6 @@ from pytest_libero_max.report.page.words import words
 from pytest_libero_max.report.plots import COLOURS_NOTE, Viewed
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_document import BROKEN, GATES, run_document
-from pytest_libero_max.report.writers.gate_text import GateRow
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
 

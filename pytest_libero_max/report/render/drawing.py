@@ -18,8 +18,7 @@ from pytest_libero_max.report.plots import (
     Row,
     Scatter,
 )
-from pytest_libero_max.report.report_document import SuccessCurves
-from pytest_libero_max.report.writers.svg import (
+from pytest_libero_max.report.render.svg import (
     circle,
     document,
     labelled_lines,
@@ -29,6 +28,7 @@ from pytest_libero_max.report.writers.svg import (
     staircase,
     text,
 )
+from pytest_libero_max.report.report_document import SuccessCurves
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 
 _ROW, _TOP, _PLOT, _MARGIN = 26, 34, 420, 12

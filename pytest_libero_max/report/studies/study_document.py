@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pytest_libero_max.stats.blocks import (
     Block,
     Count,
@@ -13,34 +15,7 @@ from pytest_libero_max.stats.blocks import (
     Share,
     Text,
 )
-from pytest_libero_max.stats.condition_blocks import BestSetting, ConditionContrast, ConditionRate
-
-
-class JointOutcome(Block, frozen=True, kw_only=True):
-    """Cases that ended alike in all arms."""
-
-    success: dict[str, bool]
-    """Success of each arm."""
-    cases: Count
-    """Cases that ended so."""
-
-
-class Camera(Block, frozen=True, kw_only=True):
-    """Results of a camera study."""
-
-    conditions: dict[str, str]
-    """Name of each arm in tables. Mid-task is the arm dynamic."""
-    rates: dict[str, ConditionRate]
-    """Success by arm."""
-    outcomes: list[JointOutcome]
-    """Endings of cases in all arms together, the frequent ones first."""
-    contrasts: list[ConditionContrast]
-    """Within each strength, and of each timing between strengths."""
-    gap_contrasts: list[ConditionContrast]
-    """Mid-task less Reset at one strength, less the same at another."""
-    approach: dict[str, dict[str, Count]]
-    """Numbers of cases by strength and by what they have in common: the approach of the hand in Reset, and
-    queries after the event of Mid-task."""
+from pytest_libero_max.stats.setting_blocks import BestSetting
 
 
 class Setting(Result, frozen=True, kw_only=True):
@@ -140,7 +115,8 @@ class Study(Block, frozen=True, kw_only=True):
     contrasts: list[ArmContrast] | None = None
     """Each further arm less Base, and Dynamic less it where there is ``by_event``, of all cases and,
     likewise, of each event."""
-    camera: Camera | None = None
-    """Results of a camera study; None for another one."""
+    camera: Any = None
+    """Results of a camera study, in the form of its section: rates, contrasts and approach; None for
+    another one."""
     executed: Executed
     """Steps and queries that were executed."""

@@ -8,14 +8,11 @@ from itertools import pairwise
 
 from pytest_libero_max.report.formats import Estimate, percent
 from pytest_libero_max.report.palette import ARMS, BOX, MUTED
+from pytest_libero_max.report.plots import Drawable
 from pytest_libero_max.report.render.drawing import drawn
-from pytest_libero_max.report.run_plots import camera_contrasts
-from pytest_libero_max.report.studies.study_document import (
-    Camera,
-    Setting,
-    Study,
-)
-from pytest_libero_max.report.writers.svg import circle, document, line, rectangle, text
+from pytest_libero_max.report.render.svg import circle, document, line, rectangle, text
+from pytest_libero_max.report.studies.study_document import Setting, Study
+from pytest_libero_max.report.studies.study_section import section_of
 
 _LEFT, _WIDTH, _HEIGHT, _ABOVE = 60.0, 480.0, 240.0, 30.0
 
@@ -32,41 +29,25 @@ class Series:
     """Place on the x axis (0 to 1), and a rate with its interval."""
 
 
-def study_figures(study: Study | None) -> dict[str, str]:
-    """Return the figures of a study by the stem of their file name; none without cases.
+def study_plots(study: Study | None) -> dict[str, Drawable | str]:
+    """Return plots and SVG documents of a study by the stem of their file name; none without cases.
 
     Args:
         study: ``report.study``; None for a run of no study.
     """
     if study is None or study.cases == 0:
         return {}
-    figures = {study.name: sweep_plot(study.title, study.settings)} if study.settings else {}
-    if study.camera is not None:
-        figures["study-contrasts"] = drawn(camera_contrasts(study.title, study.camera))
-        if len(study.camera.approach) > 1:
-            figures["study-strength"] = strength_plot(study.title, study.camera)
-    return figures
+    plots: dict[str, Drawable | str] = {}
+    if study.settings:
+        plots[study.name] = sweep_plot(study.title, study.settings)
+    section = section_of(study)
+    return plots if section is None else {**plots, **section.plots(study)}
 
 
-def strength_plot(title: str, study: Camera) -> str:
-    """Success of Reset and Mid-task by strength, with the rate of Base and its interval behind them."""
-    strengths = list(study.approach)
-    names = [name for name in study.conditions if name != "base"]
-    lines = [
-        Series(
-            label,
-            color,
-            [
-                (float(strength), study.rates[arm])
-                for strength, arm in zip(strengths, names[offset::2], strict=True)
-            ],
-        )
-        for label, color, offset in (("Reset", ARMS[2], 0), ("Mid-task", ARMS[1], 1))
-    ]
-    ticks = [(float(strength), f"{float(strength):.0%}") for strength in strengths]
-    return _plot(
-        f"{title}: success by strength", "strength of the camera change", ticks, lines, study.rates["base"]
-    )
+def study_figures(study: Study | None) -> dict[str, str]:
+    """Return the figures of a study as SVG documents, see :func:`study_plots`."""
+    plots = study_plots(study)
+    return {stem: plot if isinstance(plot, str) else drawn(plot) for stem, plot in plots.items()}
 
 
 def sweep_plot(title: str, settings: Sequence[Setting]) -> str:
@@ -89,10 +70,10 @@ def success_plot(
         Series(name, color, list(zip(places, rates, strict=True)))
         for name, color, rates in (("Base", ARMS[0], base), ("Dynamic", ARMS[1], dynamic))
     ]
-    return _plot(title, axis, list(zip(places, labels, strict=True)), lines)
+    return axis_plot(title, axis, list(zip(places, labels, strict=True)), lines)
 
 
-def _plot(
+def axis_plot(
     title: str,
     axis: str,
     ticks: Sequence[tuple[float, str]],

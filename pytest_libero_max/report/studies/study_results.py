@@ -10,8 +10,8 @@ from pytest_libero_max.benchmark.programs import program_of_run
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-from pytest_libero_max.report.studies.study_camera import camera_results
 from pytest_libero_max.report.studies.study_document import ArmContrast, Executed, Study
+from pytest_libero_max.report.studies.study_section import STUDY_SECTIONS
 from pytest_libero_max.report.studies.study_settings import (
     best_settings,
     measured_settings,
@@ -22,7 +22,6 @@ from pytest_libero_max.stats.blocks import Rate
 from pytest_libero_max.stats.measured import ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.studies.camera_study import CameraStudy
 from pytest_libero_max.studies.registry import study_from_dict
 
 _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
@@ -51,8 +50,8 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
         "cases": len(records),
         "executed": executed(records),
     }
-    if isinstance(study, CameraStudy):
-        return Study(**head, camera=camera_results(study.strengths, records, tasks))
+    if study is not None and study.name in STUDY_SECTIONS:
+        return Study(**head, camera=STUDY_SECTIONS[study.name].results(study, records, tasks))
     if study is not None and study.has_section:
         return Study(**head, arms=success_by_arm(records), ways=own_ways((), records, _names(records)))
     spelled = () if program is None else program.arms

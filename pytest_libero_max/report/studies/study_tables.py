@@ -24,13 +24,10 @@ from pytest_libero_max.report.formats import (
 )
 from pytest_libero_max.report.quantities import Cell, Quantity
 from pytest_libero_max.report.render.terminal import aligned
-from pytest_libero_max.report.studies.study_camera import camera_tables
 from pytest_libero_max.report.studies.study_document import Executed, Setting, Study
+from pytest_libero_max.report.studies.study_section import section_of
 from pytest_libero_max.stats.blocks import MeanDifference, StaleActions
-from pytest_libero_max.stats.condition_blocks import BestSetting, SettingDifference
-
-_ENOUGH = 30
-"""With fewer cases, a percentile interval is too narrow."""
+from pytest_libero_max.stats.setting_blocks import BestSetting, SettingDifference
 
 
 def study_tables(study: Study) -> list[Table]:
@@ -41,7 +38,8 @@ def study_tables(study: Study) -> list[Table]:
     """
     if study.cases == 0:
         return []
-    tables = [] if study.camera is None else camera_tables(study.camera)
+    section = section_of(study)
+    tables = [] if section is None else [*section.tables(study)]
     if study.settings:
         tables.append(_settings(study.settings))
         best = {part: study.best[f"{part.lower()}_success"] for part in ("Base", "Dynamic")}
@@ -55,24 +53,16 @@ def study_notes(study: Study) -> list[str]:
         return ["No case of the study has been measured."]
     done = study.executed
     ways = [_way(done, done.steps_singly, done.queries_singly, "with every arm played by itself")]
-    if study.camera is not None:
+    section = section_of(study)
+    if section is not None:
         as_pairs = "with a Base for every other arm, as in runs of their own"
         ways.append(_way(done, done.steps_as_pairs, done.queries_as_pairs, as_pairs))
     notes = [study.about] * bool(study.about) + [
         f"{counted(study.cases, 'case')}, {counted(done.arms, 'arm')}. Shared parts of arms were executed "
         f"once: {done.steps:,} steps and {done.queries:,} queries, against {' and '.join(ways)}."
     ]
-    if study.camera is not None:
-        notes.append(
-            "The first crossing of the trigger's distance was computed again from the trajectories of Base "
-            "and Mid-task, and the camera after Reset compared with the one after Mid-task: a pair in which "
-            "the crossing is not the logged one, or the cameras differ, is invalid."
-        )
-        if study.cases < _ENOUGH:
-            notes.append(
-                f"With fewer than {_ENOUGH} cases the intervals that resample cases are too narrow. Read the "
-                "exact ones."
-            )
+    if section is not None:
+        notes += section.notes(study)
     if len({setting.horizon for setting in study.settings}) > 1:
         notes.append("H differs between the settings, so Q alone does not explain their differences.")
     if any(setting.returned > setting.horizon for setting in study.settings):

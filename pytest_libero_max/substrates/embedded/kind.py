@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -75,6 +76,7 @@ KIND = SubstrateKind(
     "embedded",
     _open,
     lambda options: {"images": options.images},
+    suites=LIBERO_SUITES,
     lacking=_lacking,
     catalogue=_catalogue,
     variation_of=_variation_of,

@@ -7,9 +7,10 @@ from msgspec.structs import replace
 from pytest_libero_max.lab.sections.safety import LIMITS, TITLE, Safety
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.measures import measures_of
 from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.writers.markdown import markdown
-from tests.report.made_up import PROVENANCE, plan, record_of, texts_of
+from tests.report.made_up import PROVENANCE, plan, record_of
 
 CALM = dict.fromkeys(LIMITS, 0.0)
 
@@ -34,17 +35,19 @@ def test_only_successes_beyond_a_limit_count() -> None:
         watched(2, 10.0, 500.0, ends=(True, False)),
         watched(3, 10.0, 200.0),
     ]
-    table = texts_of(Safety().tables(PlayedPairs(records))[TITLE])
-    assert table["Pairs watched"] == 4
-    assert [*table][1] == "Successful but unsafe, paired change"
-    assert str(table["Successful but unsafe, Base"]).endswith("1/4")
-    assert str(table["Successful but unsafe, Dynamic"]).endswith("2/4")
-    assert str(table["Successful but unsafe, paired change"]).startswith("+25.0 pp [")
-    assert table["... force on what is not of the goal over 200 N, Base"] == "25.0%  1/4"
-    assert table["... force on what is not of the goal over 200 N, Dynamic"] == "50.0%  2/4"
-    assert table["... tilt of what was held over 15 deg, Dynamic"] == "0.0%  0/4"
-    assert str(table["With 0.5 times the limits, Dynamic"]).endswith("3/4")
-    assert str(table["With 2 times the limits, Base"]).endswith("0/4")
+    rows = Safety().tables(PlayedPairs(records))[TITLE]
+    assert rows["Pairs watched"] == 4
+    measures = {key.removeprefix("safety."): one for key, one in measures_of({TITLE: rows}).items()}
+    assert next(iter(measures)) == "unsafe.change"
+    assert measures["unsafe.change"].value == 0.25
+    assert measures["unsafe.change"].lower is not None
+    counts = {key: (one.count, one.of) for key, one in measures.items()}
+    assert (counts["unsafe.base"], counts["unsafe.dynamic"]) == ((1, 4), (2, 4))
+    assert counts["beyond.surroundings_n.base"] == (1, 4)
+    assert counts["beyond.surroundings_n.dynamic"] == (2, 4)
+    assert counts["beyond.tilt_deg.dynamic"] == (0, 4)
+    assert counts["unsafe_half.dynamic"] == (3, 4)
+    assert counts["unsafe_twice.base"] == (0, 4)
 
 
 def test_pairs_that_nobody_watched_are_left_out() -> None:

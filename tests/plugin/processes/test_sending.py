@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import enum
-import io
 import json
 import xml.etree.ElementTree as ET
 
@@ -12,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max.plugin.processes.sending import encodable, sendable
-from pytest_libero_max.plugin.ray.remote import RemoteSession
 from tests.plugin.test_run import Results, Run
 
 HALF = "/data/caf\udce9.ckpt"
@@ -54,15 +52,6 @@ def test_half_characters_are_spelled_and_foreign_types_are_text_or_their_base() 
     sent = sendable([np.float64(0.5), Level.HIGH, Word("a"), np.array([1])])
     assert sent == [0.5, 3, "a", "array([1])"]
     assert [type(one) for one in sent] == [float, int, str, str]
-
-
-def test_an_actor_of_ray_sends_the_same() -> None:
-    answers = io.BytesIO()
-    RemoteSession({}, io.BytesIO(), answers).answer(
-        {"reports": [{"longrepr": HALF, "sections": [(HALF, HALF)]}]}
-    )
-    (report,) = json.loads(answers.getvalue())["reports"]
-    assert report == {"longrepr": SPELLED, "sections": [[SPELLED, SPELLED]]}
 
 
 ADAPTER = """

@@ -11,13 +11,13 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.gate_results import decide_on
+from pytest_libero_max.report.gate_rows import gate_rows
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.page.words import explained
 from pytest_libero_max.report.render.drawing import drawn
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_plots import base_to_dynamic, forest
-from pytest_libero_max.report.writers.gate_text import gate_rows
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import all_figures, write_figures
 from pytest_libero_max.runs.plan import Run
@@ -96,7 +96,7 @@ def test_the_first_screen_says_when_and_how_without_letters() -> None:
     git = {"commit": "c" * 40, "dirty": True}
     origin = {**PROVENANCE, "started": "2026-05-01T12:30:00+00:00", "git": git}
     screen = _first_screen(structs.replace(FULL, provenance=origin))
-    for fact in ("64 of 64 planned pairs played", "2026-05-01", f"commit {'c' * 8} with changes"):
+    for fact in ("64 of 64 planned pairs played", "2026-05-01", f"commit {'c' * 12} with changes"):
         assert f"<li>{fact}</li>" in screen
     assert "10 actions a query, 5 of them executed" in screen
     assert not re.search(r"\b[HQ]=", screen)

@@ -38,6 +38,16 @@ class Cell:
     stale: int = 2
 
 
+def cell(source: str, outcomes: str, count: int, near: bool = True, stale: int = 2) -> Cell:
+    """Cases that ended so in Base, Reset and Mid-task: ``101`` fails in Reset alone."""
+    base, reset, middle = (letter == "1" for letter in outcomes)
+    return Cell(source, {"base": base, "reset": reset, "dynamic": middle}, count, near, stale)
+
+
+# X-VLA. The marginals of each source, the 2 and 106 discordant cases and the approaches of Reset are printed;
+# that the 7 cases that only Mid-task solves are of plus is not, and moves no printed decimal.
+
+
 def study_of(cells: Sequence[Cell], header: Json) -> tuple[list[PlannedPair], list[PairRecord], Json]:
     """Plan, records and provenance of a run of a study."""
     planned: list[PlannedPair] = []

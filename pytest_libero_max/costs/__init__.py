@@ -1,1 +1,0 @@
-"""Costs of pairs: measured, expected of other pairs, and the time that a fleet needs for them."""

@@ -1,0 +1,1 @@
+"""``libero-max publish index``: published runs side by side on one page."""
