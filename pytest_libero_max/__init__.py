@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.benchmark.identity import Identity
     from pytest_libero_max.benchmark.latency import Latency
     from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
+    from pytest_libero_max.benchmark.suites import Suite
     from pytest_libero_max.benchmark.tracks import load_track
     from pytest_libero_max.changes.change import Change, Evidence
     from pytest_libero_max.errors import LiberoMaxError
@@ -51,21 +52,26 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.build import build_report
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
     from pytest_libero_max.report.measures import Measured
+    from pytest_libero_max.report.readers import PairOutcome, ReadResults, ResultsReader
     from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
     from pytest_libero_max.report.stopping_rule import StoppingRule
+    from pytest_libero_max.runs.plan import PlannedPair
     from pytest_libero_max.runs.store import read_pairs
     from pytest_libero_max.studies.study import Study
     from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
     from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.substrates.tiny.world import TinyWorld
     from pytest_libero_max.tasks.contents import TaskMetadata
-    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, World, WorldState
+    from pytest_libero_max.worlds.base import WorldBase
+    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, Robot, World, WorldState
+    from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 
 __all__ = [
     "AlterableWorld",
     "Arm",
     "ArmEnv",
     "BatchItem",
+    "CameraView",
     "Case",
     "Change",
     "Entity",
@@ -78,20 +84,26 @@ __all__ = [
     "Identity",
     "Latency",
     "LiberoMaxError",
+    "Lights",
     "Manifest",
     "Measured",
     "Moment",
     "Opening",
     "PairError",
+    "PairOutcome",
     "PairRecord",
     "PairSettings",
+    "PlannedPair",
     "PlayedPairs",
     "Policy",
     "PolicySpec",
     "Probe",
     "Query",
+    "ReadResults",
     "ReportSection",
+    "ResultsReader",
     "Revert",
+    "Robot",
     "Scenario",
     "ServerProtocol",
     "StoppingRule",
@@ -99,10 +111,13 @@ __all__ = [
     "Substrate",
     "SubstrateKind",
     "SubstrateOptions",
+    "Suite",
+    "Surfaces",
     "TaskMetadata",
     "TinyWorld",
     "Trigger",
     "World",
+    "WorldBase",
     "WorldState",
     "build_report",
     "changes",
@@ -173,8 +188,13 @@ _TO_EXTEND = {
     "report.stopping_rule": ("StoppingRule",),
     "report.report_section": ("ReportSection", "PlayedPairs"),
     "report.measures": ("Measured",),
+    "report.readers": ("ResultsReader", "ReadResults", "PairOutcome"),
+    "runs.plan": ("PlannedPair",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
-    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
+    "benchmark.suites": ("Suite",),
+    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld", "Robot"),
+    "worlds.base": ("WorldBase",),
+    "worlds.scenery": ("CameraView", "Lights", "Surfaces"),
     "policies.clients.protocol": ("ServerProtocol", "Opening"),
 }
 """Names for packages that add something, by the module that defines them."""

@@ -52,16 +52,8 @@ from pytest_libero_max.runs.media import SELECTIONS, TRACES_NAME, is_selected, s
 from pytest_libero_max.runs.plan import OUTSIDE
 from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, open_substrate
-from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, World, height_and_width
-
-_STATE = {
-    "robot0_eef_pos": 3,
-    "robot0_eef_quat": 4,
-    "robot0_gripper_qpos": 2,
-    "robot0_gripper_qvel": 2,
-    "robot0_joint_pos": 7,
-    "robot0_joint_vel": 7,
-}
+from pytest_libero_max.worlds.contract import Observation, World, height_and_width
+from pytest_libero_max.worlds.robot import PANDA, ROBOTS
 
 
 class PairedRun:
@@ -264,12 +256,12 @@ class ArmOfRun(gymnasium.Env):  # type: ignore[misc]
         self._seen: Observation = {}
         self._once = False
         self._last: tuple[Observation, float, bool, bool, Info] | None = None
-        shape = (*height_and_width(run.policy.image_size), 3)
+        shape, robot = (*height_and_width(run.policy.image_size), 3), ROBOTS[run.policy.robot or PANDA.name]
         images = {f"{name}_image": spaces.Box(0, 255, shape, np.uint8) for name in run.policy.cameras}
-        state = {name: spaces.Box(-np.inf, np.inf, (size,), np.float64) for name, size in _STATE.items()}
+        state = {name: spaces.Box(-np.inf, np.inf, (size,), np.float64) for name, size in robot.state.items()}
         self.observation_space = spaces.Dict({**state, **images})
         bound = 1.0 if run.policy.control == "delta" else np.inf
-        self.action_space = spaces.Box(-bound, bound, (ACTION_DIM,), np.float64)
+        self.action_space = spaces.Box(-bound, bound, (robot.components,), np.float64)
 
     @property
     def differing(self) -> tuple[int, ...]:

@@ -80,6 +80,17 @@ def return_large_blocks() -> None:
         mallopt(_M_MMAP_THRESHOLD, _LARGE_BLOCK_BYTES)
 
 
+def return_free_memory() -> None:
+    """Let the C library give the kernel what is free in its heap: the many small blocks of a closed scene.
+
+    Without this they stay between blocks that are in use, and a worker grows for its first hundred pairs. It
+    takes 2 to 4 ms. Other C libraries than glibc are left as they are.
+    """
+    malloc_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if malloc_trim is not None:
+        malloc_trim(0)
+
+
 def free_disk_bytes(folder: Path) -> int | None:
     """Room on the disk of a folder, which need not exist yet; None where it cannot be looked at."""
     for path in (folder, *folder.absolute().parents):

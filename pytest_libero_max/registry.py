@@ -31,6 +31,8 @@ ENTRY_POINTS = {
     "pytest_libero_max.probes": "a subclass of `Probe`, under its name",
     "pytest_libero_max.stopping_rules": "a subclass of `StoppingRule`, under its name",
     "pytest_libero_max.substrates": "a `SubstrateKind`, under its name",
+    "pytest_libero_max.robots": "a `Robot`, under its name",
+    "pytest_libero_max.suites": "a `Suite`, under its name",
     "pytest_libero_max.studies": "a subclass of `Study`, under its name",
     "pytest_libero_max.protocols": "a `ServerProtocol`, under the scheme of its addresses",
     "pytest_libero_max.policies": "a policy, or a class or function that makes one",
@@ -41,7 +43,8 @@ ENTRY_POINTS = {
     "pytest_libero_max.sections": "a subclass of `ReportSection`, under its name",
     "pytest_libero_max.study_sections": "a subclass of `StudySection`, under the name of its study",
     "pytest_libero_max.rules": "a `Rule`, under its id",
-    "pytest_libero_max.exports": "a module with a function `text`, or `files` for several, under its name",
+    "pytest_libero_max.exports": "a module with a function `text`, `files` or `write`, under its name",
+    "pytest_libero_max.readers": "a subclass of `ResultsReader`, under its name",
 }
 """The entry-point groups that other packages can add to, and the entries of each."""
 
@@ -108,6 +111,11 @@ class Registry(Generic[T]):
                 )
             self._loaded[name] = self._known()[name]()
         return self._loaded[name]
+
+    @property
+    def ours(self) -> tuple[str, ...]:
+        """Names of this package's own entries, without a look at others."""
+        return tuple(self._own())
 
     def is_ours(self, name: str) -> bool:
         """Return True for an entry of this package, which may be imported because a file names it."""
@@ -180,6 +188,15 @@ def given(attribute: str, *things: object) -> Own:
 def references(package: str, objects: Callable[[], Mapping[str, str]]) -> Own:
     """Return objects of a package, each as ``MODULE:NAME`` by its name in the registry."""
     return lambda: {name: partial(_named, f"{package}.{reference}") for name, reference in objects().items()}
+
+
+def listed_in(reference: str, attribute: str = "name") -> Own:
+    """Return the things that a module lists, named by an attribute of theirs.
+
+    Args:
+        reference: ``MODULE:NAME`` of the list, which is imported on first use.
+    """
+    return lambda: given(attribute, *_named(reference))()
 
 
 def classes_in(

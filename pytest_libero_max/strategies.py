@@ -32,7 +32,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import SearchStrategy
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, TRIGGER_DISTANCE_M, Case, Event
+from pytest_libero_max.benchmark.cases import TRIGGER_DISTANCE_M, Case, Event
 from pytest_libero_max.benchmark.cases import parse_case as _parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.manifests import SCORING_TRACK, Manifest
@@ -51,6 +51,7 @@ from pytest_libero_max.events.kind import VARIANTS
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def cases(
     entities: Entities | None = None,
     *,
     events: SearchStrategy[Event] | None = None,
-    suites: Iterable[str] = tuple(SUITE_BUDGETS),
+    suites: Iterable[str] = LIBERO_SUITES,
 ) -> Case:
     """Cases of unmodified tasks, playable in any world with these entities and ten initial states.
 
@@ -120,7 +121,7 @@ def cases(
         draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
         events: Strategy of the events; by default :func:`events` of the entities.
-        suites: LIBERO suites; they decide the step budget.
+        suites: Suites; they decide the step budget.
     """
     event = draw(events if events is not None else _events_of(entities))
     identity = Identity(

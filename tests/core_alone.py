@@ -17,8 +17,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-DESCRIBE_ALL = ("tests/test_documented_commands.py", "tests/test_documents.py", "tests/reference")
-"""Tests of pages, which describe the package with the lab."""
+OF_ALL = (
+    *("tests/lab", "tests/reference", "tests/scripts"),
+    *(f"tests/test_{name}.py" for name in ("documented_commands", "documents", "rooms", "run_figures")),
+)
+"""Tests of the lab, and of pages and programs that are about the package with the lab."""
 
 _NOT_EDITABLE = """import sys
 
@@ -88,7 +91,7 @@ def main(arguments: list[str]) -> int:
     """Play tests in a copy; returns the exit status of pytest."""
     with tempfile.TemporaryDirectory() as folder:
         environment = copy_without(Path(folder))
-        others = (f"--ignore={path}" for path in DESCRIBE_ALL)
+        others = (f"--ignore={path}" for path in OF_ALL)
         command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *others, *arguments]
         return subprocess.run(command, cwd=folder, env=environment).returncode
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 import pytest
 
 from pytest_libero_max.benchmark import cases
@@ -11,7 +9,7 @@ from pytest_libero_max.benchmark import cases
 PLUGIN = """
 from pytest_libero_max.benchmark import cases
 
-cases.SUITE_BUDGETS = dict.fromkeys(cases.SUITE_BUDGETS, {steps})
+cases.step_budget = lambda suite: {steps}
 """
 
 
@@ -30,5 +28,4 @@ def short_episodes(pytester: pytest.Pytester, steps: int) -> tuple[str, ...]:
 
 def shorten_here(monkeypatch: pytest.MonkeyPatch, steps: int) -> None:
     """Give every suite a budget of ``steps`` in this process."""
-    budgets = MappingProxyType(dict.fromkeys(cases.SUITE_BUDGETS, steps))
-    monkeypatch.setattr(cases, "SUITE_BUDGETS", budgets)
+    monkeypatch.setattr(cases, "step_budget", lambda suite: steps)

@@ -46,6 +46,35 @@ def test_large_blocks_are_returned() -> None:
     assert _grown_mib("return_large_blocks()") < 10
 
 
+SMALL_BLOCKS = """
+import ctypes
+from pytest_libero_max.machine import return_free_memory
+from tests.scripts.measure_memory import resident_bytes
+
+libc = ctypes.CDLL(None)
+libc.malloc.restype = ctypes.c_void_p
+libc.malloc.argtypes = [ctypes.c_size_t]
+libc.free.argtypes = [ctypes.c_void_p]
+before = resident_bytes()
+blocks = [libc.malloc(100_000) for _ in range(500)]
+for block in blocks:
+    ctypes.memset(block, 1, 100_000)
+for number, block in enumerate(blocks):
+    if (number + 1) % 50:  # the others stay between them
+        libc.free(block)
+kept = resident_bytes()
+return_free_memory()
+print((kept - before) // 2**20, (resident_bytes() - before) // 2**20)
+"""
+
+
+def test_free_memory_between_blocks_in_use_is_returned() -> None:
+    done = subprocess.run([sys.executable, "-c", SMALL_BLOCKS], capture_output=True, text=True, check=True)
+    kept, rest = map(int, done.stdout.split())
+    assert kept > 40
+    assert rest < 10
+
+
 def test_a_limit_on_memory_holds_and_is_a_memory_error() -> None:
     done = subprocess.run(
         [

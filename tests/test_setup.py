@@ -9,6 +9,7 @@ import sys
 import tarfile
 import tomllib
 import zipfile
+from importlib.metadata import PathDistribution
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,13 @@ def test_a_wheel_has_every_track_and_every_room(checkout: Path) -> None:
     data = [path for kind in ("json", "toml", "typed") for path in source.rglob(f"*.{kind}")]
     assert all((package / path.relative_to(source)).is_file() for path in data if "tracks" not in path.parts)
     assert not [*package.rglob("*.md"), *package.rglob("test_*"), *package.rglob("*.nbc")]
+    (metadata,) = (checkout / "installed").glob("*.dist-info")
+    attached = PathDistribution(metadata).entry_points
+    assert {point.group.partition(".")[0] for point in attached} >= {"pytest11", "pytest_libero_max"}
+    assert any(point.module.startswith("pytest_libero_max.lab.") for point in attached)
+    for point in attached:
+        path = checkout / "installed" / point.module.replace(".", "/")
+        assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file(), point
     assert {path.name for path in (checkout / "installed").iterdir()} == {
         "pytest_libero_max",
         f"{wheel.name.removesuffix('-py3-none-any.whl')}.dist-info",
@@ -158,3 +166,21 @@ def test_metadata_and_workflow_name_the_same_pythons() -> None:
     matrix = re.search(r"python: \[(.*)\]", (ROOT / ".github" / "workflows" / "ci.yml").read_text())
     assert matrix
     assert re.findall(r"[\d.]+", matrix[1]) == named
+
+
+def test_every_place_of_the_version_names_the_same_one() -> None:
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert newest is not None
+    assert newest[1] == version
+
+
+@pytest.mark.parametrize("name", ["ci", "release"])
+def test_the_container_is_built_for_each_change_and_each_release(name: str) -> None:
+    yaml = pytest.importorskip("yaml", reason=".ci/development.txt")
+    workflows = ROOT / ".github" / "workflows"
+    jobs = yaml.safe_load((workflows / f"{name}.yml").read_text())["jobs"]
+    assert jobs["container"] == {"uses": "./.github/workflows/container.yml"}
+    (container,) = yaml.safe_load((workflows / "container.yml").read_text())["jobs"].values()
+    assert any("docker build -f Containerfile" in step.get("run", "") for step in container["steps"])

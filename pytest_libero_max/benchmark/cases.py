@@ -5,9 +5,7 @@ A case of the authors is one event at one trigger; a ``program`` says more (:mod
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_args
 
 from msgspec import Struct
@@ -24,24 +22,15 @@ from pytest_libero_max.benchmark.structs import (
     checked,
     rule,
 )
-from pytest_libero_max.errors import ManifestError, did_you_mean
+from pytest_libero_max.benchmark.suites import SUITES
+from pytest_libero_max.errors import ManifestError
 
 Source = Literal["libero", "plus", "pro"]
 
-SUITE_BUDGETS: Mapping[str, int] = MappingProxyType(
-    {
-        "libero_spatial": 220,
-        "libero_object": 280,
-        "libero_goal": 300,
-        "libero_10": 520,
-    }
-)
-"""Policy steps an episode may take after the settle steps (1 step = 50 ms)."""
-
 
 def step_budget(suite: str) -> int | None:
-    """Return the policy steps of an episode of a suite, which every manifest has; None for no known suite."""
-    return SUITE_BUDGETS.get(suite)
+    """Return the policy steps of an episode of a suite after the settle steps; None for no known suite."""
+    return SUITES[suite].budget if suite in SUITES else None
 
 
 SETTLE_STEPS = 10
@@ -125,7 +114,9 @@ class Case:
     @property
     def budget(self) -> int:
         """Policy steps after the settle steps."""
-        return SUITE_BUDGETS[self.suite]
+        budget = step_budget(self.suite)
+        assert budget is not None  # reading a case refuses an unknown suite
+        return budget
 
     @property
     def digest(self) -> str:
@@ -138,13 +129,13 @@ class Case:
 
         It ends with the name of the case's program where it has one.
         """
-        category = "" if self.source == "libero" else f"-{slug(self.source_category)}"
-        suite = self.suite.removeprefix("libero_")
-        width = 4 if self.source == "plus" else 2
+        suite, width = SUITES[self.suite], 4 if self.source == "plus" else 2
+        varied = f"{self.source}-{slug(self.source_category)}"
+        origin = suite.benchmark if self.source == "libero" else varied
+        program = "" if self.program is None else f"-{self.program.name}"
         return (
-            f"{self.source}{category}-{suite}-t{self.task_index:0{width}d}-i{self.init_state_index:02d}"
-            f"-{self.event.name}-v{self.event.variant}"
-            + ("" if self.program is None else f"-{self.program.name}")
+            f"{origin}-{suite.label}-t{self.task_index:0{width}d}-i{self.init_state_index:02d}"
+            f"-{self.event.name}-v{self.event.variant}{program}"
         )
 
     @property
@@ -258,8 +249,8 @@ def parse_case(record: Any, where: str = "case") -> Case:
     where = f"case {named!r}" if isinstance(named, str) and named else where
     spelled: _Case = checked(record, _Case, f"{where}: ", ManifestError)
     suite = spelled.task_suite_name
-    if suite not in SUITE_BUDGETS:
-        raise ManifestError(f"{where}: task_suite_name={suite!r}. {did_you_mean(suite, SUITE_BUDGETS)}")
+    if suite not in SUITES:
+        raise ManifestError(f"{where}: task_suite_name={suite!r}. {SUITES.none_called(suite)}")
     source, category = _source(spelled.substrate_category)
     return Case(
         case_id=spelled.case_id,

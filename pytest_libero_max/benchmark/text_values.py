@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.order import Order
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import did_you_mean
 from pytest_libero_max.registry import Registry
 
@@ -34,11 +34,11 @@ def positive(text: str) -> int:
 
 
 def suites(text: str) -> tuple[str, ...]:
-    """Parse names of LIBERO's suites, with commas between."""
+    """Parse names of suites, with commas between."""
     names = [name.strip() for name in text.split(",")]
     for name in names:
-        if name not in SUITE_BUDGETS:
-            raise ValueError(f"expected suites with commas between. {did_you_mean(name, SUITE_BUDGETS)}")
+        if name not in SUITES:
+            raise ValueError(f"expected suites with commas between. {SUITES.none_called(name)}")
     return tuple(sorted({*names}))
 
 

@@ -1,14 +1,16 @@
-"""Common parts of this package's changes: measured before and after, taken back, and divided."""
+"""Common parts of changes: measured before and after, taken back, and divided."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence
+from pytest_libero_max.changes.factors import Factor, altered, read
 from pytest_libero_max.changes.fields import ManifestFields, strength_of
 from pytest_libero_max.changes.reversal import Reversal
+from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld
 
 
@@ -17,6 +19,8 @@ class Alteration(ManifestFields):
 
     touched: ClassVar[frozenset[Factor]] = frozenset()
     """Its factors, where they are the same for all values of its fields."""
+    final: ClassVar[str] = ""
+    """Reason why it cannot be taken back, as a sentence; empty where it can."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -24,15 +28,24 @@ class Alteration(ManifestFields):
 
     def apply(self, world: AlterableWorld) -> Evidence:
         self._require(world)
-        before = self._measure(world)
-        saved = self._alter(world)
-        return Evidence(
-            self.operation, tuple(sorted(self.factors)), before, self._measure(world), saved or {}
-        )
+        before, former = self._measure(world), read(world, self._in_order())
+        self._alter(world)
+        after = self._measure(world)
+        return Evidence(self.operation, tuple(sorted(self.factors)), before, after, altered(world, former))
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        check_evidence(self.operation, self.factors, evidence)
-        return Reversal(self.operation, self.factors, **self._former(evidence))
+        """Return the reversal, which writes the former values of the factors again.
+
+        Raises:
+            ChangeError: The evidence is of another change or from a record, or the change is final.
+        """
+        if self.final:
+            raise ChangeError(f"{self.operation} cannot be taken back: {self.final} Leave it out.")
+        return Reversal.of(self.operation, self.factors, evidence)
+
+    def _in_order(self) -> Sequence[Factor]:
+        """Return its factors in the order in which they are taken back."""
+        return sorted(self.factors)
 
     def _require(self, world: AlterableWorld) -> None:
         """Refuse a world in which the change cannot happen, before anything is measured or altered."""
@@ -41,12 +54,8 @@ class Alteration(ManifestFields):
         """Return what the change may alter, as plain JSON values."""
         raise NotImplementedError
 
-    def _alter(self, world: AlterableWorld) -> Mapping[str, Any] | None:
-        """Alter the world; return the values that only a reversal needs."""
-        raise NotImplementedError
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        """Return the fields of the reversal."""
+    def _alter(self, world: AlterableWorld) -> None:
+        """Alter the world."""
         raise NotImplementedError
 
 

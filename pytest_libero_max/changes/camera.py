@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import Text
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import (
     Cosine,
     Degrees,
@@ -21,23 +20,12 @@ from pytest_libero_max.changes.fields import (
     between,
     strength_of,
 )
-from pytest_libero_max.changes.reversal import altered_rows
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 FOVY_RANGE_DEG = (5.0, 150.0)
 """Vertical field of view a shifted camera may have."""
-
-
-_MEASURED = MappingProxyType(
-    {
-        "camera_position_m": "cam_pos",
-        "camera_quaternion_wxyz": "cam_quat",
-        "camera_fovy_deg": "cam_fovy",
-    }
-)
-"""Model fields by the names that evidence gives them."""
 
 
 class _CameraChange(Alteration):
@@ -47,23 +35,21 @@ class _CameraChange(Alteration):
     def factors(self) -> frozenset[Factor]:
         return frozenset({f"camera:{self.camera}"})
 
-    def _index(self, world: AlterableWorld) -> int:
-        try:
-            return int(world.model.camera(self.camera).id)
-        except KeyError:
-            known = [world.model.camera(i).name for i in range(world.model.ncam)]
+    def _require(self, world: AlterableWorld) -> None:
+        if self.camera not in world.cameras:
             raise ChangeError.seen(
                 f"{self.operation}.camera",
                 self.camera,
-                f", but the scene has no such camera. {did_you_mean(self.camera, known)}",
-            ) from None
+                f", but the scene has no such camera. {did_you_mean(self.camera, world.cameras)}",
+            )
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
-        index = self._index(world)
-        return {name: getattr(world.model, field)[index].tolist() for name, field in _MEASURED.items()}
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        return {"rows": altered_rows(evidence, _MEASURED, self.camera)}
+        view = world.view(self.camera)
+        return {
+            "camera_position_m": view.position_m.tolist(),
+            "camera_quaternion_wxyz": view.quaternion_wxyz.tolist(),
+            "camera_fovy_deg": view.fovy_deg,
+        }
 
 
 @dataclass(frozen=True)
@@ -88,8 +74,8 @@ class ShiftCamera(_CameraChange):
     """Rule by which the parameters were chosen; a note."""
 
     def _alter(self, world: AlterableWorld) -> None:
-        model, index = world.model, self._index(world)
-        fovy = float(model.cam_fovy[index]) + self.delta_fovy_degrees
+        view = world.view(self.camera)
+        fovy = view.fovy_deg + self.delta_fovy_degrees
         if self.delta_fovy_degrees and not FOVY_RANGE_DEG[0] <= fovy <= FOVY_RANGE_DEG[1]:
             raise ChangeError.seen(
                 "shift_camera.delta_fovy_degrees",
@@ -98,12 +84,15 @@ class ShiftCamera(_CameraChange):
                 f"{self.camera!r} a field of view of {fovy:g} degrees, but it must be within "
                 f"{FOVY_RANGE_DEG[0]:g} to {FOVY_RANGE_DEG[1]:g}. Use a smaller delta.",
             )
+        shifted: dict[str, Any] = {}
         if any(self.delta_position_m):
-            world.alter("cam_pos", index, model.cam_pos[index] + self.delta_position_m)
+            shifted["position_m"] = view.position_m + self.delta_position_m
         if self.yaw_degrees:
-            world.alter("cam_quat", index, _yawed(model.cam_quat[index], self.yaw_degrees))
+            shifted["quaternion_wxyz"] = np.array(_yawed(view.quaternion_wxyz, self.yaw_degrees))
         if self.delta_fovy_degrees:
-            world.alter("cam_fovy", index, fovy)
+            shifted["fovy_deg"] = fovy
+        if shifted:
+            world.set_view(self.camera, replace(view, **shifted))
 
     def scaled(self, strength: float) -> ShiftCamera:
         """Return the shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
@@ -153,10 +142,8 @@ class OrbitCamera(_CameraChange):
     """Turn on the spot, downwards for a camera that looks along -x."""
 
     def _alter(self, world: AlterableWorld) -> None:
-        index = self._index(world)
-        pivot = np.array(self.pivot_m)
-        place = world.model.cam_pos[index].copy()
-        turn = rotations.quaternion(world.model.cam_quat[index])
+        view, pivot = world.view(self.camera), np.array(self.pivot_m)
+        place, turn = view.position_m, rotations.quaternion(view.quaternion_wxyz)
         if self.elevation_degrees:
             tilt = rotations.about(_Y, math.radians(-self.elevation_degrees))
             place, turn = pivot + rotations.rotate(tilt, place - pivot), rotations.multiply(tilt, turn)
@@ -169,7 +156,7 @@ class OrbitCamera(_CameraChange):
             turn = rotations.multiply(rotations.about(_Z, math.radians(self.yaw_degrees)), turn)
         if self.pitch_degrees:
             turn = rotations.multiply(rotations.about(_Y, math.radians(-self.pitch_degrees)), turn)
-        _write(world, index, place, turn)
+        _write(world, self.camera, place, turn)
 
     def scaled(self, strength: float) -> OrbitCamera:
         """Every angle multiplied by ``strength``, the distance factor moved from 1 towards its value."""
@@ -227,18 +214,22 @@ class PlaceCamera(_CameraChange, Blended):
         return cls(camera, position_m, tuple(round(float(part), 8) for part in turn))  # type: ignore[arg-type]
 
     def _alter(self, world: AlterableWorld) -> None:
-        index = self._index(world)
         if self.share:
-            place, turn = world.model.cam_pos[index], world.model.cam_quat[index]
+            view = world.view(self.camera)
+            place, turn = view.position_m, view.quaternion_wxyz
             goal_place, goal_turn = np.array(self.position_m), self.quaternion_wxyz
             if self.share != 1.0:
                 goal_place = place + (goal_place - place) * self.share
                 goal_turn = rotations.between(rotations.quaternion(turn), goal_turn, self.share)
-            _write(world, index, goal_place, goal_turn)
+            _write(world, self.camera, goal_place, goal_turn)
 
 
-def _write(world: AlterableWorld, index: int, place: Array, turn: rotations.Quaternion) -> None:
-    if not np.array_equal(place, world.model.cam_pos[index]):
-        world.alter("cam_pos", index, place)
-    if not np.array_equal(turn, world.model.cam_quat[index]):
-        world.alter("cam_quat", index, rotations.unit_fused(turn))
+def _write(world: AlterableWorld, camera: str, place: Array, turn: rotations.Quaternion) -> None:
+    view = world.view(camera)
+    placed: dict[str, Any] = {}
+    if not np.array_equal(place, view.position_m):
+        placed["position_m"] = place
+    if not np.array_equal(turn, view.quaternion_wxyz):
+        placed["quaternion_wxyz"] = np.array(rotations.unit_fused(turn))
+    if placed:
+        world.set_view(camera, replace(view, **placed))

@@ -6,12 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
+from pytest_libero_max.changes.factors import Factor, Former
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld
-
-Factor = str
-"""Factors that a change may touch: ``camera:<name>``, ``light``, ``material``, ``pixels``, ``state``
-(the robot's, as a policy is shown it), ``robot``, ``instruction``, or ``pose:<entity>``."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +23,8 @@ class Evidence:
     """Measured values just before, by name with unit suffix."""
     after: Mapping[str, Any]
     """The same names, just after."""
-    saved: Mapping[str, Any] = field(default_factory=dict, repr=False, compare=False)
-    """Values that only a reversal needs, as plain JSON values. No record holds it."""
+    altered: tuple[Former, ...] | None = field(default=None, repr=False, compare=False)
+    """Factors that it has altered, with their former values, for a reversal. No record holds it."""
 
     def to_dict(self) -> dict[str, Any]:
         return {

@@ -13,10 +13,10 @@ import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, rule
-from pytest_libero_max.changes.change import Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.changes.pixels import FilterChange
-from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld, Image, World
+from pytest_libero_max.worlds.contract import AlterableWorld, Image, World
 
 _Cameras = Annotated[tuple[Text, ...], rule("a list of camera names")]
 _SomeCameras = Annotated[_Cameras, rule("a list of at least one camera name", min_length=1)]
@@ -105,7 +105,7 @@ class FreezeImages(Indivisible, FilterChange):
 
 @dataclass(frozen=True)
 class SwapImages(Indivisible, FilterChange):
-    """Show the first images of another task of LIBERO from now on: its scene, settled, before any action."""
+    """Show the first images of another task from now on: its scene, settled, before any action."""
 
     operation: ClassVar[str] = "swap_images"
 
@@ -125,5 +125,5 @@ class SwapImages(Indivisible, FilterChange):
         scene = world.other_task(self.suite, self.task_index)
         scene.reset(self.init_state_index)
         for _ in range(SETTLE_STEPS):
-            scene.step(NOOP_ACTION)
+            scene.step(scene.robot.noop)
         world.add_filter(_still_images(scene, self.cameras, (self.height, self.width)))

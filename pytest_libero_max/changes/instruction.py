@@ -10,10 +10,9 @@ from msgspec import Struct
 
 from pytest_libero_max.benchmark.structs import AnyText, Text, rule
 from pytest_libero_max.changes.alteration import Alteration
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import Offset
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import frozen, saved
 from pytest_libero_max.worlds.contract import AlterableWorld, Array, Goal
 
 
@@ -28,16 +27,11 @@ class _Assignment(Indivisible, Alteration):
         facts = None if goal is None else [list(fact) for fact in goal]
         return {"instruction": world.language, "goal": facts}
 
-    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
-        instruction, goal = world.assigned
+    def _alter(self, world: AlterableWorld) -> None:
         world.assign(self.instruction, self._goal())
-        return {"assigned": [instruction, None if goal is None else [list(fact) for fact in goal]]}
 
     def _goal(self) -> Goal | None:
         return None
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        return {"assigned": frozen(saved(evidence, "assigned"))}
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import (
     Degrees,
     Share,
@@ -20,11 +21,10 @@ from pytest_libero_max.changes.fields import (
 )
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.pixels import Brightness
-from pytest_libero_max.changes.reversal import added_filters, altered_rows
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
-LIGHT_FIELDS = ("light_ambient", "light_diffuse", "light_specular")
+_INTENSITIES = ("ambient", "diffuse", "specular")
 DARKENED, BRIGHTENED = 0.75, 1.25
 """Brightness of the images when the lamps are dimmed, and when they are not."""
 
@@ -50,19 +50,17 @@ class SetLighting(Alteration):
         return DARKENED if self.scale < 1.0 else BRIGHTENED
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
-        lamps: dict[str, Any] = {field: getattr(world.model, field).tolist() for field in LIGHT_FIELDS}
+        lights = world.lights()
+        lamps: dict[str, Any] = {f"light_{name}": getattr(lights, name).tolist() for name in _INTENSITIES}
         return {**lamps, "filters": filter_records(world)}
 
     def _alter(self, world: AlterableWorld) -> None:
         if self.scale != 1.0:
-            for field in LIGHT_FIELDS:
-                world.alter(field, slice(None), getattr(world.model, field) * self.scale)
+            lights = world.lights()
+            scaled = {name: getattr(lights, name) * self.scale for name in _INTENSITIES}
+            world.set_lights(replace(lights, **scaled))
         if self.pixel_brightness != 1.0:
             world.add_filter(Brightness(self.pixel_brightness))
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        rows = altered_rows(evidence, {field: field for field in LIGHT_FIELDS})
-        return {"rows": rows, "filters": added_filters(evidence)}
 
     def scaled(self, strength: float) -> SetLighting:
         """Both factors moved from 1 towards their full value: ``1 + (factor - 1) * strength``."""
@@ -72,7 +70,16 @@ class SetLighting(Alteration):
         return SetLighting(1.0 + (self.scale - 1.0) * s, 1.0 + (self.pixel_brightness - 1.0) * s)
 
 
-_LAMP_FIELDS = ("light_ambient", "light_castshadow", "light_diffuse", "light_dir", "light_specular")
+_LAMP_FIELDS = MappingProxyType(
+    {
+        "light_ambient": "ambient",
+        "light_castshadow": "casts_shadow",
+        "light_diffuse": "diffuse",
+        "light_dir": "direction",
+        "light_specular": "specular",
+    }
+)
+"""Fields of :class:`.Lights` by the names that evidence gives them."""
 _LOWEST_LAMP_DEG = 80.0
 """A lamp is never turned closer to the horizon than 10 degrees."""
 
@@ -100,10 +107,8 @@ class SetLamps(Blended):
     """Share of all that, 0 to 1; None means all of it."""
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
-        return {field: getattr(world.model, field).tolist() for field in _LAMP_FIELDS}
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        return {"rows": altered_rows(evidence, {field: field for field in _LAMP_FIELDS})}
+        lights = world.lights()
+        return {name: getattr(lights, field).tolist() for name, field in _LAMP_FIELDS.items()}
 
     def scaled(self, strength: float) -> SetLamps:
         """Return the share ``strength`` of the change; ``cast_shadows`` cannot be divided: only 0 and 1."""
@@ -115,25 +120,33 @@ class SetLamps(Blended):
         return super().scaled(s)
 
     def _alter(self, world: AlterableWorld) -> None:
-        model, share = world.model, self.share
+        lights, share = world.lights(), self.share
         if share == 0.0:
             return
-        for position, field in enumerate(("light_ambient", "light_diffuse", "light_specular")):
-            old = getattr(model, field).astype(np.float64)
-            new = old.copy()
-            if self.levels is not None:
-                new[:] = self.levels[position]
-            if self.diffuse_factor is not None and field != "light_specular":
-                new *= self.diffuse_factor
-            if self.specular is not None and field == "light_specular":
-                new[:] = self.specular
-            if not np.array_equal(new, old):
-                world.alter(field, slice(None), old + (new - old) * share)
+        new: dict[str, Any] = {}
+        for position, name in enumerate(_INTENSITIES):
+            old = getattr(lights, name).astype(np.float64)
+            full = self._intensity(name, position, old)
+            if not np.array_equal(full, old):
+                new[name] = old + (full - old) * share
         if self.azimuth_degrees or self.tilt_degrees:
-            turned = [self._direction(direction, share) for direction in model.light_dir]
-            world.alter("light_dir", slice(None), turned)
+            new["direction"] = np.array([self._direction(way, share) for way in lights.direction])
         if self.cast_shadows is not None:
-            world.alter("light_castshadow", 0, self.cast_shadows)
+            new["casts_shadow"] = lights.casts_shadow.copy()
+            new["casts_shadow"][0] = self.cast_shadows
+        if new:
+            world.set_lights(replace(lights, **new))
+
+    def _intensity(self, name: str, position: int, old: Array) -> Array:
+        """Return an intensity (n, 3) of the lamps after all of the change."""
+        new = old.copy()
+        if self.levels is not None:
+            new[:] = self.levels[position]
+        if self.diffuse_factor is not None and name != "specular":
+            new *= self.diffuse_factor
+        if self.specular is not None and name == "specular":
+            new[:] = self.specular
+        return new
 
     def _direction(self, direction: Array, share: float) -> list[float]:
         x, y, z = (float(part) for part in direction)

@@ -3,36 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import Share, Times3, Vector3
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import Row, frozen, saved
 from pytest_libero_max.errors import ChangeError, EntityError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld
-
-COLOUR_FIELDS = ("geom_rgba", "mat_rgba")
-COLOUR_ROLE = 1
-"""Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
+from pytest_libero_max.worlds.scenery import Colours
 
 _Channel = Annotated[int, rule("an integer from 0 to 2", ge=0, le=2)]
-
-_DRAWN_GROUP = 1
 
 
 class _MaterialChange(Alteration):
     touched: ClassVar[frozenset[Factor]] = frozenset({"material"})
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        rows: list[Row] = [(field, row, frozen(values)) for field, row, values in saved(evidence, "rows")]
-        return {"rows": tuple(rows)}
 
 
 @dataclass(frozen=True)
@@ -62,21 +51,19 @@ class SetVisualTheme(_MaterialChange, Blended):
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
         """Return the mean colours: enough to see the transform, small enough for every record."""
-        means = {}
-        for field in COLOUR_FIELDS:
-            rgba = getattr(world.model, field)
-            means[f"{field}_mean"] = [float(value) for value in rgba.mean(axis=0)] if len(rgba) else None
-        return means
+        surfaces = world.surfaces()
+        return {
+            "geom_rgba_mean": _mean_colour(surfaces.parts),
+            "mat_rgba_mean": _mean_colour(surfaces.materials),
+        }
 
-    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
-        former = []
+    def _alter(self, world: AlterableWorld) -> None:
         if self.share > 0.0:
-            for field in COLOUR_FIELDS:
-                new = self._recoloured(getattr(world.model, field))
-                former.append(_write(world, field, None, new))
-        return {"rows": former}
+            surfaces = world.surfaces()
+            parts, materials = self._recoloured(surfaces.parts), self._recoloured(surfaces.materials)
+            world.set_surfaces(replace(surfaces, parts=parts, materials=materials))
 
-    def _recoloured(self, rgba: NDArray[np.float32]) -> NDArray[np.float32]:
+    def _recoloured(self, rgba: Colours) -> Colours:
         new = rgba.copy()
         themed = (rgba[:, list(self.rgb_permutation)] * self.rgb_multiplier).clip(0.0, 1.0)
         new[:, :3] = themed if self.share == 1.0 else (1.0 - self.share) * rgba[:, :3] + self.share * themed
@@ -97,12 +84,12 @@ class SetTexture(Indivisible, _MaterialChange):
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
         return _measure_materials(world, [self._material(world)])
 
-    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
-        texture = _number_of(world, "tex", "set_texture.texture", self.texture)
-        return {"rows": _show(world, self._material(world), texture, None)}
+    def _alter(self, world: AlterableWorld) -> None:
+        texture = _number_in(world.textures, "set_texture.texture", self.texture)
+        _show(world, [self._material(world)], texture, None)
 
     def _material(self, world: AlterableWorld) -> int:
-        return _number_of(world, "mat", "set_texture.material", self.material)
+        return _number_in(world.materials, "set_texture.material", self.material)
 
 
 @dataclass(frozen=True)
@@ -121,69 +108,48 @@ class CoverEntity(Indivisible, _MaterialChange):
     """Name of a texture that the scene has loaded; None paints without any."""
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
-        return _measure_materials(world, _materials_of(world, self.entity))
+        return _measure_materials(world, self._materials(world))
 
-    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
+    def _alter(self, world: AlterableWorld) -> None:
         texture = -1
         if self.texture is not None:
-            texture = _number_of(world, "tex", "cover_entity.texture", self.texture)
-        materials = _materials_of(world, self.entity)
-        return {"rows": [row for material in materials for row in _show(world, material, texture, self.rgb)]}
+            texture = _number_in(world.textures, "cover_entity.texture", self.texture)
+        _show(world, self._materials(world), texture, self.rgb)
+
+    def _materials(self, world: AlterableWorld) -> Sequence[int]:
+        if self.entity not in world.entities:
+            raise EntityError.seen(
+                "entity", self.entity, f" is not in the scene. {did_you_mean(self.entity, world.entities)}"
+            )
+        return world.materials_of(self.entity)
 
 
-def _write(world: AlterableWorld, field: str, row: int | None, value: Any) -> list[Any]:
-    """Write a row of a model field, or all of it; return its reversal: field, row, former values."""
-    index = slice(None) if row is None else row
-    former = getattr(world.model, field)[index].tolist()
-    world.alter(field, index, value)
-    return [field, row, former]
+def _mean_colour(rgba: Colours) -> list[float] | None:
+    return [float(value) for value in rgba.mean(axis=0)] if len(rgba) else None
 
 
-def _show(world: AlterableWorld, material: int, texture: int, rgb: Vector3 | None) -> list[list[Any]]:
-    """Let a material show a texture, painted over unless ``rgb`` is None; return the reversal."""
-    row = world.model.mat_texid[material].copy()
-    row[COLOUR_ROLE] = texture
-    former = [_write(world, "mat_texid", material, row)]
+def _show(world: AlterableWorld, materials: Sequence[int], texture: int, rgb: Vector3 | None) -> None:
+    """Let materials show a texture, painted over together with their parts unless ``rgb`` is None."""
+    if not materials:
+        return
+    surfaces, chosen = world.surfaces(), list(materials)
+    surfaces.textures[chosen] = texture
     if rgb is not None:
-        former.append(_write(world, "mat_rgba", material, [*rgb, world.model.mat_rgba[material][3]]))
-        for geom in np.flatnonzero(world.model.geom_matid == material):
-            colour = [*rgb, world.model.geom_rgba[geom][3]]
-            former.append(_write(world, "geom_rgba", int(geom), colour))
-    return former
+        surfaces.materials[chosen, :3] = rgb
+        surfaces.parts[np.isin(surfaces.material_of, chosen), :3] = rgb
+    world.set_surfaces(surfaces)
 
 
-def _materials_of(world: AlterableWorld, entity: str) -> list[int]:
-    if entity not in world.entities:
-        raise EntityError.seen(
-            "entity", entity, f" is not in the scene. {did_you_mean(entity, world.entities)}"
-        )
-    model = world.model
-    root = model.body(world.entities[entity].body).id
-    inside = {root}
-    for body in range(root + 1, model.nbody):
-        if int(model.body_parentid[body]) in inside:
-            inside.add(body)
-    drawn = [
-        int(model.geom_matid[geom])
-        for geom in range(model.ngeom)
-        if int(model.geom_bodyid[geom]) in inside and model.geom_group[geom] == _DRAWN_GROUP
-    ]
-    return sorted({material for material in drawn if material >= 0})
-
-
-def _number_of(world: AlterableWorld, kind: str, where: str, name: str) -> int:
-    model = world.model
-    count, named = (model.nmat, model.mat) if kind == "mat" else (model.ntex, model.tex)
-    known = [named(number).name for number in range(count)]
+def _number_in(known: Sequence[str], where: str, name: str) -> int:
     if name not in known:
         raise ChangeError.seen(where, name, f" is not in the scene. {did_you_mean(name, known)}")
     return known.index(name)
 
 
 def _measure_materials(world: AlterableWorld, materials: Sequence[int]) -> dict[str, Any]:
-    model = world.model
+    surfaces, names = world.surfaces(), world.materials
     return {
-        "materials": [model.mat(material).name for material in materials],
-        "textures": [int(model.mat_texid[material][COLOUR_ROLE]) for material in materials],
-        "mat_rgba": [model.mat_rgba[material].tolist() for material in materials],
+        "materials": [names[material] for material in materials],
+        "textures": [int(surfaces.textures[material]) for material in materials],
+        "mat_rgba": [surfaces.materials[material].tolist() for material in materials],
     }

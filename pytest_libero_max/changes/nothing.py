@@ -7,7 +7,8 @@ from typing import Annotated, ClassVar, Self
 
 from pytest_libero_max.benchmark.latency import CHANGED_BY, Latency
 from pytest_libero_max.benchmark.structs import rule
-from pytest_libero_max.changes.change import Evidence, Factor, check_evidence
+from pytest_libero_max.changes.change import Evidence, check_evidence
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import ManifestFields, all_or_nothing, strength_of
 from pytest_libero_max.worlds.contract import AlterableWorld
 

@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import Seed, Share, between, strength_of
 from pytest_libero_max.changes.measuring import filter_records
-from pytest_libero_max.changes.reversal import added_filters
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, Image
 
@@ -174,9 +173,6 @@ class FilterChange(Alteration):
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
         return {"filters": filter_records(world)}
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        return {"filters": added_filters(evidence)}
 
 
 @dataclass(frozen=True)

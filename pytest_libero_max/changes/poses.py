@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from pytest_libero_max.benchmark.structs import Count, Text
 from pytest_libero_max.changes.alteration import Alteration
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import (
     FARTHEST_M,
     Cosine,
@@ -21,10 +21,9 @@ from pytest_libero_max.changes.fields import (
     between,
     strength_of,
 )
-from pytest_libero_max.changes.lowering import lower, reach, top
+from pytest_libero_max.changes.lowering import lower
 from pytest_libero_max.changes.measuring import measure_poses
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import Reversal, former_poses, saved
 from pytest_libero_max.errors import ChangeError, EntityError, counted, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
@@ -47,16 +46,8 @@ class _PoseChange(Alteration):
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
         return measure_poses(world, self._names())
 
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        names = [name for name in evidence.before["position_m"] if _moved(evidence, name)]
-        out = evidence.before["taken_out"]
-        parked = [
-            (name, tuple(evidence.before["position_m"][name]), tuple(saved(evidence, "parked")[name]))
-            for name in names
-            if name in out
-        ]
-        placed = former_poses(evidence, [name for name in names if name not in out])
-        return {"placed": placed, "parked": tuple(parked)}
+    def _in_order(self) -> list[Factor]:
+        return [f"pose:{name}" for name in self._names()]
 
 
 @dataclass(frozen=True)
@@ -102,6 +93,7 @@ class BumpObject(_PoseChange):
     """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres."""
 
     operation: ClassVar[str] = "bump_object"
+    final: ClassVar[str] = "the object has moved."
 
     object: Text
     velocity_m_s: tuple[_Speed, _Speed, _Speed]
@@ -116,20 +108,11 @@ class BumpObject(_PoseChange):
             world.push(self.object, self.velocity_m_s)
 
     def _measure(self, world: AlterableWorld) -> dict[str, Any]:
-        first = world.model.body(world.entities[self.object].body).dofadr[0]
         return {
             **super()._measure(world),
-            "velocity_m_s": world.data.qvel[first : first + 3].tolist(),
+            "velocity_m_s": world.velocity(self.object).tolist(),
             "fingers": world.fingers_on(self.object),
         }
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        """Refuse: the object has moved since.
-
-        Raises:
-            ChangeError: Always.
-        """
-        raise ChangeError(f"{self.operation} cannot be taken back: the object has moved. Leave it out.")
 
     def scaled(self, strength: float) -> BumpObject:
         """Return the change with its velocity multiplied by ``strength``."""
@@ -197,7 +180,7 @@ class _Insertion(_PoseChange):
                     " Take it out in the event's setup (remove_object), and insert it once.",
                 )
 
-    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
+    def _alter(self, world: AlterableWorld) -> None:
         # All targets are computed before anything moves, and nothing moves unless everything can.
         targets = []
         for place in self._places():
@@ -205,10 +188,8 @@ class _Insertion(_PoseChange):
             if place.preserve_initial_z:
                 position[2] = world.parked_pose(place.object)[0][2]
             targets.append(position)
-        former = _parked_poses(world, self._names())
         for name, target in zip(self._names(), targets, strict=True):
             world.unpark(name, target)
-        return {"parked": former}
 
 
 @dataclass(frozen=True)
@@ -279,20 +260,20 @@ class PutObject(Indivisible, _PoseChange):
         if self.relative_to is not None:
             require_in_scene(world, self.operation, "relative_to", self.relative_to)
 
-    def _alter(self, world: AlterableWorld) -> dict[str, Any]:
-        former = _parked_poses(world, [self.object])
+    def _alter(self, world: AlterableWorld) -> None:
         x, y = self.offset_xy_m
         if self.relative_to is not None:
             anchor = world.position(self.relative_to)
             x, y = float(anchor[0]) + x, float(anchor[1]) + y
-        above = top(world, self.onto)
+        above = world.top_m(self.onto)
+        if above is None:
+            raise ChangeError.seen("put_object.onto", self.onto, " has nothing that could carry anything.")
         if self.object in world.parked:
             world.unpark(self.object, (x, y, above + _FAR_ABOVE_M))  # its size is not known before
-        start = np.array([x, y, above + reach(world, self.object)])
+        start = np.array([x, y, above + world.radius_m(self.object)])
         turn = world.pose(self.object)[1]
         world.place(self.object, start, _yawed(turn, self.yaw_degrees) if self.yaw_degrees else None)
         lower(world, self.object, self.onto, start)
-        return {"parked": former}
 
 
 @dataclass(frozen=True)
@@ -330,19 +311,6 @@ def _placement(where: str, value: Any) -> Placement:
         return Placement.from_dict(value)
     except ChangeError as error:
         raise error.within(where) from error
-
-
-def _parked_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, list[float]]:
-    """Return the poses (m and wxyz) that those of the objects which are out of the scene had in it."""
-    poses = {name: world.parked_pose(name) for name in names if name in world.parked}
-    return {name: [*position.tolist(), *turn.tolist()] for name, (position, turn) in poses.items()}
-
-
-def _moved(evidence: Evidence, name: str) -> bool:
-    """Return True if a change has altered the pose of an entity, or brought it into or out of the scene."""
-    before, after = evidence.before, evidence.after
-    poses = any(before[key][name] != after[key][name] for key in ("position_m", "quaternion_wxyz"))
-    return poses or (name in before["taken_out"]) != (name in after["taken_out"])
 
 
 def _require_known(world: AlterableWorld, entity: str) -> None:

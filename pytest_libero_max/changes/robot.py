@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.alteration import Alteration
-from pytest_libero_max.changes.change import Evidence, Factor
+from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import between, strength_of
 from pytest_libero_max.changes.nothing import Indivisible
-from pytest_libero_max.changes.reversal import Reversal
-from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.errors import ChangeError, counted
 from pytest_libero_max.worlds.contract import AlterableWorld
-from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
-
-ARM_DOF = len(PANDA.arm_joints)
+from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
 
 _JointOffsets = Annotated[
-    tuple[Annotated[float, between(-3.0, 3.0)], ...],
-    rule(f"a list of {ARM_DOF} items", min_length=ARM_DOF, max_length=ARM_DOF),
+    tuple[Annotated[float, between(-3.0, 3.0)], ...], rule("a list of at least one number", min_length=1)
 ]
 
 _WAYS_OUT = (1.0, -1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25)
@@ -35,29 +31,32 @@ class OffsetArm(Alteration):
     touched: ClassVar[frozenset[Factor]] = frozenset({"robot"})
 
     delta_joint_rad: _JointOffsets
-    """(7,) added to the joint positions, rad."""
+    """Added to the joint positions, one for each joint of the arm, 7 for LIBERO's, rad."""
     keep_clear: bool | None = None
     """True: where the arm would touch something, the opposite offset is taken, and where that does too, three
     quarters of the one or the other, and so on. The evidence has the offset taken."""
 
+    def _require(self, world: AlterableWorld) -> None:
+        joints = len(world.arm_joints())
+        if len(self.delta_joint_rad) != joints:
+            raise ChangeError.seen(
+                f"{self.operation}.delta_joint_rad",
+                list(self.delta_joint_rad),
+                f", but the arm of {world.scene} has {counted(joints, 'joint')}. Give one number for each.",
+            )
+
     def _measure(self, world: AlterableWorld) -> dict[str, list[float]]:
-        joints = world.observe(cameras=())[f"{ROBOT}_joint_pos"]
-        return {"joint_pos_rad": joints.tolist(), "end_effector_m": world.end_effector().tolist()}
+        return {"joint_pos_rad": world.arm_joints().tolist(), "end_effector_m": world.end_effector().tolist()}
 
     def _alter(self, world: AlterableWorld) -> None:
         if not any(self.delta_joint_rad):
             return
-        joints = np.array(self._measure(world)["joint_pos_rad"])
+        joints = world.arm_joints()
         for part in _WAYS_OUT:
             world.pose_arm(joints + part * np.array(self.delta_joint_rad))
             if not self.keep_clear or not _touching(world):
                 return
         raise ChangeError(f"{self}: the arm touches something on every way there. Use a smaller offset.")
-
-    def _former(self, evidence: Evidence) -> dict[str, Any]:
-        former = tuple(evidence.before["joint_pos_rad"])
-        moved = evidence.before["joint_pos_rad"] != evidence.after["joint_pos_rad"]
-        return {"joints": former if moved else None}
 
     def scaled(self, strength: float) -> OffsetArm:
         """Every joint's offset multiplied by ``strength``."""
@@ -76,21 +75,14 @@ class OpenGripper(Indivisible, Alteration):
     """
 
     operation: ClassVar[str] = "open_gripper"
+    final: ClassVar[str] = "what was held has fallen."
     touched: ClassVar[frozenset[Factor]] = frozenset({"robot"})
 
     def _measure(self, world: AlterableWorld) -> dict[str, list[float]]:
-        return {"finger_pos_m": world.observe(cameras=())[f"{ROBOT}_gripper_qpos"].tolist()}
+        return {"finger_pos_m": world.fingers().tolist()}
 
     def _alter(self, world: AlterableWorld) -> None:
         world.open_gripper()
-
-    def reverted(self, evidence: Evidence) -> Reversal:
-        """Refuse: what has been dropped does not come back.
-
-        Raises:
-            ChangeError: Always.
-        """
-        raise ChangeError(f"{self.operation} cannot be taken back: what was held has fallen. Leave it out.")
 
 
 def _touching(world: AlterableWorld) -> bool:

@@ -20,7 +20,7 @@ from pytest_libero_max.report.writers.report_files import make_folder, write_byt
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import task_metadata
-from pytest_libero_max.worlds.contract import CAMERAS, Image, World, alterable
+from pytest_libero_max.worlds.contract import Image, World, alterable
 
 _ENDINGS: Mapping[Ending, str] = {
     "solved": "completes Dynamic",
@@ -83,10 +83,11 @@ def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image
         ChangeError: The event does not fit this world.
         SimulatorError: The renderer does not answer.
     """
-    before = world.observe(CAMERAS, size)
+    cameras = world.robot.cameras
+    before = world.observe(cameras, size)
     change_from_dict(case.event.change).apply(alterable(world))
-    after = world.observe(CAMERAS, size)
-    return {camera: (before[f"{camera}_image"][::-1], after[f"{camera}_image"][::-1]) for camera in CAMERAS}
+    after = world.observe(cameras, size)
+    return {camera: (before[f"{camera}_image"][::-1], after[f"{camera}_image"][::-1]) for camera in cameras}
 
 
 def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> list[Path]:
@@ -111,7 +112,7 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
     """
     paths = {
         (camera, when): folder / f"{case.item_id}--{camera}-{when}.png"
-        for camera in CAMERAS
+        for camera in world.robot.cameras
         for when in ("before", "after")
     }
     for path in paths.values():

@@ -109,6 +109,7 @@ def _film(options: argparse.Namespace) -> int:
             film_pair, shown=shown_by(ran["policy"], options.adapter, options.profile) if of_policy else None
         ),
         "" if of_policy or options.in_view else report,
+        for_people=not of_policy,
     )
 
 
@@ -118,6 +119,8 @@ def write_each(
     path_of: Callable[[Path, PairRecord], Path],
     writer: Callable[[Json], Callable[..., None]],
     then: str = "",
+    *,
+    for_people: bool = False,
 ) -> int:
     """Play the chosen pairs again and write a file for each; return 1 if one was refused, else 0.
 
@@ -127,6 +130,7 @@ def write_each(
         path_of: Path of the file of a pair, in a folder.
         writer: Writer of the file for a run with this provenance.
         then: Line to print where there are files in the folder of the run.
+        for_people: True to draw the images that look best, False to draw those of the run.
     """
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -137,7 +141,7 @@ def write_each(
     where = options.run_folder, options.case_set, options.libero, options.libero_assets
     how = Drawn(options.size, options.every, options.overwrite)
     refused = 0
-    with open_recorded(*where) as run, Work() as work:
+    with open_recorded(*where, for_people=for_people) as run, Work() as work:
         records = chosen(run.stored, options.cases, options.select)
         write = writer(run.stored.run.provenance)
         for note in filter(None, (run.outside, run.drawn_differently())):

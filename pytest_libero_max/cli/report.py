@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from pytest_libero_max.report.exports import EXPORTS
 
 if TYPE_CHECKING:
     from pytest_libero_max.report.gates import GateResult
+    from pytest_libero_max.report.readers import ResultsReader
     from pytest_libero_max.report.report_document import Report
 
 
@@ -41,6 +43,18 @@ def add_command(commands: Commands) -> None:
         many=True,
         type=_export_named,
     )
+    option(
+        report,
+        "--cases TRACK|FILE",
+        "Cases of results that another runner wrote (default: the authors' Lite)",
+    )
+    option(
+        report,
+        "--beside RUN",
+        "Compare Dynamic success with this run, of results that another runner wrote; for a run of this "
+        "package there is libero-max compare",
+        type=Path,
+    )
     report.set_defaults(run=_report)
 
 
@@ -53,22 +67,17 @@ def _export_named(text: str) -> tuple[str, Path]:
 
 def _export(options: argparse.Namespace) -> None:
     from pytest_libero_max.cli.ini_file import gates_of
-    from pytest_libero_max.report.exports import export_files
+    from pytest_libero_max.report.exports import ExportedRun, export
     from pytest_libero_max.report.gate_results import decide_on
-    from pytest_libero_max.report.writers.report_files import make_folder, report_of, write_text
+    from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.store import read_pairs
 
     stored = read_pairs(options.folder)
     gates, start = gates_of(options.gate, Path.cwd())
     verdicts = decide_on(gates, stored, report_of(stored), start) if gates else ()
+    run = ExportedRun(options.folder, stored, verdicts)
     for format_name, place in options.export:
-        files = export_files(format_name, stored, verdicts)
-        for name, text in files.items():
-            path = place / name
-            if name:
-                make_folder(path.parent)
-            write_text(path, text)
-        print(f"Written: {', '.join(str(place / name) for name in files)}")
+        print(f"Written: {', '.join(map(str, export(format_name, run, place)))}")
 
 
 def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:
@@ -83,8 +92,61 @@ def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path]
     return report, paths, verdicts
 
 
+def _refuse_options_of_results(options: argparse.Namespace) -> None:
+    """Refuse what is for results of other runners alone.
+
+    Raises:
+        OptionError: It is given.
+    """
+    from pytest_libero_max.errors import OptionError
+
+    for name in ("cases", "beside"):
+        if getattr(options, name) is not None:
+            raise OptionError(
+                f"--{name} is for results that another runner wrote, but {options.folder} holds none that is "
+                "known. Leave it out; libero-max compare compares runs."
+            )
+
+
+def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
+    """Write the report of results that another runner wrote."""
+    from pytest_libero_max.cli.ini_file import gates_of
+    from pytest_libero_max.report.formats import interval_text, points
+    from pytest_libero_max.report.read_results import (
+        contrast_with,
+        decide_results,
+        report_of_results,
+        write_results,
+    )
+    from pytest_libero_max.report.writers.gate_text import gate_lines
+    from pytest_libero_max.report.writers.summary import summary_lines
+    from pytest_libero_max.runs.outcomes import read_outcomes
+
+    results = reader.read(options.folder, options.cases)
+    gates, _ = gates_of(options.gate, Path.cwd())
+    verdicts = decide_results(gates, report_of_results(results)) if gates else ()
+    report, paths = write_results(options.folder, results, verdicts)
+    for note in results.notes:
+        print(textwrap.fill(note, 100))
+    say_coloured(summary_lines(report, [str(path) for path in paths]))
+    if verdicts:
+        say_coloured(gate_lines(verdicts))
+    if options.beside is not None:
+        contrast = contrast_with(results, read_outcomes(options.beside))
+        if isinstance(contrast, str):
+            print(f"Beside {options.beside}: {contrast}.")
+        else:
+            change = contrast.difference
+            print(
+                f"Beside {options.beside}, over {contrast.cases} common cases: Dynamic success of the run is "
+                f"{points(change.value)} pp {interval_text(change, signed=True)} beside these results; "
+                f"{contrast.first_only} succeed here alone, {contrast.second_only} in the run alone."
+            )
+
+
 def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.broken import to_look_at
+    from pytest_libero_max.report.readers import reader_of
     from pytest_libero_max.report.run_tables import csv_text, latex_text
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
@@ -97,6 +159,10 @@ def _report(options: argparse.Namespace) -> None:
     if options.export:
         _export(options)
         return
+    if (reader := reader_of(options.folder)) is not None:
+        _report_results(options, reader)
+        return
+    _refuse_options_of_results(options)
     report, paths, verdicts = rewrite(options.folder, options.gate)
     if options.figures:
         paths += write_figures(report, options.folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 
@@ -55,12 +56,18 @@ def _text(finding: Finding) -> str:
     return f"{text}. {finding.cure}" if finding.cure else text
 
 
-def message(outcome: Outcome, subject: str) -> str:
-    """Return everything that a reader needs of a broken rule: observed, expected, cure, command."""
-    return "\n".join(_message(outcome, subject))
+def message(outcome: Outcome, subject: str, options: Sequence[str] = ()) -> str:
+    """Return everything that a reader needs of a broken rule: observed, expected, cure, command.
+
+    Args:
+        outcome: Of the rule.
+        subject: Kind and name.
+        options: Of pytest, with which it is examined besides.
+    """
+    return "\n".join(_message(outcome, subject, options))
 
 
-def _message(outcome: Outcome, subject: str) -> Iterator[str]:
+def _message(outcome: Outcome, subject: str, options: Sequence[str]) -> Iterator[str]:
     rule = outcome.rule
     yield f"{subject} breaks {rule.id} ({rule.level}): {rule.title}."
     for finding in outcome.broken:
@@ -68,7 +75,8 @@ def _message(outcome: Outcome, subject: str) -> Iterator[str]:
         yield f"  observed: {part}{finding.observed}"
         yield f"  expected: {finding.expected}"
         yield f"  cure:     {finding.cure}"
-    yield f"Again: pytest --libero-max-conform={subject} -k '{rule.area} and {rule.id.split('/')[2]}'"
+    choice = ("-k", f"{rule.area} and {rule.id.split('/')[2]}")
+    yield f"Again: {shlex.join(('pytest', f'--libero-max-conform={subject}', *options, *choice))}"
 
 
 def summary_lines(document: Conformance) -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from pytest_libero_max.conformance.python_name import PythonName
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.substrates.registry import chosen_substrate
@@ -15,6 +16,7 @@ KINDS = {
     "server": "the address of a policy server, with --libero-max-profile",
     "substrate": "a substrate, as for --libero-max-substrate",
     "env": "the factory of an environment, PACKAGE:FACTORY or FILE.py:FACTORY, with :ARGUMENTS",
+    "loop": "the function of an evaluation loop, PACKAGE:FUNCTION or FILE.py:FUNCTION",
 }
 """Kinds of subjects, and what follows the colon."""
 
@@ -31,7 +33,7 @@ class Subject:
         """Return the subject of a text, ``KIND:NAME`` or the reference of a policy.
 
         Raises:
-            ValueError: It names nothing, or a substrate that there is not.
+            ValueError: It names nothing, no function, or a substrate that there is not.
         """
         kind, colon, name = text.partition(":")
         subject = cls(kind, name.strip()) if colon and kind in KINDS else cls("policy", text.strip())
@@ -39,13 +41,19 @@ class Subject:
             raise ValueError(f"expected a policy, or {' or '.join(f'{kind}:NAME' for kind in KINDS)}")
         if subject.kind == "substrate":
             chosen_substrate(subject.name)
+        elif subject.kind == "loop":
+            PythonName.read(subject.kind, subject.name)
+        elif subject.kind == "env":
+            from pytest_libero_max.conformance.environment.declared import FactoryName
+
+            FactoryName.read(subject.name)
         return subject
 
     def __str__(self) -> str:
         return f"{self.kind}:{self.name}"
 
     def check(self, profile: str | None = None) -> None:
-        """Check that a policy or a server can be named so, without loading anything.
+        """Check that there is such a subject, without loading anything.
 
         Raises:
             LiberoMaxError: It leads nowhere.
@@ -61,7 +69,9 @@ class Subject:
         elif self.kind == "env":
             from pytest_libero_max.conformance.environment.declared import FactoryName
 
-            FactoryName.read(self.name).check()
+            FactoryName.read(self.name).place.check()
+        elif self.kind == "loop":
+            PythonName.read(self.kind, self.name).check()
 
 
 def examination(
@@ -76,7 +86,7 @@ def examination(
 
     Args:
         subject: To examine.
-        horizon: Of a policy; None for the one that it declares.
+        horizon: Of a policy, also behind a server; None for the one that it declares.
         query_interval: Likewise.
         profile: Of a policy behind a server.
         substrate: Substrate of the scene that a policy is shown.
@@ -98,7 +108,13 @@ def examination(
         from pytest_libero_max.conformance.server.subject import open_at
 
         def opens() -> object:
-            return open_at(subject.name, profile, substrate)
+            return open_at(subject.name, profile, substrate, horizon, query_interval)
+
+    elif subject.kind == "loop":
+        from pytest_libero_max.conformance.loop.subject import open_loop
+
+        def opens() -> object:
+            return open_loop(subject.name)
 
     elif subject.kind == "env":
         from pytest_libero_max.conformance.environment.subject import open_environment

@@ -44,7 +44,7 @@ def require_support(case_set: str, cases: Sequence[Case], substrate: str, option
     """
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    found = SUBSTRATES[substrate].lacking(options, cases)
+    found = SUBSTRATES[substrate].unplayable(options, cases)
     if not found:
         return
     others = len(cases) - len(found)
@@ -66,7 +66,7 @@ def supported_cases(
     """
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    found = SUBSTRATES[substrate].lacking(options, cases)
+    found = SUBSTRATES[substrate].unplayable(options, cases)
     fit = tuple(case for case in cases if case.case_id not in found)
     if not fit:
         raise OptionError(f"{_refusal(case_set, cases, substrate, options, found)}.")
@@ -109,6 +109,6 @@ def _all_supported(name: str, substrate: str, options: SubstrateOptions) -> bool
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
     try:
-        return not SUBSTRATES[substrate].lacking(options, load_track(name).cases)
+        return not SUBSTRATES[substrate].unplayable(options, load_track(name).cases)
     except LiberoMaxError:  # no LIBERO is installed, which is said elsewhere
         return False

@@ -12,9 +12,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import (
     ActionError,
     AdapterError,
@@ -143,7 +144,7 @@ class RunKeeper:
             return
         from pytest_libero_max.policies.clients.servers import require_known_marks
 
-        marks = {*SUITE_BUDGETS, *EVENTS, *families()}
+        marks = {*SUITES, *EVENTS, *families()}
         marks |= {mark for case in self.run_cases.manifest.cases for mark in markers_of(case)}
         require_known_marks(self.source.servers, marks)
 

@@ -50,7 +50,7 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
     _check_substrate_options(given, values["substrate"].name)
     values["order"] = values["order"] or Order()
     values["study"] = _study(values, here)
-    values["latency"] = _latency(values["latency"], here)
+    values["latency"] = _latency(values["latency"], here, SUBSTRATES[values["substrate"].name].control_hz)
     values["timeout"] = values["timeout"] or Limits()
     _check_timing(values)
     settings = Settings(**values)
@@ -160,8 +160,11 @@ def _require_fixed_cadence(values: Mapping[str, Any], option: str) -> None:
         )
 
 
-def _latency(value: Latency | str | None, here: Path) -> Latency:
+def _latency(value: Latency | str | None, here: Path, hz: int) -> Latency:
     """Return the time that a query takes; ``recorded:RUN`` reads it from the records of a run.
+
+    Args:
+        hz: Control steps in a second.
 
     Raises:
         OptionError: They cannot be read.
@@ -170,14 +173,24 @@ def _latency(value: Latency | str | None, here: Path) -> Latency:
         return value or NO_LATENCY
     from pytest_libero_max.runs.query_times import recorded_latency
 
+    if not value.startswith(RECORDED_RUN):
+        return _checked_latency(value, hz)
     folder = value.removeprefix(RECORDED_RUN)
     waits = folder.endswith(",sync")
     try:
-        return recorded_latency(path_from(here, folder.removesuffix(",sync")), "sync" if waits else "async")
+        path = path_from(here, folder.removesuffix(",sync"))
+        return recorded_latency(path, hz, "sync" if waits else "async")
     except ReportError as error:
         raise OptionError(
             f"--libero-max-latency={value!r}: expected the folder of a run behind {RECORDED_RUN!r}; {error}"
         ) from None
+
+
+def _checked_latency(text: str, hz: int) -> Latency:
+    try:
+        return Latency.parse(text, hz)
+    except ValueError as error:
+        raise OptionError(f"--libero-max-latency={text!r}: {error}.") from None
 
 
 def _program(values: Mapping[str, Any], here: Path) -> Program | None:

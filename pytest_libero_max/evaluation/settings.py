@@ -48,7 +48,8 @@ class Settings(ProtocolSettings):
     conform: Subject | None = setting(
         "SUBJECT",
         "Examine a subject instead of playing pairs: one test for each rule that it must keep. SUBJECT is "
-        "policy:ADAPTER, with ADAPTER as for --libero-max-policy, server:ADDRESS, or substrate:NAME",
+        "policy:ADAPTER, with ADAPTER as for --libero-max-policy, server:ADDRESS, substrate:NAME, or "
+        "loop:PACKAGE:FUNCTION",
         Subject.read,
         session=True,
     )
@@ -114,9 +115,10 @@ class Settings(ProtocolSettings):
         read.stopping_rule,
     )
     substrate: ChosenSubstrate = setting(
-        "NAME[:semantics=...,instruction=...,variations=...]",
+        "NAME[:semantics=...,instruction=...,variations=...,images=...]",
         "Builder of the worlds: embedded, libero (an installed LIBERO, LIBERO-Plus or LIBERO-PRO), or tiny "
-        "(a toy scene for manifests that name its entities). libero takes semantics=published (events with "
+        "(a toy scene for manifests that name its entities). embedded takes images=2, or images=1 to play "
+        "runs from before 2026-11-26 again; libero takes semantics=published (events with "
         "the defects of the authors' code) or corrected; instruction=published (LIBERO-Plus's prompts name "
         "the variation) or clean; variations=installed (LIBERO-Plus's and LIBERO-PRO's) or own (this "
         "package's, made at reset on LIBERO's scenes)",

@@ -13,13 +13,14 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.schedules import trigger_of
 from pytest_libero_max.events.triggers import Proximity
-from pytest_libero_max.worlds.contract import NOOP_ACTION, World, alterable
+from pytest_libero_max.worlds.contract import World, alterable
 
 _STEP_M = 0.05  # what the controller makes of a full translation action
 _APPROACH_STEPS = 160
 _HIGH_M = 0.35  # above the trigger entity: over everything that stands on a table
 _NEAR_M = 0.01
 _TILT_STEPS = 2  # of a full rotation action, together 1 rad
+_TILTING = 5  # components before the gripper's, from which on a robot turns its hand
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,11 @@ def _go(world: World, case: Case, aim: _Aim, high: bool) -> bool:
         if points and float(abs(points[0] - world.end_effector()).max()) < _NEAR_M:
             points.pop(0)
         way = (points[0] if points else goal) - world.end_effector()
-        tilt = aim.tilt if step < _TILT_STEPS else (0.0, 0.0)
-        world.step([*(way / max(_STEP_M, float(abs(way).max()))), *tilt, 0.0, NOOP_ACTION[-1]])
+        action = np.array(world.robot.noop)
+        action[:3] = way / max(_STEP_M, float(abs(way).max()))
+        if step < _TILT_STEPS and len(action) > _TILTING:
+            action[3:5] = aim.tilt
+        world.step(action)
     return False
 
 
@@ -106,4 +110,4 @@ def begin(world: World, case: Case) -> None:
 def hold(world: World, steps: int) -> None:
     """Hold a world still for some control steps."""
     for _ in range(steps):
-        world.step(NOOP_ACTION)
+        world.step(world.robot.noop)

@@ -9,7 +9,7 @@ that solves a task. Each is loaded by its name (``--libero-max-policy=expert``).
   its task after the event. Whether a case exists does not depend on it.
 
 The two experts read MuJoCo's model and data, and the goal and the handles that a
-:class:`~pytest_libero_max.worlds.privileged.PrivilegedWorld` offers. They never write to the world, never
+:class:`~pytest_libero_max.worlds.privileged.ExpertWorld` offers. They never write to the world, never
 look at images, never learn which event will happen or when, draw no random numbers, and keep nothing between
 episodes: the same state of the world gives the same actions, bit for bit.
 

@@ -30,7 +30,7 @@ from pytest_libero_max.experts.scene_view import (
     read_part,
     read_parts,
 )
-from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
+from pytest_libero_max.worlds.privileged import ExpertWorld, Fact
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ _SHUT_M, _HELD_M = 0.004, 0.018  # openings between which the fingers hold a bar
 _SLACK_M = 0.004  # fingers that hold a part are at most this much wider than it
 
 
-def articulate(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
+def articulate(world: ExpertWorld, fact: Fact, hand: Hand) -> Route:
     """Return the route to a drawer, door or knob in the state that a fact of the goal asks for."""
     (name, *_) = world.joints(fact.subject)
     part = read_part(world, name)
@@ -64,7 +64,7 @@ def articulate(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
     return push_door(world, part, high, hand)
 
 
-def open_door(world: PrivilegedWorld, owner: str, hand: Hand) -> Route:
+def open_door(world: ExpertWorld, owner: str, hand: Hand) -> Route:
     """Return the route that opens the door of a fixture wide; empty if it is open, or there is none."""
     if world.entities[owner].category != "microwave":
         return ()
@@ -137,7 +137,7 @@ def _push_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
     return (*_approach(hand, scene, before, CLOSED), _waypoint(before, before.position, CLOSED, 0.006), push)
 
 
-def push_door(world: PrivilegedWorld, part: Part, target: float, hand: Hand) -> Route:
+def push_door(world: ExpertWorld, part: Part, target: float, hand: Hand) -> Route:
     """Push a door along its arc: closed fingers go down beside its upper edge and follow it.
 
     Args:

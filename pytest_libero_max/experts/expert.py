@@ -30,7 +30,7 @@ from pytest_libero_max.experts.scene_view import (
 )
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
-from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
+from pytest_libero_max.worlds.privileged import ExpertWorld, Fact
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class ExpertPolicy:
         return actions
 
 
-def plan(world: PrivilegedWorld, hand: Hand) -> Route:
+def plan(world: ExpertWorld, hand: Hand) -> Route:
     """Return the route to the end of the next subgoal; up and away where nothing is left to do."""
     left = subgoals(world)
     if not left:
@@ -67,7 +67,7 @@ def plan(world: PrivilegedWorld, hand: Hand) -> Route:
     return retreat(world, left[0], hand) or plan_subgoal(world, left[0], hand)
 
 
-def subgoals(world: PrivilegedWorld) -> list[Fact]:
+def subgoals(world: ExpertWorld) -> list[Fact]:
     """Subgoals that are left, in order.
 
     First the object in the hand, then knobs, drawers and doors to open, then objects to bring, and at last
@@ -82,7 +82,7 @@ def subgoals(world: PrivilegedWorld) -> list[Fact]:
     return left
 
 
-def _before_the_drawer(world: PrivilegedWorld, fact: Fact) -> list[Fact]:
+def _before_the_drawer(world: ExpertWorld, fact: Fact) -> list[Fact]:
     """Subgoals before an object can go into a drawer.
 
     Nothing, if the drawer is open. Otherwise it is opened; before that, an object that is in the hand or in
@@ -103,7 +103,7 @@ def _before_the_drawer(world: PrivilegedWorld, fact: Fact) -> list[Fact]:
     return [drawer]
 
 
-def plan_subgoal(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
+def plan_subgoal(world: ExpertWorld, fact: Fact, hand: Hand) -> Route:
     """Return the route to the end of one subgoal."""
     if fact.place is None:
         return articulate(world, fact, hand)

@@ -6,7 +6,7 @@ import math
 
 from pytest_libero_max.experts.motion import OPEN, Route, Waypoint
 from pytest_libero_max.experts.scene_view import Hand, obstacles, read_parts
-from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
+from pytest_libero_max.worlds.privileged import ExpertWorld, Fact
 
 _TILTED_RAD = 0.3
 _NEAR_M = 0.03
@@ -15,7 +15,7 @@ _OPENING_STEPS = 6
 _BETWEEN_FINGERS_M = (0.045, 0.03, 0.03)  # half sizes of the space between open fingers, in the hand's frame
 
 
-def retreat(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
+def retreat(world: ExpertWorld, fact: Fact, hand: Hand) -> Route:
     """Open the fingers and draw back along them, if the hand is tilted and still at a part or an obstacle.
 
     A hand that points straight down needs no retreat: every route begins upwards.
@@ -35,7 +35,7 @@ def retreat(world: PrivilegedWorld, fact: Fact, hand: Hand) -> Route:
     return (Waypoint(hand.position, hand.angle, OPEN, math.inf, _OPENING_STEPS, exact=hand.turn), leave)
 
 
-def _at_a_part(world: PrivilegedWorld, fact: Fact, hand: Hand) -> bool:
+def _at_a_part(world: ExpertWorld, fact: Fact, hand: Hand) -> bool:
     """Return True if a handle or knob that the subgoal does not use is between the fingers."""
     joints = world.joints(fact.subject) if fact.place is None else ()
     axes = hand.turn.as_matrix()
@@ -48,7 +48,7 @@ def _at_a_part(world: PrivilegedWorld, fact: Fact, hand: Hand) -> bool:
     return False
 
 
-def _at_an_obstacle(world: PrivilegedWorld, fact: Fact, hand: Hand) -> bool:
+def _at_an_obstacle(world: ExpertWorld, fact: Fact, hand: Hand) -> bool:
     """Return True if the fingertips are near anything but the object that is to be brought."""
     if fact.place is None:
         return False

@@ -15,7 +15,7 @@ from PIL import ImageDraw, ImageFont
 
 from pytest_libero_max.errors import counted
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.films.replay import Tick, distinct_arms
+from pytest_libero_max.films.replay import Tick
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.report.happenings import Happening, arm_title, happenings
@@ -31,12 +31,10 @@ from pytest_libero_max.report.palette import (
     STALE,
     arm_colors,
 )
-from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
+from pytest_libero_max.runs.media import distinct_arms
+from pytest_libero_max.worlds.contract import Image
 
 _OLD_PLACE = "#ffd447"
-
-EVENT_STEPS = CONTROL_HZ
-"""Policy steps for which an event is marked in the picture: one second."""
 
 _BLINK_STEPS = 3
 _GAP_PX = 4
@@ -71,7 +69,7 @@ def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[
     happened = Counter(
         _words_of(happening, record.variant)
         for happening in happenings(record, arm)
-        if happening.firing.step <= step < happening.firing.step + EVENT_STEPS
+        if happening.firing.step <= step < happening.firing.step + record.control_hz
     )
     result += [
         Label(what if times == 1 else f"{what}, {times} times", EVENT) for what, times in happened.items()
@@ -114,7 +112,7 @@ def film_frames(
     for tick in ticks:
         canvas.follow(tick)
         waiting = tick
-        if shown is None or tick.step - shown.step >= EVENT_STEPS or canvas.is_new(shown, tick):
+        if shown is None or tick.step - shown.step >= record.control_hz or canvas.is_new(shown, tick):
             yield tick.step, canvas.draw(tick)
             shown, waiting = tick, None
     if waiting is not None:
@@ -251,8 +249,8 @@ class _Canvas:
         self._write(pen, (place[0] + 4, place[1] + 1), label.words, PAPER)
 
     def _since_event(self, arm: ArmRecord, step: int) -> int | None:
-        since = [step - firing.step for firing in arm.firings if 0 <= step - firing.step < EVENT_STEPS]
-        return min(since, default=None)
+        since = [step - firing.step for firing in arm.firings]
+        return min((steps for steps in since if 0 <= steps < arm.control_hz), default=None)
 
     def _draw_strip(self, pen: ImageDraw.ImageDraw, top: int, height: int, step: int) -> None:
         """Distance to the trigger entity and gripper opening over the steps of the film."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from pytest_libero_max.errors import ReportError, install_extra
 from pytest_libero_max.runs.media import FILM_FORMATS
-from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
+from pytest_libero_max.worlds.contract import Image
 
 INSTALL = install_extra("film")
 
@@ -31,9 +31,7 @@ def available_format() -> str:
     return "mp4" if importlib.util.find_spec("av") else "webp"
 
 
-def write_film(
-    path: Path, frames: Iterable[tuple[int, Image]], hz: int = CONTROL_HZ, overwrite: bool = False
-) -> None:
+def write_film(path: Path, frames: Iterable[tuple[int, Image]], hz: int, overwrite: bool = False) -> None:
     """Write a film; the folder is made if missing. A film that cannot be completed leaves no file.
 
     An MP4 takes the frames one by one. A WebP holds them all until it is written: 290 MB for 220 steps with
@@ -43,6 +41,7 @@ def write_film(
         path: Ends in ``.mp4`` or ``.webp``, which says the format.
         frames: The policy step from which each is shown, and (H, W, 3) uint8, all of one size with even
             sides; at least one.
+        hz: Policy steps in a second.
         overwrite: True if a file that is there already may be replaced.
 
     Raises:

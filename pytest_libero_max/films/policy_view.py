@@ -121,7 +121,7 @@ def policy_look(
     def look(name: str, step: int, world: World, before: View | None) -> View:
         is_over, is_query = step >= record.arms[name].steps, step in number[name]
         if is_over or not (is_query or is_seeing):
-            opening = opening_m(world.observe((), 1))
+            opening = opening_m(world, world.observe((), 1))
             return View(before.images, opening, before.words) if before else View({}, opening)
         instruction = world.language if case.instruction is None else case.instruction
         index = max(index for query_step, index in number[name].items() if query_step <= step)
@@ -139,7 +139,7 @@ def policy_look(
             f"{label} {image.shape[1]}x{image.shape[0]}": fitted(image, size)
             for label, image in images.items()
         }
-        return View(pictures, opening_m(observation), tuple(words))
+        return View(pictures, opening_m(world, observation), tuple(words))
 
     return look, frozenset(step for steps in number.values() for step in steps)
 

@@ -19,18 +19,18 @@ from pytest_libero_max.errors import (
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
-from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, play_again, through_cameras
 from pytest_libero_max.pairing.case_rules import require_of_case
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.scene_fingerprints import scene_fingerprints
 from pytest_libero_max.pairing.trace import ArmTrace, read_trace, trace_name
-from pytest_libero_max.runs.media import TRACES_NAME, film_name, is_selected
+from pytest_libero_max.runs.media import TRACES_NAME, distinct_arms, film_name, is_selected
 from pytest_libero_max.runs.outside import cases_of_run, outside_text, require_inside
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
-from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate
-from pytest_libero_max.substrates.registry import open_substrate
-from pytest_libero_max.worlds.contract import CONTROL_HZ, World
+from pytest_libero_max.substrates.contract import Substrate
+from pytest_libero_max.substrates.registry import described_substrate, open_substrate
+from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
 SIZE_PX = 256
@@ -99,7 +99,8 @@ def film_pair(
         look, also = policy_look(case, record, traces, shown, how.size)
         words = caption(record, shown)
     ticks = play_again(case, world, record, traces, look, how.every, also, simulate=shown is not None)
-    write_film(path, film_frames(record, traces, how.tell(ticks), how.size, words), CONTROL_HZ, how.overwrite)
+    frames = film_frames(record, traces, how.tell(ticks), how.size, words)
+    write_film(path, frames, record.control_hz, how.overwrite)
 
 
 @dataclass(frozen=True)
@@ -217,6 +218,8 @@ def open_recorded(
     cases: str | None = None,
     installations: Sequence[Path] = (),
     assets: Path | None = None,
+    *,
+    for_people: bool = False,
 ) -> Iterator[RecordedRun]:
     """Open a run to play its pairs again, on the substrate that it was played on.
 
@@ -226,6 +229,7 @@ def open_recorded(
         cases: Track or path of a manifest. None: the track of the run.
         installations: LIBERO's folders on this machine. None given: what ``import libero`` finds.
         assets: Models and textures for it. None: its own.
+        for_people: True to draw the images that look best, False to draw those of the run.
 
     Raises:
         ReportError: The pairs cannot be read, or the run kept no traces.
@@ -242,8 +246,9 @@ def open_recorded(
             f"with {traces_setting(provenance)}."
         )
     cases_played = {case.case_id: case for case in cases_of_run(provenance, cases)}
-    chosen_there = ChosenSubstrate.described(provenance["substrate"])
-    options = replace(chosen_there.options, installations=tuple(installations), assets=assets)
+    chosen_there = described_substrate(provenance["substrate"])
+    there = chosen_there.options.for_people() if for_people else chosen_there.options
+    options = replace(there, installations=tuple(installations), assets=assets)
     substrate = open_substrate(chosen_there.name, options)
     try:
         yield RecordedRun(home, stored, cases_played, substrate)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from pytest_libero_max.pairing.changing import Applied, apply_change, begin_worl
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.pairing.trajectory import event_link, first_link, next_link
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation, World, WorldState
+from pytest_libero_max.runs.media import distinct_arms
+from pytest_libero_max.worlds.contract import Image, Observation, PosedWorld, World, WorldState
 from pytest_libero_max.worlds.rendering.appearance import (
     Appearance,
     Points,
@@ -58,15 +60,6 @@ class Tick:
     step: int
     views: Mapping[str, View]
     """By arm. An arm that ended earlier shows its last step."""
-
-
-def distinct_arms(record: PairRecord) -> tuple[str, ...]:
-    """Return the arms of a pair that differ from those before them, in the order of the record."""
-    proofs: dict[str | None, str] = {}
-    for name, arm in record.arms.items():
-        if arm.shares is None:
-            proofs.setdefault(arm.proof, name)
-    return tuple(proofs.values())
 
 
 def play_again(
@@ -161,22 +154,20 @@ class _Player:
         changed = -1
         for firing in self.firings[len(self.applied) :]:
             if firing.step <= end and changed != firing.step:
-                self._place(joints, firing.step)
+                self._place(joints, firing.step, world)
                 world.restore(self.state)
                 self._fire(firing.step, world)
                 self.state, changed = world.snapshot(), firing.step
         if changed != end:
-            self._place(joints, end)
+            self._place(joints, end, world)
         self.step = end
         own = f"{self.name}, {len(self.applied)}" if self.applied else ""
         self.link = self.state.physics.tobytes() + own.encode()
 
-    def _place(self, joints: NDArray[np.float32], step: int) -> None:
-        if step == 0:
-            return
-        physics = self.state.physics.copy()
-        physics[1 : 1 + joints.shape[1]] = joints[step - 1]  # the time is before them
-        self.state = replace(self.state, physics=physics, steps=self._steps_before + step)
+    def _place(self, joints: NDArray[np.float32], step: int, world: World) -> None:
+        if step:
+            posed = cast(PosedWorld, world).posed  # only the traces of such a world have positions
+            self.state = posed(self.state, joints[step - 1], self._steps_before + step)
 
     def fires(self, first: int, last: int) -> bool:
         """Return True if something happens in this range of steps that has not happened yet."""
@@ -247,20 +238,21 @@ def through_cameras(size: int) -> Look:
     def look(name: str, step: int, world: World, before: View | None) -> View:
         now, last = appearance(world), drawn.get(name)
         if before is not None and now is not None and last is not None and now.is_like(last):
-            return replace(before, opening_m=opening_m(world.observe((), 1)))
+            return replace(before, opening_m=opening_m(world, world.observe((), 1)))
         if now is not None:
             drawn[name] = now
-        observation = world.observe(CAMERAS, size)
-        images = {camera: observation[f"{camera}_image"][::-1] for camera in CAMERAS}
-        return View(images, opening_m(observation))
+        cameras = world.robot.cameras
+        observation = world.observe(cameras, size)
+        images = {camera: observation[f"{camera}_image"][::-1] for camera in cameras}
+        return View(images, opening_m(world, observation))
 
     return look
 
 
-def opening_m(observation: Observation) -> float:
-    """Distance between the fingers, m."""
-    fingers = observation["robot0_gripper_qpos"]
-    return float(fingers[0] - fingers[1])
+def opening_m(world: World, observation: Observation) -> float:
+    """Distance between the fingers, m: of two that move towards each other, or the position of one."""
+    fingers = observation[world.robot.fingers_key]
+    return float(fingers[0] - fingers[-1] if len(fingers) > 1 else fingers[0])
 
 
 def _look(

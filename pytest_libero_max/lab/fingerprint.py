@@ -27,6 +27,7 @@ from pytest_libero_max.worlds.contract import (
     OnMujoco,
     World,
     alterable,
+    on_mujoco,
 )
 from pytest_libero_max.worlds.rendering.context import RENDERING
 
@@ -95,10 +96,10 @@ def take(substrate: Substrate) -> Json:
 
 def _cases() -> Iterator[Case]:
     """Yield the first case of each event of the track, of another suite each time."""
-    from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
     from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
-    cases, suites = load_track(TRACK).cases, tuple(SUITE_BUDGETS)
+    cases, suites = load_track(TRACK).cases, LIBERO_SUITES
     events = sorted({case.event.name for case in cases})
     for number, event in enumerate(events):
         suite = suites[number % len(suites)]
@@ -117,8 +118,8 @@ def _layers(case: Case, world: AlterableWorld, times: dict[str, list[float]]) ->
     textures = {name: fields.pop(name) for name in sorted(fields) if name.startswith("model.tex")}
     world.reset(case.init_state_index)
     pictures = _pictures(world, times)
-    physics = _bare_physics(world)
-    path, torques = _replay(world, times)
+    physics = _bare_physics(on_mujoco(world))
+    path, torques = _replay(on_mujoco(world), times)
     world.reset(case.init_state_index)
     for raw in case.event.setup:
         change_from_dict(raw).apply(world)
@@ -197,7 +198,7 @@ def _inputs() -> Json:
         ).astype(np.uint8)
         for number, camera in enumerate(CAMERAS)
     }
-    for name, size in PANDA.proprioception.items():
+    for name, size in PANDA.state.items():
         values = draw.uniform(-1.0, 1.0, size)
         observation[name] = values / np.linalg.norm(values) if name.endswith("quat") else values
     found = {}

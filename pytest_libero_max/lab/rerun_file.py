@@ -21,10 +21,11 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ReportError, install_extra
 from pytest_libero_max.films.drawing import labels, shared_steps
 from pytest_libero_max.films.recorded import Drawn
-from pytest_libero_max.films.replay import Look, Tick, View, distinct_arms, opening_m, play_again
+from pytest_libero_max.films.replay import Look, Tick, View, opening_m, play_again
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
-from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, Image, OnMujoco, World
+from pytest_libero_max.runs.media import distinct_arms
+from pytest_libero_max.worlds.contract import CAMERAS, Image, OnMujoco, World
 from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def scenes(size: int) -> Look:
         parked = set(world.parked)
         return Scene(
             images,
-            opening_m(observation),
+            opening_m(world, observation),
             hand=np.array(world.end_effector()),
             entities={entity: world.pose(entity) for entity in world.entities if entity not in parked},
             cameras={camera: pose_of_camera(world, camera) for camera in CAMERAS},
@@ -179,7 +180,7 @@ class _Writer:
 
     def _set_time(self, step: int) -> None:
         self._stream.set_time("step", sequence=step)
-        self._stream.set_time("time", duration=step / CONTROL_HZ)
+        self._stream.set_time("time", duration=step / self._record.control_hz)
 
     def _write_scene(self, name: str, scene: Scene) -> None:
         import rerun

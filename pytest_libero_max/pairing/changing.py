@@ -14,7 +14,7 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError
 from pytest_libero_max.pairing.kept_images import KeptImages
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Control, World, alterable
+from pytest_libero_max.worlds.contract import Control, World, alterable
 
 
 def begin_world(case: Case, world: World, control: Control = "delta") -> None:
@@ -34,7 +34,7 @@ def begin_world(case: Case, world: World, control: Control = "delta") -> None:
     for change in case.event.setup:
         change_from_dict(change).apply(alterable(world))
     for _ in range(SETTLE_STEPS):
-        world.step(NOOP_ACTION)
+        world.step(world.robot.noop)
     world.set_control(control)
 
 

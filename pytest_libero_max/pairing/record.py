@@ -45,7 +45,8 @@ from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, Arm
 from pytest_libero_max.pairing.probe_columns import Columns
 from pytest_libero_max.pairing.record_rules import (
-    ACTION_DIM,
+    COMPONENTS,
+    CONTROL_HZ,
     Timing,
     require_consistent,
     require_consistent_arm,
@@ -155,10 +156,15 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
     """The spec of the policy that went on from the first entry, with its ``reference`` and ``code``; absent
     where that of the pair did."""
 
+    components: Positive = COMPONENTS
+    """Number of components of an action; absent where they are LIBERO's seven."""
+    control_hz: Positive = CONTROL_HZ
+    """Control steps in a second; absent where they are LIBERO's twenty."""
+
     @property
     def clipped_share(self) -> float:
         """Share of the components of the executed actions that were clipped."""
-        return self.clipped_components / (ACTION_DIM * self.steps) if self.steps else 0.0
+        return self.clipped_components / (self.components * self.steps) if self.steps else 0.0
 
     @classmethod
     def of(cls, arm: Arm, rollouts: Mapping[str, RolloutResult]) -> ArmRecord:
@@ -197,6 +203,8 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
             notes=_summed(rollout.queries[rollout.firings[0].queries if rollout.firings else 0 :]),
             returned=_span(rollout.queries),
             probes={name: dict(columns) for name, columns in seen.items() if name not in _OWN_FIELDS},
+            components=rollout.robot.components,
+            control_hz=rollout.robot.control_hz,
             **_waiting(arm, rollout),
         )
 
@@ -373,6 +381,11 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         return self.arms[name]
 
     # The pair.
+
+    @property
+    def control_hz(self) -> int:
+        """Control steps in a second."""
+        return next(iter(self.arms.values())).control_hz
 
     @property
     def configuration(self) -> str:

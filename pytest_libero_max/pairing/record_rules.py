@@ -41,8 +41,9 @@ PairRecord: TypeAlias = Any
 
 Record = TypeVar("Record", bound=Any)
 
-ACTION_DIM = 7
-"""Components of an action; spelled here because records are read where no simulator is."""
+COMPONENTS, CONTROL_HZ = 7, 20
+"""Components of an action and control steps a second of LIBERO's robot, which records leave out; spelled here
+because records are read where no simulator is."""
 
 QUERY_MS = "query_ms"
 """Among the timings of a pair: numbers of queries by their milliseconds, by arm."""
@@ -203,11 +204,11 @@ def _delays(texts: Sequence[Any]) -> list[int]:
 def _require_counts(arm: ArmRecord) -> None:
     """Check the counts of an arm against its steps."""
     steps, held = arm.steps, arm.held_steps or 0
-    if arm.queries > steps + 1 or arm.clipped_components > ACTION_DIM * steps or held > steps:
+    if arm.queries > steps + 1 or arm.clipped_components > arm.components * steps or held > steps:
         raise ReportError(
             f"queries={arm.queries}, clipped_components={arm.clipped_components} and held_steps={held} of an "
             f"arm of {counted(steps, 'step')}, but there is one query a step at most, and "
-            f"{counted(ACTION_DIM, 'component')}."
+            f"{counted(arm.components, 'component')}."
         )
     if arm.returned is not None and arm.returned[0] > arm.returned[1]:
         raise ReportError(f"returned={list(arm.returned)} of an arm, but the smallest number comes first.")

@@ -28,7 +28,7 @@ from pytest_libero_max.pairing.trajectory import Firing, QueryResult, Step, Traj
 from pytest_libero_max.policies.check import check_actions, sees
 from pytest_libero_max.policies.contract import BatchItem, Query
 from pytest_libero_max.policies.transforms.states import axis_angle, grip_site_quaternion
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Array, Observation, WorldState
+from pytest_libero_max.worlds.contract import Array, Observation, Robot, WorldState
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,7 @@ class RolloutResult:
 
     trajectory: Trajectory
     probes: Mapping[str, Mapping[str, Value]]
+    robot: Robot
 
     @property
     def success(self) -> bool:
@@ -50,7 +51,7 @@ class RolloutResult:
 
     @property
     def actions(self) -> NDArray[np.float64]:
-        """(steps, 7) as the policy returned them."""
+        """(steps, d) as the policy returned them."""
         return self.trajectory.actions
 
     @property
@@ -285,7 +286,8 @@ class Rollout:
         Raises:
             ProbeError: A probe raised, wrote to the world, or yields something else than it declares.
         """
-        return RolloutResult(self.trajectory, self._stage.probes.columns(self._view()))
+        columns = self._stage.probes.columns(self._view())
+        return RolloutResult(self.trajectory, columns, self._stage.world.robot)
 
     # Inside.
 
@@ -337,19 +339,19 @@ class Rollout:
             self._watch("step")
 
     def _held(self) -> NDArray[np.float64]:
-        """Return the (7,) action of a robot that waits for an answer: it stands still, the gripper as it is.
+        """Return the action of a robot that waits for an answer: it stands still, the gripper as it is.
 
         Under absolute control the last pose is asked for again, or, before the first one, the present pose.
         """
         executed = self.trajectory.executed
         if self._stage.spec.control == "delta":
-            gripper = executed[-1].action[-1] if executed else NOOP_ACTION[-1]
-            return np.array([*NOOP_ACTION[:-1], gripper])
+            noop = self._stage.world.robot.noop
+            return np.array([*noop[:-1], executed[-1].action[-1] if executed else noop[-1]])
         if executed:
             return executed[-1].action
         seen = self._stage.world.observe(())
         turn = axis_angle(grip_site_quaternion(seen["robot0_eef_quat"]))
-        return np.array([*seen["robot0_eef_pos"], *turn, NOOP_ACTION[-1]])
+        return np.array([*seen["robot0_eef_pos"], *turn, self._stage.world.robot.noop[-1]])
 
     def _watch(self, what: Literal["step", "query"]) -> None:
         self.trajectory = self.trajectory.watched(self._stage.probes.after(what, self._view()))

@@ -21,7 +21,7 @@ from pytest_libero_max.pairing.trajectory import QueryResult
 from pytest_libero_max.pairing.wall_clock import NO_WATCH, Clock, Watch
 from pytest_libero_max.policies.check import ask, notes_of, require_spec, show, start
 from pytest_libero_max.policies.contract import Episode, Handover, Policy, PolicySpec, Query, query_seed
-from pytest_libero_max.worlds.contract import Observation, OnMujoco, World, WorldState
+from pytest_libero_max.worlds.contract import Observation, PosedWorld, World, WorldState
 
 _CURE = "A policy acts through the actions it returns. Plan on a copy of the model and data instead."
 
@@ -55,8 +55,14 @@ class Stage:
     _words_at_reset: list[str | None] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "films", self.films and isinstance(self.world, OnMujoco))
+        object.__setattr__(self, "films", self.films and isinstance(self.world, PosedWorld))
         object.__setattr__(self, "spec", replace(self.policy.spec))
+        if self.spec.robot not in (None, self.world.robot.name):
+            raise AdapterError(
+                f"policy {self.spec.name!r} is for robot={self.spec.robot!r}, but {self.world.scene} has "
+                f"{self.world.robot.name!r}. Play it on a substrate with its robot, or declare the one that "
+                "it drives: PolicySpec(robot=...)."
+            )
 
     def handed_to(self, policy: Policy, handover: Handover | None) -> Stage:
         """Return the stage on which another policy goes on in the world as it is.
@@ -98,7 +104,7 @@ class Stage:
         """Return the positions of all joints now; None where no film is to be made."""
         if not self.films:
             return None
-        return np.array(cast("OnMujoco", self.world).data.qpos, dtype=np.float32)
+        return cast("PosedWorld", self.world).posture()
 
     def begin_world(self) -> None:
         """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
@@ -128,6 +134,7 @@ class Stage:
             instruction=self.instruction,
             seed=self.case.policy_seed,
             max_steps=self.case.budget,
+            robot=self.world.robot,
             world=self.world if self.spec.privileged else None,
             handover=self.handover,
         )

@@ -25,7 +25,7 @@ class ArmTrace:
     """
 
     actions: NDArray[np.float64]
-    """(n, 7) float64, as the policy returned them."""
+    """(n, d) float64, as the policy returned them."""
     query_steps: NDArray[np.int64]
     """(q,) policy steps executed before each query."""
     end_effector: NDArray[np.float64]
@@ -36,7 +36,7 @@ class ArmTrace:
     """(n, nq) positions of all joints of the world after each step, in single precision, from which a film is
     drawn; None where the run was to make none."""
     answers: NDArray[np.float64] | None = None
-    """(q, H, 7) float64, all that the policy answered at each query, executed or not, NaN behind the end of a
+    """(q, H, d) float64, all that the policy answered at each query, executed or not, NaN behind the end of a
     shorter answer; None in traces of an early version."""
 
 
@@ -93,7 +93,8 @@ def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
 
 
 def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDArray[Any]]) -> ArmTrace:
-    shapes = {"actions": (steps, 7), "end_effector": (steps, 3), "entity": (steps, 3)}
+    width = np.shape(arrays.get(f"{name}_actions", ()))[-1:] or (0,)
+    shapes = {"actions": (steps, *width), "end_effector": (steps, 3), "entity": (steps, 3)}
     parts = {part: arrays.get(f"{name}_{part}") for part in (*shapes, "query_steps", "joints", "answers")}
     for part, shape in shapes.items():
         values = parts[part]
@@ -112,7 +113,7 @@ def _read_arm(path: Path, name: str, steps: int | None, arrays: Mapping[str, NDA
     if parts["query_steps"] is None:
         raise ReportError(f"{path} has no {name}_query_steps: it is no trace of a pair.")
     answers, queries = parts["answers"], parts["query_steps"].shape
-    if answers is not None and (answers.ndim != 3 or answers.shape[::2] != (*queries, 7)):
+    if answers is not None and (answers.ndim != 3 or answers.shape[::2] != (*queries, *width)):
         raise ReportError(f"{path}: {name}_answers has shape {answers.shape}, but of queries {queries}.")
     for part, values in parts.items():
         if values is not None and not _is_numbers(
@@ -136,7 +137,8 @@ def _is_numbers(values: NDArray[Any], *, whole: bool, gaps: bool) -> bool:
 
 def _trace(rollout: RolloutResult) -> ArmTrace:
     answers = [query.actions for query in rollout.queries]
-    padded = np.full((len(answers), max(map(len, answers), default=0), 7), np.nan)
+    width = answers[0].shape[1] if answers else 0
+    padded = np.full((len(answers), max(map(len, answers), default=0), width), np.nan)
     for row, answer in zip(padded, answers, strict=True):
         row[: len(answer)] = answer
     return ArmTrace(

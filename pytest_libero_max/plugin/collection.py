@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import counted, did_you_mean
 from pytest_libero_max.evaluation.run_cases import RunCases, category_marker, markers_of
 from pytest_libero_max.evaluation.settings import Settings
@@ -253,14 +254,14 @@ def register_markers(config: pytest.Config, *, in_use: bool) -> None:
 
     Args:
         config: Of the session.
-        in_use: True in a session that plays pairs; only there are events of other packages looked for.
+        in_use: True in a session that plays pairs; only there are those of other packages looked for.
     """
     names = EVENTS if in_use else BENCHMARK_EVENTS
     for event in names:
         _register(config, event, "with this event")
     for family in families() if in_use else BENCHMARK_FAMILIES:
         _register(config, family, "with an event of this family")
-    for suite in SUITE_BUDGETS:
+    for suite in SUITES if in_use else SUITES.ours:
         _register(config, suite, "of this suite")
     for variant in VARIANTS:
         _register(config, f"variant_{variant}", "with this parameter variant")

@@ -18,6 +18,7 @@ from pytest_libero_max.errors import counted, did_you_mean
 from pytest_libero_max.plugin import options
 from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.options import usage_errors
+from pytest_libero_max.substrates.registry import DEFAULT
 
 if TYPE_CHECKING:
     from pytest_libero_max.conformance.expected import Expected
@@ -93,6 +94,18 @@ class ConformanceSession:
         for area in dict.fromkeys(rule.area for rule in self.rules.values()):
             yield f"{area}: rules about {area}"
 
+    @property
+    def options(self) -> list[str]:
+        """The options that the subject is examined with, as they are written on a command line."""
+        settings = self.settings
+        values = {
+            "profile": settings.profile,
+            "horizon": settings.horizon,
+            "query-interval": settings.query_interval,
+            "substrate": None if str(settings.substrate) == DEFAULT else settings.substrate,
+        }
+        return [f"--libero-max-{name}={value}" for name, value in values.items() if value is not None]
+
     @cached_property
     def examination(self) -> Examination:
         """The examination of the subject in this process."""
@@ -157,7 +170,7 @@ class RuleItem(pytest.Item):
             reasons = (finding.observed for finding in outcome.findings if finding.state == "unexamined")
             pytest.skip("; ".join(dict.fromkeys(reasons)) or "nothing to examine")
         if outcome.fails or (outcome.broken and result.expected_to_break):
-            raise RuleBroken(message(outcome, str(self.examining.subject)))
+            raise RuleBroken(message(outcome, str(self.examining.subject), self.examining.options))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         if isinstance(excinfo.value, RuleBroken):

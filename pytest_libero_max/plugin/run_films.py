@@ -75,7 +75,8 @@ def _film(settings: Settings, cases: Mapping[str, Case], records: Sequence[PairR
     from pytest_libero_max.runs.media import TRACES_NAME
     from pytest_libero_max.substrates.registry import open_substrate
 
-    with closing(open_substrate(settings.substrate.name, settings.substrate_options)) as substrate:
+    options = settings.substrate_options.for_people()
+    with closing(open_substrate(settings.substrate.name, options)) as substrate:
         for record in records:
             path = film_path(settings.output / FILMS_NAME, record)
             reason = None

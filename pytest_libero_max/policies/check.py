@@ -40,7 +40,7 @@ from pytest_libero_max.policies.contract import (
     SeeingPolicy,
 )
 from pytest_libero_max.policies.files_read import FILES_READ
-from pytest_libero_max.worlds.contract import ACTION_DIM, FARTHEST_M, Observation, World
+from pytest_libero_max.worlds.contract import FARTHEST_M, Observation, World
 from pytest_libero_max.worlds.rendering import gl
 
 Actions = NDArray[np.float64]
@@ -158,17 +158,18 @@ def batches(policy: Policy) -> bool:
 
 
 def check_actions(value: Any, spec: PolicySpec) -> Actions:
-    """Return the answer to a query as a fresh C-contiguous (n, 7) float64 array, Q <= n <= H.
+    """Return the answer to a query as a fresh C-contiguous (n, d) float64 array, Q <= n <= H.
 
-    A single action may come as a (7,) vector, which counts as n = 1 and so is enough only for Q = 1; a batch
-    of one, (1, n, 7), is its one chunk.
+    d is the number of components of the policy's robot, 7 for LIBERO's. A single action may come as a (d,)
+    vector, which counts as n = 1 and so is enough only for Q = 1; a batch of one, (1, n, d), is its chunk.
     Components beyond +-1 are left alone: the controller clips them, as it does for LIBERO.
 
     Raises:
         ActionError: Not numbers, not that shape, too few, too many, or not finite; or, under absolute
             control, a pose that no hand could have.
     """
-    expected = f"an (n, {ACTION_DIM}) array with {spec.query_interval} <= n <= {spec.horizon}"
+    width = spec.components
+    expected = f"an (n, {width or 'd'}) array with {spec.query_interval} <= n <= {spec.horizon}"
     try:
         actions = read_rows(value)
     except Unplayable as error:
@@ -176,7 +177,7 @@ def check_actions(value: Any, spec: PolicySpec) -> Actions:
         raise ActionError(
             f"policy {spec.name!r} returned {error.what}, but {rule}. {error.cure}".rstrip()
         ) from error
-    if actions.shape[1] != ACTION_DIM:
+    if width is not None and actions.shape[1] != width:
         raise ActionError(
             f"policy {spec.name!r} returned actions of shape {np.shape(value)}, but predict must return "
             f"{expected}."
@@ -292,7 +293,7 @@ def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
     if len(answers) != len(items):
         raise AdapterError(
             f"policy {policy.spec.name!r} returned {counted(len(answers), 'answer')} from predict_batch for "
-            f"{counted(len(items), 'item')}. Return one (n, {ACTION_DIM}) array for each, in their order."
+            f"{counted(len(items), 'item')}. Return one array of actions for each, in their order."
         )
     return [check_actions(answer, policy.spec) for answer in answers]
 

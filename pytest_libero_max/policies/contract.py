@@ -12,10 +12,11 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.structs import Name, fits
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, World
+from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, Robot, World
+from pytest_libero_max.worlds.robot import PANDA, ROBOTS
 
 Arm = Literal["base", "dynamic"]
 
@@ -58,13 +59,16 @@ class PolicySpec:
     """Identity of the weights among others of the same name, for example a checkpoint's commit or digest.
     Kept with every result."""
     suites: tuple[str, ...] | None = None
-    """The LIBERO suites it can play, or None for all. Pairs of other suites are unsupported: they are
+    """The suites it can play, or None for all. Pairs of other suites are unsupported: they are
     skipped, and neither played nor failed."""
     control: Control = "delta"
     """Kind of its actions: movements (``delta``), or poses of the grip site in the world (``absolute``:
     position in m, axis times angle in rad)."""
     wrappers: tuple[str, ...] = ()
     """Wrappers around the policy, from the inside out, for example ``restore=gated``."""
+    robot: str | None = PANDA.name
+    """Name of the robot that its actions are for, or None for any: it then reads ``episode.robot``. On
+    another one it is refused."""
     history: bool = False
     """True if its answers depend on all that it was asked before in the episode, without a ``snapshot``. It
     is then asked all of it again on the way to the event."""
@@ -89,6 +93,10 @@ class PolicySpec:
                 self.control,
                 f" of policy {self.name!r}. {did_you_mean(str(self.control), get_args(Control))}",
             )
+        if self.robot is not None and self.robot not in ROBOTS:
+            raise AdapterError.seen(
+                "robot", self.robot, f" of policy {self.name!r}. {ROBOTS.none_called(str(self.robot))}"
+            )
         if self.suites is not None:
             object.__setattr__(self, "suites", self._known_suites())
         if self.query_interval > self.horizon:
@@ -109,12 +117,12 @@ class PolicySpec:
         if isinstance(self.suites, str) or not self.suites:
             raise self._refusal("suites", "must be None or a tuple of names")
         for suite in self.suites:
-            if suite not in SUITE_BUDGETS:
+            if suite not in SUITES:
                 raise AdapterError.seen(
                     "suites",
                     self.suites,
                     f" of policy {self.name!r} names the unknown suite {suite!r}. "
-                    f"{did_you_mean(str(suite), SUITE_BUDGETS)}",
+                    f"{SUITES.none_called(str(suite))}",
                 )
         return tuple(sorted({*self.suites}))
 
@@ -145,8 +153,16 @@ class PolicySpec:
         value = part[0] if part else getattr(self, field)
         return AdapterError.seen(field, value, f" of policy {self.name!r}, but {rule}.")
 
+    @property
+    def components(self) -> int | None:
+        """Number of components of its actions; None where it is for any robot."""
+        return None if self.robot is None else ROBOTS[self.robot].components
+
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON types; without the fields from ``suites`` on where they are at their defaults."""
+        """Return JSON types; without the fields from ``suites`` on where they are at their defaults.
+
+        A robot is named where it is another one than LIBERO's.
+        """
         values = {
             name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()
         }
@@ -154,6 +170,8 @@ class PolicySpec:
             value = values.pop(name)
             if value != default:
                 values[name] = value
+        if self.robot in (None, PANDA.name):
+            del values["robot"]
         return values
 
 
@@ -177,7 +195,7 @@ class Episode:
     """Description of an episode, for a policy when it begins."""
 
     suite: str
-    """LIBERO suite."""
+    """Suite of the task."""
     task_index: int
     """Index of the task in its source's registry."""
     instruction: str
@@ -190,6 +208,8 @@ class Episode:
     """The live world for a policy that declares itself privileged, otherwise None. Read only."""
     handover: Handover | None = None
     """The rollout so far, where the policy takes over from another one; None for an episode of its own."""
+    robot: Robot = PANDA
+    """The robot of the world."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,8 @@ from typing import Annotated, Any
 from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.worlds.contract import Robot
+from pytest_libero_max.worlds.robot import PANDA, ROBOTS
 
 PROFILE_ALONE = "profile"
 """Begins the revision of a policy whose weights nobody has declared."""
@@ -57,6 +59,7 @@ SECTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
                 "every_step": Flag,
                 "suites": Texts,
                 "unnorm_key": Text,
+                "robot": Text,
             }
         ),
         "inputs": MappingProxyType({}),
@@ -127,6 +130,15 @@ class Profile:
     def protocol(self) -> str:
         """The protocol that it is for."""
         return str(self.get("policy", "protocol"))
+
+    @property
+    def robot(self) -> Robot:
+        """The robot whose keys it reads and whose actions it brings; LIBERO's Panda unless it names one.
+
+        Raises:
+            SubstrateError: No installed package has it.
+        """
+        return ROBOTS[self.get("policy", "robot", PANDA.name)]
 
     @property
     def digest(self) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 import msgspec
 from msgspec import structs
@@ -19,6 +20,7 @@ from pytest_libero_max.report.base_failures import base_failures
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
 from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.report_document import (
     Cell,
@@ -130,22 +132,25 @@ def build_report(
     columns = columns_of(in_order, tasks)
     overall = structs.replace(measure(columns, len(planned)), probes=probe_means(in_order))
     selection = _selection(provenance)
-    counts = _counts(
+    counts = counts_of(
         planned,
-        played,
+        played.keys(),
         failed,
         missing_shards=selection.missing_shards if selection else [],
         repaired=repaired,
         unsupported=unsupported,
         stopped=_stop(stopped, order, (*played.values(), *errors), provenance),
     )
-    groups = {name: _group(planned, measured, columns, in_order, name) for name in DIMENSIONS}
+    ends = {case_id: (it.base_success, it.dynamic_success) for case_id, it in played.items()}
+    groups = outcome_groups(planned, measured, columns, ends)
+    groups["by"] = {name: _with_probes(rows, measured, in_order, name) for name, rows in groups["by"].items()}
     report = Report(
         pairs=counts,
         selection=selection,
-        headline=_headline(counts, overall, stopped),
-        missing_as_failures=_missing_as_failures(counts, overall.outcomes),
+        headline=headline_of(counts, overall, stopped),
+        missing_as_failures=missing_as_failures(counts, overall.outcomes),
         policy=policy,
+        inference=inference_of(in_order, protocol),
         substrate=substrate_of(provenance, planned),
         caveats=caveats_of(map(Played.of, in_order)),
         overall=overall,
@@ -154,11 +159,7 @@ def build_report(
         changed_pairs=changed_pairs(played.values()),
         base_failures=base_failures([*played.values()]),
         causes={arm: _causes(played.values(), arm) for arm in (BASE, DYNAMIC)},
-        by=groups,
-        category_by_event=_cells(planned, played),
-        macro=Macros(category=macro_average([row.outcomes for row in groups["category"].values()])),
-        largest_split=split_of(_outcomes(groups["variant"])),
-        extremes=extremes_of(_outcomes(groups["category"])),
+        **groups,
         success_curves=success_curves(in_order),
         study=study_of(in_order, tasks, protocol),
         sections=measured_sections(PlayedPairs(in_order, tasks, protocol, with_intervals)),
@@ -176,7 +177,7 @@ def build_report(
     return structs.replace(report, warnings=alarm_texts(report))
 
 
-def _missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFailures | None:
+def missing_as_failures(counts: PairCounts, outcomes: Outcomes) -> MissingAsFailures | None:
     """Return the rates over all planned pairs as the paper counts them; None where they say nothing.
 
     A run that stopped by a rule, or lacks a shard, never meant to play the others.
@@ -251,28 +252,58 @@ def _require_planned(pairs: Mapping[str, object], planned: Mapping[str, PlannedP
         )
 
 
-def _group(
+def outcome_groups(
     planned: Sequence[PlannedPair],
     measured: Sequence[PlannedPair],
     columns: Pairs,
-    records: Sequence[PairRecord],
-    dimension: str,
+    ends: Mapping[str, tuple[bool, bool]],
+) -> dict[str, Any]:
+    """Return the fields of a report that group pairs, as far as they follow from outcomes.
+
+    Args:
+        planned: Every assigned pair.
+        measured: Those with an outcome, in the order of the columns.
+        columns: Their outcomes.
+        ends: Success of Base and of Dynamic, by case id.
+    """
+    by = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
+    return {
+        "by": by,
+        "category_by_event": _cells(planned, ends),
+        "macro": Macros(category=macro_average([row.outcomes for row in by["category"].values()])),
+        "largest_split": split_of(_outcomes(by["variant"])),
+        "extremes": extremes_of(_outcomes(by["category"])),
+    }
+
+
+def _group(
+    planned: Sequence[PlannedPair], measured: Sequence[PlannedPair], columns: Pairs, dimension: str
 ) -> dict[str, Result]:
     label = DIMENSIONS[dimension].label
     totals = Counter(label(pair) for pair in planned)
     labels = [label(pair) for pair in measured]
     names = sorted(totals, key=lambda name: group_order(dimension, name))
+    return {name: row for name, row in breakdown(columns, labels, names, totals).items() if name}
+
+
+def _with_probes(
+    rows: Mapping[str, Result],
+    measured: Sequence[PlannedPair],
+    records: Sequence[PairRecord],
+    dimension: str,
+) -> dict[str, Result]:
+    """Return the results of groups with the means of probes over their pairs."""
     members: dict[str, list[PairRecord]] = {}
-    for name, record in zip(labels, records, strict=True):
-        members.setdefault(name, []).append(record)
+    for pair, record in zip(measured, records, strict=True):
+        members.setdefault(DIMENSIONS[dimension].label(pair), []).append(record)
     return {
-        name: structs.replace(result, probes=probe_means(members.get(name, ())))
-        for name, result in breakdown(columns, labels, names, totals).items()
-        if name
+        name: structs.replace(row, probes=probe_means(members.get(name, ()))) for name, row in rows.items()
     }
 
 
-def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> dict[str, dict[str, Cell]]:
+def _cells(
+    planned: Sequence[PlannedPair], ends: Mapping[str, tuple[bool, bool]]
+) -> dict[str, dict[str, Cell]]:
     """Planned pairs, outcomes and paired change of each source category under each event."""
     cells: dict[tuple[str, str], list[PlannedPair]] = {}
     for pair in planned:
@@ -280,8 +311,8 @@ def _cells(planned: Sequence[PlannedPair], played: Mapping[str, PairRecord]) -> 
     table: dict[str, dict[str, Cell]] = {category: {} for category, _ in sorted(cells)}
     for category, event in sorted(cells, key=lambda cell: (cell[0], group_order("event", cell[1]))):
         pairs = cells[category, event]
-        rows = [played[pair.case_id] for pair in pairs if pair.case_id in played]
-        outcomes = tabulate([row.base_success for row in rows], [row.dynamic_success for row in rows])
+        rows = [ends[pair.case_id] for pair in pairs if pair.case_id in ends]
+        outcomes = tabulate([base for base, _ in rows], [dynamic for _, dynamic in rows])
         table[category][event] = Cell(
             planned=len(pairs), outcomes=outcomes, paired_change=ratio_of(outcomes.change)
         )
@@ -350,16 +381,18 @@ def _selection(provenance: Json) -> PlayedSelection | None:
     )
 
 
-def _counts(
+def counts_of(
     planned: Sequence[PlannedPair],
-    played: Mapping[str, PairRecord],
+    played: Collection[str],
     failed: Mapping[str, PairError],
     *,
-    missing_shards: Sequence[str],
-    repaired: Iterable[str],
-    unsupported: Mapping[str, str],
-    stopped: Stop | None,
+    missing_shards: Sequence[str] = (),
+    repaired: Iterable[str] = (),
+    unsupported: Mapping[str, str] | None = None,
+    stopped: Stop | None = None,
 ) -> PairCounts:
+    """Return the numbers of planned, played and lost pairs, and which were lost."""
+    unsupported = unsupported or {}
     missing = [pair for pair in planned if pair.case_id not in played and pair.case_id not in failed]
     complete = bool(planned) and len(played) == len(planned) and not missing_shards
     return PairCounts(
@@ -413,7 +446,8 @@ def substrate_of(provenance: Json, planned: Iterable[PlannedPair]) -> Substrate:
     )
 
 
-def _headline(counts: PairCounts, overall: Result, stopped: Stopped | None) -> Headline:
+def headline_of(counts: PairCounts, overall: Result, stopped: Stopped | None = None) -> Headline:
+    """Return the rates over all planned pairs; withheld while one is missing or invalid."""
     if counts.complete:
         return Headline(
             status="complete",

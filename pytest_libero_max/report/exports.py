@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pytest_libero_max.errors import OptionError
@@ -12,19 +14,38 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.gates import GateResult
     from pytest_libero_max.runs.store import StoredRun
 
-Export: TypeAlias = "Callable[[StoredRun, Sequence[GateResult]], dict[str, str]]"
-"""Returns texts by the path of their file in a folder; by the empty path that of the format's only file."""
+
+@dataclass(frozen=True)
+class ExportedRun:
+    """A run that is written in a format."""
+
+    folder: Path
+    """Its folder, with reports and films beside the pairs."""
+    stored: StoredRun
+    """Its pairs; those that were not measured are never failures of the policy."""
+    gates: Sequence[GateResult] = ()
+    """Verdicts on the run, for formats that have a place for them."""
+    step: int = 0
+    """Step of the training after which it was played, for formats with an axis of steps."""
+
+
+Export: TypeAlias = "Callable[[ExportedRun, Path], list[Path]]"
+"""Writes a run into a file or folder, and returns the paths of what it wrote."""
 
 
 def _accept(name: str, module: object) -> Export:
+    write: Any = getattr(module, "write", None)
     files: Any = getattr(module, "files", None)
     text: Any = getattr(module, "text", None)
+    if callable(write):
+        return lambda run, place: write(run, place)
     if callable(files):
-        return lambda run, gates: files(run)
+        return lambda run, place: _write_texts(files(run.stored), place)
     if callable(text):
-        return lambda run, gates: {"": text(run, gates)}
+        return lambda run, place: _write_texts({"": text(run.stored, run.gates)}, place)
     raise ValueError(
-        "an entry point of a format is a module with a function text, or files for several files"
+        "an entry point of a format is a module with a function text, files for several files, or write for "
+        "what is no text"
     )
 
 
@@ -32,19 +53,30 @@ EXPORTS: Registry[Export] = Registry("format", "pytest_libero_max.exports", dict
 """The formats that are installed, by name. Each raises ReportError for a run that it cannot hold."""
 
 
-def export_files(name: str, run: StoredRun, gates: Sequence[GateResult] = ()) -> dict[str, str]:
-    """Return a run in a format.
+def export(name: str, run: ExportedRun, place: Path) -> list[Path]:
+    """Write a run in a format.
 
     Args:
         name: One of :data:`EXPORTS`.
-        run: The run; pairs that were not measured are never failures of the policy.
-        gates: Verdicts on the run, for formats that have a place for them.
+        run: The run.
+        place: The file; the folder where the format has several files.
 
     Returns:
-        Texts by the path of their file in a folder; by the empty path that of the format's only file.
+        Paths of what was written.
 
     Raises:
-        OptionError: There is no such format.
-        ReportError: The run has nothing that the format can hold.
+        OptionError: There is no such format, or it needs a package that is not installed.
+        ReportError: The run has nothing that the format can hold, or a file cannot be written.
     """
-    return EXPORTS[name](run, gates)
+    return EXPORTS[name](run, place)
+
+
+def _write_texts(texts: dict[str, str], place: Path) -> list[Path]:
+    """Write texts by the path of their file in a folder; by the empty path that of the only file."""
+    from pytest_libero_max.report.writers.report_files import make_folder, write_text
+
+    for name, text in texts.items():
+        if name:
+            make_folder((place / name).parent)
+        write_text(place / name, text)
+    return [place / name for name in texts]

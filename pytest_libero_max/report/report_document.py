@@ -26,7 +26,7 @@ from pytest_libero_max.stats.blocks import (
     Text,
 )
 
-REPORT_VERSION: Final = 6
+REPORT_VERSION: Final = 7
 
 
 class Watched(Block, frozen=True, kw_only=True):
@@ -298,10 +298,21 @@ class SuccessCurves(Block, frozen=True, kw_only=True):
     """Number of pairs that Dynamic has not completed by then."""
 
 
+class Inference(Block, frozen=True, kw_only=True):
+    """Protocol class of a run: what the world does while the policy is asked."""
+
+    world: Literal["paused", "goes on"]
+    """What it does in Base and Dynamic."""
+    late: dict[str, list[Text]]
+    """By arm the times that queries take, for example ``4steps``; empty where the world always waits."""
+    text: Text
+    """The class in one line."""
+
+
 class Report(Block, frozen=True, kw_only=True):
     """The report of a run: everything that is computed from its pairs."""
 
-    schema_version: Literal[6] = REPORT_VERSION
+    schema_version: Literal[7] = REPORT_VERSION
     """Version of this document's form; it changes when a field is added, removed or given another meaning."""
     pairs: PairCounts
     """Pairs that were planned, played and lost, and which were lost."""
@@ -314,6 +325,8 @@ class Report(Block, frozen=True, kw_only=True):
     a result, none has one, a rule stopped the run or a shard lacks."""
     policy: dict[str, Any] | None
     """The policy's spec as played, as in its records; None where no pair was played."""
+    inference: Inference
+    """Protocol class: what the world does while the policy is asked."""
     substrate: Substrate
     """The substrate of the run, and the standing of its scores."""
     warnings: list[Text] = field(default_factory=list)

@@ -46,7 +46,7 @@ def run_document(
         gates: Verdicts on the gates that the run was given.
         stored: The run, for its origin; None leaves that out.
     """
-    notes = [report.substrate.note, *note_texts(report), clipping_text(report)]
+    notes = [report.substrate.note, report.inference.text, *note_texts(report), clipping_text(report)]
     return Document(
         title_text(report),
         report.warnings,

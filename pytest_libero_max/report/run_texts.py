@@ -12,6 +12,7 @@ from pytest_libero_max.report.report_document import PairCounts, Report, Returne
 from pytest_libero_max.report.sections import section_warnings
 from pytest_libero_max.runs.protocol import protocol_words
 from pytest_libero_max.stats.blocks import Substrate
+from pytest_libero_max.substrates.registry import described_substrate
 
 _NAMED = 3
 
@@ -104,7 +105,8 @@ def cases_title(report: Report) -> str:
     unsupported = f", {count} of them unsupported" if count else ""
     words = protocol_words(report.provenance["protocol"])
     words.pop("study", None)  # the report has a section on it
-    return ", ".join([report.substrate.name, f"{selection_text(report)}{unsupported}", *words.values()])
+    substrate = described_substrate(report.provenance["substrate"])
+    return ", ".join([str(substrate), f"{selection_text(report)}{unsupported}", *words.values()])
 
 
 def unsupported_text(pairs: PairCounts) -> str | None:

@@ -9,6 +9,7 @@ Kind     Fields                                            In comparisons Within
 setting  protocol, substrate, case set, versions, scenes,  a difference   a difference
          budgets of steps, installations; H, Q,
          repeatability and wrappers of the policy
+         version of the images, where a policy is shown some
 renderer what drew the images                              a difference   tolerated
 added    arms that are played beside Base and Dynamic      tolerated      a difference
 policy   the policy as asked for: code, revision; the      tolerated      a difference
@@ -40,6 +41,7 @@ from pytest_libero_max.runs.agreement import OF_CASE, OF_MACHINE, differing_file
 from pytest_libero_max.runs.plan import Run, Substrate
 from pytest_libero_max.runs.protocol import PARTS, declared
 from pytest_libero_max.runs.setting import ALWAYS, Recorded
+from pytest_libero_max.substrates.registry import images_of
 
 Kind = Literal["setting", "renderer", "added", "policy", "address", "place"]
 
@@ -75,6 +77,7 @@ THERE, HERE = "there", "here"
 """Names of another run and of this one."""
 
 SCENES, RENDERERS, MAX_STEPS = "scenes", "renderers", "max_steps"
+_IMAGES = "substrate.images"
 
 _GROUPS = ("versions", "case_set")
 """Parts whose fields are accepted together, by the name of the part."""
@@ -162,7 +165,7 @@ def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -
         if len({json.dumps(value, sort_keys=True) for value in values.values()}) > 1:
             found.append(Difference(place, kind, values))
     found += [*_file_differences(sides), *_instrument_differences(sides), *_budget_differences(sides)]
-    found += [*_scene_differences(sides), *_renderer_differences(sides)]
+    found += [*_scene_differences(sides), *_image_differences(sides), *_renderer_differences(sides)]
     return [one for one in found if one.kind not in tolerated]
 
 
@@ -206,6 +209,7 @@ def _fields(side: Side, settings: _Settings) -> dict[tuple[str, Kind], Any]:
         (f"{part}.{name}", _kind_of(part, name, settings)): value
         for part in _PARTS
         for name, value in side.run.provenance.get(part, {}).items()
+        if f"{part}.{name}" != _IMAGES
     }
     if side.policy is not None:
         for name, usual in _AS_PLAYED.items():
@@ -286,6 +290,18 @@ def _scene_differences(sides: Mapping[str, Side]) -> list[Difference]:
         else:
             values[name] = "recorded"
     return [Difference(SCENES, "setting", values)] if len({*values.values()}) > 1 else []
+
+
+def _image_differences(sides: Mapping[str, Side]) -> list[Difference]:
+    """Name the version of the images of each run, where they differ; None where a policy is shown none."""
+    values = {
+        name: images_of(side.run.provenance["substrate"])
+        if side.policy is None or side.policy["cameras"]
+        else None
+        for name, side in sides.items()
+    }
+    different = len({*values.values()} - {None}) > 1
+    return [Difference(_IMAGES, "setting", values)] if different else []
 
 
 def _renderer_differences(sides: Mapping[str, Side]) -> list[Difference]:

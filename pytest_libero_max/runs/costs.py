@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import NamedTuple
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.cases import step_budget
+from pytest_libero_max.benchmark.suites import longest_budget
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 
 PAIR = "pair_s"
@@ -200,4 +201,4 @@ class CostModel:
 
 def _budget(kind: Kind) -> int:
     """Policy steps that an episode may take."""
-    return SUITE_BUDGETS.get(kind.suite, max(SUITE_BUDGETS.values()))
+    return step_budget(kind.suite) or longest_budget()

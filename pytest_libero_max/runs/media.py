@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.record import PairRecord
 
 TRACES_NAME = "traces"
 FILMS_NAME = "films"
@@ -45,6 +46,13 @@ class _Compared(Protocol):
         ...
 
 
+_LONGEST_ARMS = 120
+"""Most characters of the arms in the name of a film."""
+
+_MANY_ARMS = "_arms"
+"""Ends the number that stands there for more."""
+
+
 def selection_named(text: str) -> str:
     """Return the name of a selection; ``regression`` is another spelling of ``regressions``."""
     return "regressions" if text == "regression" else text
@@ -57,8 +65,19 @@ def is_selected(pair: _Compared, which: str) -> bool:
     return which == "all" or pair.outcome in members[which]
 
 
+def distinct_arms(record: PairRecord) -> tuple[str, ...]:
+    """Return the arms of a pair that differ from those before them, in the order of the record."""
+    proofs: dict[str | None, str] = {}
+    for name, arm in record.arms.items():
+        if arm.shares is None:
+            proofs.setdefault(arm.proof, name)
+    return tuple(proofs.values())
+
+
 def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world") -> str:
     """Return the name of a film's file: the pair, the arms, and the view.
+
+    Of many arms it has the number, because a file system takes names of 255 bytes at most.
 
     Args:
         item_id: The pair.
@@ -66,7 +85,10 @@ def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world
         suffix: One of :data:`FILM_SUFFIXES`.
         view: One of :data:`VIEWS`.
     """
-    return f"{item_id}{_SEPARATOR}{'-'.join(arms)}{_POLICY if view == 'policy' else ''}{suffix}"
+    names = [*arms]
+    text = "-".join(names)
+    shown = text if len(text) <= _LONGEST_ARMS else f"{len(names)}{_MANY_ARMS}"
+    return f"{item_id}{_SEPARATOR}{shown}{_POLICY if view == 'policy' else ''}{suffix}"
 
 
 def films_in(folder: Path, view: str = "world") -> dict[str, str]:
@@ -112,6 +134,12 @@ def caption_of(path: str, item_id: str) -> str:
     """Return the title of a film or picture from its file name: ``base-dynamic, what the policy saw``."""
     name = path.rpartition("/")[2].rpartition(".")[0].removeprefix(f"{item_id}{_SEPARATOR}")
     return f"{name.removesuffix(_POLICY)}, what the policy saw" if name.endswith(_POLICY) else name
+
+
+def filmed_arms(path: str, record: PairRecord) -> tuple[str, ...]:
+    """Return the arms of a film from left to right, from its file name; of many arms, those of the pair."""
+    names = tuple(caption_of(path, record.item_id).split("-"))
+    return distinct_arms(record) if names[0].endswith(_MANY_ARMS) else names
 
 
 def pictures_in(folder: Path) -> dict[str, list[str]]:

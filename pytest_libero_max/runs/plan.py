@@ -149,6 +149,7 @@ class Substrate(Document, frozen=True, kw_only=True, forbid_unknown_fields=False
     semantics: Text | None = None
     instruction_source: Text | None = None
     source_variations: Text | None = None
+    images: Text | None = None
 
 
 class CaseSet(Document, frozen=True, kw_only=True, forbid_unknown_fields=False):

@@ -12,7 +12,6 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.record_rules import QUERY_MS
 from pytest_libero_max.pairing.stage import WAITED
 from pytest_libero_max.runs.store import read_pairs
-from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 
 def query_times(records: Iterable[PairRecord]) -> dict[str, Counter[float]]:
@@ -24,13 +23,14 @@ def query_times(records: Iterable[PairRecord]) -> dict[str, Counter[float]]:
     return counts
 
 
-def recorded_latency(folder: Path, runner: Runner = "async") -> Latency:
+def recorded_latency(folder: Path, hz: int, runner: Runner = "async") -> Latency:
     """Return the latency whose delays are drawn from the query times of a run, in whole control steps.
 
     Pairs that waited for a server that had gone away are left out.
 
     Args:
         folder: Folder of the run, or its ``pairs.jsonl``.
+        hz: Control steps in a second of the run that is to be played.
         runner: Behaviour of the robot until the answer is there.
 
     Raises:
@@ -44,4 +44,4 @@ def recorded_latency(folder: Path, runner: Runner = "async") -> Latency:
             f"{folder}: none of its {counted(len(records), 'pair')} says how long its queries took. Play a "
             "few pairs with the policy, with one worker, and name the folder of that run."
         )
-    return Latency.of_times(total, CONTROL_HZ, runner)
+    return Latency.of_times(total, hz, runner)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.runs.plan import OBJECT, OUTSIDE
 from pytest_libero_max.runs.protocol import depends_on_selection, option_values
-from pytest_libero_max.substrates.contract import ChosenSubstrate
+from pytest_libero_max.substrates.registry import described_substrate
 
 if TYPE_CHECKING:
     from pytest_libero_max.runs.outcomes import RunOutcomes
@@ -84,7 +84,7 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
     if kind in ("track", "manifest") and name:
         options.append((kind, places.manifest or name))
     options.append(("program", places.program))
-    options.append(("substrate", ChosenSubstrate.described(provenance["substrate"])))
+    options.append(("substrate", described_substrate(provenance["substrate"])))
     options += [("libero", root) for root in places.installations]
     options.append(("libero-assets", places.assets))
     options += option_values(provenance)

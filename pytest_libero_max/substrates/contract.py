@@ -7,7 +7,7 @@ Other code never compares the names of substrates: each difference that matters 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
@@ -87,6 +87,9 @@ class SubstrateOptions:
     variations: Literal["installed", "own"] = "installed"
     """``installed``: LIBERO-Plus's and LIBERO-PRO's own, from their installations; ``own``: in their place
     this package's, which are changes at reset."""
+    images: Literal["2", "1"] = "2"
+    """Version of the embedded images. ``1`` has four samples per pixel, as LIBERO's have, and takes twice as
+    long in software; ``2`` has one."""
     classification: Path | None = None
     """LIBERO-Plus's ``task_classification.json``, for catalogues; None for that of its checkout."""
 
@@ -94,14 +97,22 @@ class SubstrateOptions:
         "semantics": ("published", "corrected"),
         "instruction": ("published", "clean"),
         "variations": ("installed", "own"),
+        "images": ("2", "1"),
     }
     """Values of the options that the text of a substrate names, see :class:`ChosenSubstrate`."""
     DESCRIBED: ClassVar[Mapping[str, str]] = {
         "semantics": "semantics",
         "instruction": "instruction_source",
         "variations": "source_variations",
+        "images": "images",
     }
     """Their names in the description of a substrate (:attr:`SubstrateKind.describe`)."""
+    UNDESCRIBED: ClassVar[Mapping[str, str]] = {"images": "1"}
+    """Values where a description has none: those of runs from before the option."""
+
+    def for_people(self) -> SubstrateOptions:
+        """Return the options with the images that look best, for films and galleries."""
+        return replace(self, images="1")
 
 
 @dataclass(frozen=True)
@@ -110,13 +121,6 @@ class ChosenSubstrate:
 
     name: str
     options: SubstrateOptions = SubstrateOptions()
-
-    @classmethod
-    def described(cls, description: Mapping[str, Any]) -> ChosenSubstrate:
-        """Return the substrate that the provenance of a run describes."""
-        names = SubstrateOptions.DESCRIBED.items()
-        chosen = {option: description[name] for option, name in names if description.get(name) is not None}
-        return cls(description["name"], SubstrateOptions(**chosen))
 
     def __str__(self) -> str:
         usual = SubstrateOptions()
@@ -169,6 +173,12 @@ class SubstrateKind:
     """Finds the source variation of its own that a case plays, without building anything. Raises
     :class:`.SubstrateError` where it has none."""
     tracks: Callable[[SubstrateOptions], Tracks] = lambda options: Tracks()
+    suites: tuple[str, ...] | None = None
+    """Suites whose tasks it has; None for any."""
+    examples: Callable[[SubstrateOptions], Sequence[Case]] = lambda options: ()
+    """Returns cases with which the rules examine it; none for those of its tracks."""
+    control_hz: int = 20
+    """Control steps in a second of its robots, in which times of latency are counted; LIBERO's."""
     plays_frozen: bool = False
     """True if every case of the tracks that come with this package plays, wherever that is."""
     reads: frozenset[str] = frozenset()
@@ -192,3 +202,13 @@ class SubstrateKind:
     """Cases that a process examines at a time, after which they are kept."""
     sheets: Mapping[str, Callable[[Path, Any], None]] = field(default_factory=dict)
     """Functions that draw contact sheets of its own with an open substrate, by the files' names."""
+
+    def unplayable(self, options: SubstrateOptions, cases: Sequence[Case]) -> dict[str, str]:
+        """Return the reasons why cases cannot play, by case id: another suite, or what is lacking."""
+        foreign = {
+            case.case_id: f"{self.name} has no suite {case.suite}, but {', '.join(self.suites)}"
+            for case in cases
+            if self.suites is not None and case.suite not in self.suites
+        }
+        own = [case for case in cases if case.case_id not in foreign]
+        return {**foreign, **self.lacking(options, own)} if own else foreign

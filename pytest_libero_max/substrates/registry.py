@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.text_values import known_in, named_values
@@ -64,6 +65,30 @@ def chosen_substrate(text: str) -> ChosenSubstrate:
         readers = [kind.name for kind in SUBSTRATES.values() if kind.reads & {*SubstrateOptions.CHOICES}]
         raise ValueError(f"the {name} substrate takes no options, but {' and '.join(readers)} does")
     return ChosenSubstrate(name, SubstrateOptions(**named_values(words, "=", parsers)))
+
+
+def described_substrate(description: Mapping[str, Any]) -> ChosenSubstrate:
+    """Return the substrate that the provenance of a run describes, with its options.
+
+    Args:
+        description: Its ``substrate``; of a substrate that is not installed here only what it says counts.
+    """
+    name = description["name"]
+    reads = SUBSTRATES[name].reads if name in SUBSTRATES else frozenset[str]()
+    values = {
+        option: description.get(described)
+        or (SubstrateOptions.UNDESCRIBED.get(option) if option in reads else None)
+        for option, described in SubstrateOptions.DESCRIBED.items()
+    }
+    chosen: dict[str, Any] = {option: value for option, value in values.items() if value is not None}
+    return ChosenSubstrate(name, SubstrateOptions(**chosen))
+
+
+def images_of(description: Mapping[str, Any]) -> str | None:
+    """Return the version of the images of a described substrate; None where it has one version."""
+    chosen = described_substrate(description)
+    versions = chosen.name in SUBSTRATES and "images" in SUBSTRATES[chosen.name].reads
+    return chosen.options.images if versions else None
 
 
 def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from pytest_libero_max.tasks import libero_tasks as tasks
+from pytest_libero_max.worlds.contract import CAMERAS
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,8 @@ class TaskMetadata:
     """Initial placement of the movable objects that have one."""
     reserved: frozenset[str] = field(default_factory=frozenset)
     """Objects that a source variation added and that no event may use."""
+    camera: str = CAMERAS[0]
+    """The main camera of its robot, which a shift of the viewpoint moves."""
 
     @property
     def goal_entities(self) -> tuple[str, ...]:

@@ -2,14 +2,15 @@
 
 Everything above this room knows worlds through one of three protocols, each with a reader of its own.
 :class:`World` is what the pair runner, triggers and policies ask of any simulator. :class:`AlterableWorld` is
-what changes write to, with MuJoCo's model, whose fields camera, light and material are. A privileged policy
-may ask for more (:class:`.privileged.PrivilegedWorld`).
+what changes read and write: views, lights, surfaces, poses. A privileged policy may ask for more
+(:class:`.privileged.PrivilegedWorld`). None of them needs MuJoCo; what reads MuJoCo's own arrays asks for
+:class:`OnMujoco`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -19,6 +20,8 @@ from pytest_libero_max.errors import SubstrateError
 
 if TYPE_CHECKING:
     import mujoco
+
+    from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -31,6 +34,8 @@ order, so ``image[::-1]`` is upright), ``robot0_eef_pos`` (3, m, world), ``robot
 ``robot0_joint_vel`` (7, rad/s)."""
 
 CONTROL_HZ = 20
+"""Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
+MOST_HZ = 1000
 ACTION_DIM = 7
 NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 """Hold the pose with the gripper open: LIBERO's settle action."""
@@ -59,6 +64,41 @@ def height_and_width(size: ImageSize) -> tuple[int, int]:
     return (size, size) if isinstance(size, int) else size
 
 
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A robot as a policy knows it: the meaning and the number of what goes in and out.
+
+    Raises:
+        ValueError: A value breaks its rule.
+    """
+
+    name: str
+    """Name of the robot, by which policies and profiles name it."""
+    noop: tuple[float, ...] = NOOP_ACTION
+    """Action that holds the pose with the gripper open; its length is that of every action."""
+    control_hz: int = CONTROL_HZ
+    """Control steps in a second of simulated time."""
+    cameras: tuple[str, ...] = CAMERAS
+    """Cameras of a policy, the main one first, then that at the hand if there is one."""
+    state: Mapping[str, int] = field(default_factory=dict)
+    """Keys of an observation besides the images, with the sizes of their arrays."""
+    joints_key: str = "robot0_joint_pos"
+    """Key of the positions of the arm's joints, rad."""
+    fingers_key: str = "robot0_gripper_qpos"
+    """Key of the positions of the fingers, m."""
+
+    def __post_init__(self) -> None:
+        if not self.name or not self.noop or not self.cameras:
+            raise ValueError(f"{self!r}: a robot has a name, components of an action and a camera")
+        if not isinstance(self.control_hz, int) or not 1 <= self.control_hz <= MOST_HZ:
+            raise ValueError(f"control_hz={self.control_hz!r} of {self.name!r}, but must be 1 to {MOST_HZ}")
+
+    @property
+    def components(self) -> int:
+        """Number of components of an action."""
+        return len(self.noop)
+
+
 @dataclass(frozen=True)
 class Entity:
     """Something a case can name."""
@@ -71,7 +111,7 @@ class Entity:
     """``object`` has a free joint, ``fixture`` is bolted to the scene (its drawers and knobs may move),
     ``surface`` is the table or the floor."""
     body: str
-    """Name of its root body in the MuJoCo model."""
+    """Name of its root body in the MuJoCo model; in another simulator whatever names it there."""
     support: str | None = None
     """The entity it is declared to rest on at reset, or None."""
 
@@ -100,11 +140,11 @@ class WorldState:
     scene: str
     """The scene it was taken from; restoring into another scene is refused."""
     physics: Array
-    """MuJoCo's integration state, float64."""
+    """The state that the simulator integrates, float64; MuJoCo's integration state."""
     model: Mapping[str, NDArray[Any]]
-    """The alterable model fields by name."""
+    """The alterable fields of the scene by name."""
     controller: Array
-    """Controller and gripper state that MuJoCo does not hold, float64."""
+    """Controller and gripper state that the simulator does not hold, float64."""
     steps: int
     filters: tuple[tuple[PixelFilter, int], ...]
     """Active pixel filters with the step at which each was added."""
@@ -146,6 +186,10 @@ class World(Protocol):
     @property
     def language(self) -> str:
         """The task's instruction as the benchmark gives it to a policy."""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot: its actions, its control rate, its cameras and the keys of its state."""
 
     @property
     def entities(self) -> Mapping[str, Entity]:
@@ -268,10 +312,24 @@ class OnMujoco(World, Protocol):
 
 
 @runtime_checkable
-class AlterableWorld(OnMujoco, Protocol):
+class PosedWorld(World, Protocol):
+    """A world whose films can be drawn from kept positions, without simulating them again."""
+
+    def posture(self) -> NDArray[np.float32]:
+        """Return the positions (n,) of everything that moves, which decide with the scene what is seen."""
+
+    def posed(self, state: WorldState, posture: NDArray[np.float32], steps: int) -> WorldState:
+        """Return a snapshot with other positions and another number of control steps, to be looked at."""
+
+
+@runtime_checkable
+class AlterableWorld(World, Protocol):
     """A world that changes can alter. Nothing else writes to a world from outside.
 
-    Alterations belong to :class:`WorldState`, and a reset undoes them.
+    A scene is read and written as what it is, whatever simulates it: views of cameras, lights, surfaces,
+    poses of entities, what is out of the scene, pixel filters, the arm's joints, instruction and goal. What
+    was read and is written again has the same bits. Alterations belong to :class:`WorldState`, and a reset
+    undoes them.
     """
 
     @property
@@ -286,12 +344,57 @@ class AlterableWorld(OnMujoco, Protocol):
     def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
         """The pixel filters in use, in their order, each with the step at which it was added."""
 
-    def alter(self, field: str, index: int | slice, value: Any) -> None:
-        """Write ``model.<field>[index] = value`` for an alterable field and bring derived data up to date.
+    def view(self, camera: str) -> CameraView:
+        """Return pose and field of view of a camera.
 
         Raises:
-            SubstrateError: The field is not one that a reset restores.
+            SubstrateError: No such camera.
         """
+
+    def set_view(self, camera: str, view: CameraView) -> None:
+        """Let a camera look from elsewhere."""
+
+    def lights(self) -> Lights:
+        """Return the lamps of the scene."""
+
+    def set_lights(self, lights: Lights) -> None:
+        """Let the lamps shine otherwise; their number stays."""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Names of the materials, by their numbers."""
+
+    @property
+    def textures(self) -> tuple[str, ...]:
+        """Names of the textures that the scene has loaded, by their numbers."""
+
+    def surfaces(self) -> Surfaces:
+        """Return colours and textures of everything that can be seen."""
+
+    def set_surfaces(self, surfaces: Surfaces) -> None:
+        """Let surfaces look otherwise; the numbers of parts and materials stay."""
+
+    def materials_of(self, entity: str) -> tuple[int, ...]:
+        """Return the numbers of the materials that can be seen of an entity, sorted.
+
+        Raises:
+            EntityError: No such entity.
+        """
+
+    def velocity(self, entity: str) -> Array:
+        """Return the linear velocity (3,) of an object, m/s, world frame."""
+
+    def top_m(self, entity: str) -> float | None:
+        """Return the height of the highest point of an entity that can be touched; None without any."""
+
+    def radius_m(self, entity: str) -> float:
+        """Return the distance from an entity's origin to the farthest point that can be touched, at most."""
+
+    def arm_joints(self) -> Array:
+        """Return the positions of the arm's joints as an observation would have them, rad."""
+
+    def fingers(self) -> Array:
+        """Return the positions of the gripper's fingers as an observation would have them, m."""
 
     def place(
         self,
@@ -376,5 +479,19 @@ def alterable(world: World) -> AlterableWorld:
         raise SubstrateError(
             f"{world.scene} cannot be altered: a change needs the members of AlterableWorld, and "
             f"{type(world).__name__} lacks some. Play it on a substrate that has them."
+        )
+    return world
+
+
+def on_mujoco(world: World) -> OnMujoco:
+    """Return the world as one on MuJoCo.
+
+    Raises:
+        SubstrateError: Another simulator plays it.
+    """
+    if not isinstance(world, OnMujoco):
+        raise SubstrateError(
+            f"{world.scene} is not simulated by MuJoCo, whose arrays are read here. Play it on a substrate "
+            "whose worlds are."
         )
     return world

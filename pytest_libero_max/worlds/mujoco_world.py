@@ -1,4 +1,4 @@
-"""Base of every world on MuJoCo: entities, alterations, parking, snapshots, digests, images.
+"""Base of every world on MuJoCo: poses, parking, snapshots, digests, images.
 
 A subclass adds a robot: how one control step is played, which controller state MuJoCo does not hold,
 where the grip site is, what proprioception says and when the task is solved.
@@ -10,43 +10,35 @@ camera frames belong to it. A control step may therefore start with actuation an
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from hashlib import blake2b
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import (
-    ActionError,
-    EntityError,
     SimulatorError,
     SubstrateError,
-    counted,
     did_you_mean,
 )
+from pytest_libero_max.worlds.base import WorldBase
 from pytest_libero_max.worlds.contract import (
-    ACTION_DIM,
-    CAMERAS,
     Array,
-    Control,
     Entity,
-    Goal,
     Image,
     ImageSize,
     OnMujoco,
-    PixelFilter,
-    Semantics,
     World,
     WorldState,
 )
 from pytest_libero_max.worlds.guard import ModelGuard
+from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE, MujocoScenery
 from pytest_libero_max.worlds.rendering import gl
-from pytest_libero_max.worlds.robot import OWNERS, PANDA, Robot
+from pytest_libero_max.worlds.robot import OWNERS, PANDA, MujocoRobot
 from pytest_libero_max.worlds.scene_digest import model_fields, value_digest
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
@@ -55,37 +47,6 @@ import mujoco  # noqa: E402
 
 if TYPE_CHECKING:
     from pytest_libero_max.worlds.rendering.renderer import Renderer
-
-ALTERABLE = (
-    "body_pos",
-    "body_quat",
-    "cam_fovy",
-    "cam_pos",
-    "cam_quat",
-    "geom_conaffinity",
-    "geom_contype",
-    "geom_group",
-    "geom_matid",
-    "geom_rgba",
-    "light_active",
-    "light_ambient",
-    "light_castshadow",
-    "light_cutoff",
-    "light_diffuse",
-    "light_dir",
-    "light_exponent",
-    "light_pos",
-    "light_specular",
-    "mat_emission",
-    "mat_rgba",
-    "mat_shininess",
-    "mat_specular",
-    "mat_texid",
-    "mat_texrepeat",
-    "site_rgba",
-)
-"""Model fields that may change after compilation. All of them are part of a snapshot and of the digest,
-and a reset writes the compiled values back."""
 
 HIDDEN_GROUP = 5
 """Geoms of this group are never drawn; parked objects are put into it."""
@@ -110,7 +71,7 @@ FASTEST = 1e4
 _UNIT_TOLERANCE = 1e-3
 
 
-class MujocoWorld(ABC):
+class MujocoWorld(WorldBase, MujocoScenery):
     """The part of :class:`pytest_libero_max.worlds.contract.World` that does not depend on the robot.
 
     Args:
@@ -131,18 +92,11 @@ class MujocoWorld(ABC):
         model: mujoco.MjModel,
         data: mujoco.MjData,
         entities: Mapping[str, Entity],
-        robot: Robot = PANDA,
+        robot: MujocoRobot = PANDA,
     ) -> None:
-        self._scene = scene
-        self._language = language
+        super().__init__(scene, language, entities, robot)
         self._model = model
         self._data = data
-        self._entities = dict(entities)
-        self._steps = 0
-        self._filters: tuple[tuple[PixelFilter, int], ...] = ()
-        self._parked: dict[str, tuple[float, ...]] = {}
-        self._assigned: tuple[str | None, Goal | None] = (None, None)
-        self._control: Control = "delta"
         self._renderer: Renderer | None = None
         self._guard: ModelGuard | None = None
         self.open_task: Callable[[str, int], OnMujoco] | None = None
@@ -188,10 +142,6 @@ class MujocoWorld(ABC):
         """
 
     @abstractmethod
-    def _proprioception(self) -> dict[str, Array]:
-        """LIBERO's non-image observations, freshly copied."""
-
-    @abstractmethod
     def end_effector(self) -> Array: ...
 
     @abstractmethod
@@ -204,34 +154,10 @@ class MujocoWorld(ABC):
         Values are arrays or JSON values, tuples among them.
         """
 
-    def _after_step(self) -> None:  # noqa: B027 - most worlds have nothing to do here
+    def _after_step(self) -> None:
         """Follow-up of a step or a reset that writes alterable fields, such as a burner's glow."""
 
-    def _after_alteration(self) -> None:  # noqa: B027 - most worlds have nothing to do here
-        """Follow-up of an alteration from outside, once the world is settled in its altered state."""
-
     # The contract.
-
-    @property
-    def scene(self) -> str:
-        return self._scene
-
-    @property
-    def language(self) -> str:
-        return self._language if self._assigned[0] is None else self._assigned[0]
-
-    @property
-    def assigned(self) -> tuple[str | None, Goal | None]:
-        return self._assigned
-
-    @property
-    def control(self) -> Control:
-        """Meaning of the actions of :meth:`step`; ``delta`` after a reset."""
-        return self._control
-
-    @property
-    def semantics(self) -> Semantics:
-        return "corrected"
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -241,34 +167,12 @@ class MujocoWorld(ABC):
     def data(self) -> mujoco.MjData:
         return self._data
 
-    @property
-    def entities(self) -> Mapping[str, Entity]:
-        return MappingProxyType(self._entities)
-
-    @property
-    def cameras(self) -> tuple[str, ...]:
-        return tuple(self._model.camera(number).name for number in range(self._model.ncam))
-
-    @property
-    def steps(self) -> int:
-        """Control steps since reset (1 step = 50 ms)."""
-        return self._steps
-
-    @property
-    def filters(self) -> tuple[tuple[PixelFilter, int], ...]:
-        return self._filters
-
-    @property
-    def parked(self) -> tuple[str, ...]:
-        return tuple(self._parked)
-
     def reset(self, init: int) -> None:
         qpos = self._initial_qpos(init)
         self._write_model(self._compiled)
         mujoco.mj_resetData(self._model, self._data)
         self._write_start(qpos)
-        self._steps, self._filters, self._parked, self._assigned = 0, (), {}, (None, None)
-        self._control = "delta"
+        self._begin_episode()
         self._settle()
         self._reset_controller()
         self._after_step()
@@ -296,21 +200,6 @@ class MujocoWorld(ABC):
         return SimulatorError(
             f"{self._scene}: {what} after control step {self._steps}. The episode is lost; reset the world."
         )
-
-    def set_control(self, control: Control) -> None:
-        if control not in get_args(Control):
-            raise SubstrateError(f"control={control!r}. {did_you_mean(str(control), get_args(Control))}")
-        self._control = control
-
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
-        observation: dict[str, NDArray[Any]] = dict(self._proprioception())
-        if any(getattr(filter, "hides_state", False) for filter, _ in self._filters):
-            for name, value in observation.items():
-                value[:] = 0.0
-                value[-1] = name.endswith("_quat")
-        for camera in cameras:
-            observation[f"{camera}_image"] = self._image(camera, size)
-        return observation
 
     def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
         owners = self._owner[self._segmented(camera, size)]
@@ -350,8 +239,7 @@ class MujocoWorld(ABC):
         for values in self._hashed:
             fingerprint.update(values)
         fingerprint.update(self._controller_state().data)
-        rest = (self._scene, self._steps, tuple(self._parked.items()), self._filters, self._assigned)
-        fingerprint.update(repr(rest).encode())
+        fingerprint.update(self._memory().encode())
         # Nothing for delta, the first control there was: digests of published runs stay what they were.
         if self._control != "delta":
             fingerprint.update(self._control.encode())
@@ -364,6 +252,15 @@ class MujocoWorld(ABC):
             decided = {"language": self._language, "entities": entities, **self._decided()}
             self._scene_fields |= {name: value_digest(value) for name, value in decided.items()}
         return MappingProxyType(self._scene_fields)
+
+    def posture(self) -> NDArray[np.float32]:
+        positions: NDArray[np.float32] = self._data.qpos.astype(np.float32)
+        return positions
+
+    def posed(self, state: WorldState, posture: NDArray[np.float32], steps: int) -> WorldState:
+        physics = state.physics.copy()
+        physics[1 : 1 + len(posture)] = posture  # the time is before them
+        return replace(state, physics=physics, steps=steps)
 
     def take_back_writes(self) -> tuple[str, ...]:
         return () if self._guard is None else self._guard.take_back()
@@ -399,16 +296,6 @@ class MujocoWorld(ABC):
 
     def geoms(self, entity: str) -> NDArray[np.intp]:
         return np.flatnonzero(self._owner == self._owner_names.index(self._known(entity)))
-
-    def alter(self, field: str, index: int | slice, value: Any) -> None:
-        if field not in ALTERABLE:
-            raise SubstrateError(
-                f"field={field!r} is not a model field that a reset restores, so it must not be altered. "
-                f"{did_you_mean(field, ALTERABLE)}"
-            )
-        self._alterable[field][index] = value
-        self._settle()
-        self._after_alteration()
 
     def place(
         self,
@@ -471,54 +358,13 @@ class MujocoWorld(ABC):
         self._settle()
         self._after_alteration()
 
-    def parked_pose(self, entity: str) -> tuple[Array, Array]:
-        name = self._known(entity)
-        if name not in self._parked:
-            raise SubstrateError(f"{name!r} is not parked. {did_you_mean(name, self._parked)}")
-        values = np.array(self._parked[name])
-        return values[:3], values[3:]
-
     def other_task(self, suite: str, index: int) -> World:
         if self.open_task is None:
-            raise SubstrateError(f"{self._scene} was built without a substrate, so it knows no other task.")
+            return super().other_task(suite, index)
         other = self.open_task(suite, index)
         if other.model is self._model:
             raise SubstrateError(f"task {index} of {suite} is the one of this scene. Name another task.")
         return other
-
-    def add_filter(self, filter: PixelFilter) -> None:
-        if " at 0x" in repr(filter):
-            raise SubstrateError(
-                f"filter={filter!r}: the digest knows a filter by its repr, so that has to say everything "
-                "the filter depends on. Make it a frozen dataclass with a __call__ method."
-            )
-        self._filters = (*self._filters, (filter, self._steps))
-        self._after_alteration()
-
-    def remove_filter(self, index: int) -> None:
-        if not 0 <= index < len(self._filters):
-            raise SubstrateError(
-                f"index={index!r}, but the world has {counted(len(self._filters), 'pixel filter')}."
-            )
-        self._filters = (*self._filters[:index], *self._filters[index + 1 :])
-        self._after_alteration()
-
-    def pose_arm(self, joints: Sequence[float] | Array) -> None:
-        raise SubstrateError(f"{self._scene} has no arm with seven joints that could be posed.")
-
-    def open_gripper(self) -> None:
-        raise SubstrateError(f"{self._scene} has no gripper with a command of its own that could be opened.")
-
-    def assign(self, instruction: str | None = None, goal: Goal | None = None) -> None:
-        if goal is not None:
-            self._check_goal(goal)
-        words, target = self._assigned
-        self._assigned = (words if instruction is None else instruction, target if goal is None else goal)
-
-    def reassign(self, assigned: tuple[str | None, Goal | None]) -> None:
-        if assigned[1] is not None:
-            self._check_goal(assigned[1])
-        self._assigned = assigned
 
     def close(self) -> None:
         if self._renderer is not None:
@@ -532,10 +378,6 @@ class MujocoWorld(ABC):
         self._data.qpos[:] = qpos
         # The first step would do it, and what is parked before that would move by a rounding error.
         mujoco.mj_normalizeQuat(self._model, self._data.qpos)
-
-    def _check_goal(self, goal: Goal) -> None:
-        """Refuse a goal that the world cannot decide; a world that can decide any of them overrides this."""
-        raise SubstrateError(f"{self._scene} decides its own goal only, not {goal!r}.")
 
     def _settle(self) -> None:
         """Bring derived data up to date with the current state, which stays as it is."""
@@ -565,8 +407,8 @@ class MujocoWorld(ABC):
         self._data.qacc_warmstart[dofs] = 0.0  # the solver must not start from forces felt elsewhere
 
     def _drawn(self, camera: str, size: ImageSize) -> Image:
-        """Return an image as it comes from the renderer, which exists by now."""
-        assert self._renderer is not None
+        if self._renderer is None:
+            self._renderer = self._new_renderer()
         return self._renderer.render(camera, size)
 
     def _segmented(self, camera: str, size: int) -> NDArray[np.intp]:
@@ -580,35 +422,6 @@ class MujocoWorld(ABC):
         from pytest_libero_max.worlds.rendering.renderer import Renderer
 
         return Renderer(self._model, self._data)
-
-    def _image(self, camera: str, size: ImageSize) -> Image:
-        if self._renderer is None:
-            self._renderer = self._new_renderer()
-        image = self._drawn(camera, size)
-        for filter, since in self._filters:
-            image.flags.writeable = False
-            filtered = filter(image, camera, self._steps - since)
-            if filtered.shape != image.shape or filtered.dtype != np.uint8:
-                raise SubstrateError(
-                    f"filter={filter!r} returned {filtered.dtype} {filtered.shape} for a uint8 {image.shape} "
-                    "image: a pixel filter keeps shape and type."
-                )
-            image = filtered
-        return image if image.flags.writeable else image.copy()
-
-    def _checked_action(self, action: Sequence[float] | Array) -> Array:
-        values = np.array(action, dtype=np.float64)
-        if values.shape != (ACTION_DIM,):
-            raise ActionError(f"action.shape={values.shape}, but a control step takes ({ACTION_DIM},).")
-        if not all(map(math.isfinite, values.tolist())):
-            raise ActionError(f"action={values.tolist()} has a component that is not finite.")
-        return values
-
-    def _known(self, entity: str) -> str:
-        if entity not in self._entities:
-            hint = did_you_mean(entity, self._entities)
-            raise EntityError(f"{self._scene} has no entity {entity!r}. {hint}")
-        return entity
 
     def _free(self, entity: str) -> str:
         if self._known(entity) not in self._joint:

@@ -1,6 +1,8 @@
 """Members of a world that a privileged policy may read, beyond those of :class:`.contract.World`.
 
-Both substrates answer: the embedded one by its own rules, the genuine one by the installed package's.
+Both substrates answer: the embedded one by its own rules, the genuine one by the installed package's. Goal
+and joints need no particular simulator (:class:`PrivilegedWorld`); the experts also read MuJoCo's state
+(:class:`ExpertWorld`).
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
-from pytest_libero_max.worlds.contract import Array, OnMujoco
+from pytest_libero_max.worlds.contract import Array, OnMujoco, World
 
 if TYPE_CHECKING:
     import mujoco
@@ -92,8 +94,8 @@ class GraspablePart:
 
 
 @runtime_checkable
-class PrivilegedWorld(OnMujoco, Protocol):
-    """A world that also offers its goal, and whether the facts of it hold."""
+class PrivilegedWorld(World, Protocol):
+    """A world that also offers its goal, whether the facts of it hold, and the joints of its fixtures."""
 
     @property
     def goal(self) -> tuple[Fact, ...]:
@@ -105,6 +107,23 @@ class PrivilegedWorld(OnMujoco, Protocol):
     def joints(self, name: str) -> tuple[str, ...]:
         """Return the joints of a fixture, or those that a region of it moves with; none for other places."""
 
+    def joint_position(self, joint: str) -> float:
+        """Return the position of such a joint now, m of a sliding one, rad of a hinge."""
+
+    def is_hinge(self, joint: str) -> bool:
+        """Return True if a joint turns, False if it slides."""
+
+    def region(self, name: str) -> Array | None:
+        """Return the middle (3,) of a region, m, world frame; None where there is none of that name."""
+
     @property
     def graspable_parts(self) -> Mapping[str, GraspablePart]:
         """The parts that are made to be held, by name, as far as the substrate knows of any."""
+
+    def part_position(self, part: GraspablePart) -> Array:
+        """Return the middle (3,) of such a part now, m, world frame."""
+
+
+@runtime_checkable
+class ExpertWorld(PrivilegedWorld, OnMujoco, Protocol):
+    """A privileged world on MuJoCo, whose state the experts read."""

@@ -11,8 +11,11 @@ import numpy as np
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import FASTEST, MujocoWorld
+from pytest_libero_max.worlds.privileged import GraspablePart
 from pytest_libero_max.worlds.robot import PANDA
 from pytest_libero_max.worlds.stepping import Stepper
+
+_HINGE = 3  # mjJNT_HINGE
 
 
 class RobosuiteWorld(MujocoWorld):
@@ -42,6 +45,22 @@ class RobosuiteWorld(MujocoWorld):
     def _decided(self) -> Mapping[str, Any]:
         control = {f"control.{name}": value for name, value in self._stepper.constants.items()}
         return {**self._task_fields(), **control}
+
+    def joint_position(self, joint: str) -> float:
+        return float(self._data.joint(joint).qpos[0])
+
+    def is_hinge(self, joint: str) -> bool:
+        return int(self._model.joint(joint).type[0]) == _HINGE
+
+    def region(self, name: str) -> Array | None:
+        try:
+            middle: Array = self._data.site(name).xpos.copy()
+        except KeyError:
+            return None
+        return middle
+
+    def part_position(self, part: GraspablePart) -> Array:
+        return part.world(self._data)[0]
 
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._grip_site].copy()
@@ -89,7 +108,7 @@ class RobosuiteWorld(MujocoWorld):
             data.qpos[stepper.arm_qpos],
             data.qvel[stepper.arm_dofs],
         )
-        return dict(zip(PANDA.proprioception, values, strict=True))
+        return dict(zip(PANDA.state, values, strict=True))
 
     def close(self) -> None:
         super().close()

@@ -1,19 +1,19 @@
-"""The robot of a world: the names of its parts and the numbers that are its own, in one place.
+"""Robots: what actions and observations mean, and the names that the parts of one have in a compiled model.
 
-Another robot needs another :class:`Robot`, and these, which follow from no name:
+A policy names its robot (:attr:`.PolicySpec.robot`), a world has one (:attr:`.World.robot`), and both must be
+the same. Another package adds its own, a :class:`.contract.Robot`, by an entry point
+(``pytest_libero_max.robots``).
 
-- whatever takes :data:`PANDA`: ``worlds/stepping``, ``worlds/robosuite_world``, ``changes/robot`` (number of
-  joints), ``makers/construction/preflight`` (base), ``policies/clients/request`` (keys of observations),
-  ``experts/scene_view`` (parts by name) and the substrates;
-- a control step: :mod:`.stepping` reproduces robosuite's ``OSC_POSE`` for any arm and gripper that robosuite
-  drives with it, and checks the number of joints; gains, limits and indices come from the environment;
-- actions: seven components, six of the hand and one of the gripper (``ACTION_DIM`` in ``worlds/contract``);
-- observations: ``robot0_gripper_qpos`` has two fingers in ``films/replay``, ``policies/server/vla_eval``,
-  ``lab/servo`` and ``demos/lerobot``, which also writes the robot's name; ``policies/transforms/states``
-  has the quarter turn from the observed hand to the grip site;
-- its visuals on the embedded scenes (:mod:`pytest_libero_max.substrates.embedded.panda`);
-- initial states: the embedded ones start from :attr:`Robot.home_rad`, LIBERO's are files of the Panda;
-- the experts, which grasp with two fingers, and whatever a policy has learnt.
+On MuJoCo and robosuite a :class:`MujocoRobot` also names joints and bodies. What still follows from the
+Panda:
+
+- ``worlds/stepping``, ``worlds/robosuite_world`` and ``substrates/embedded`` take :data:`PANDA`, and so do
+  the experts, ``makers/construction`` and ``lab/demos``;
+- absolute control, and a robot that waits for an answer under it, have LIBERO's seven components
+  (``policies/check``, ``pairing/rollout``); ``policies/transforms/states`` has the quarter turn from the
+  observed hand to the grip site;
+- times of latency are steps of 50 ms (``runs/protocol``, ``runs/query_times``);
+- ``policies/model_inputs`` guesses the inputs of a model from LIBERO's two cameras.
 """
 
 from __future__ import annotations
@@ -21,6 +21,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.registry import Registry, given
+from pytest_libero_max.worlds.contract import Robot
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
@@ -30,12 +34,10 @@ OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_"
 """Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
 
 
-@dataclass(frozen=True)
-class Robot:
+@dataclass(frozen=True, kw_only=True)
+class MujocoRobot(Robot):
     """An arm with a gripper, by the names that its parts have in a compiled model."""
 
-    name: str
-    """Robosuite's name of the robot."""
     arm_joints: tuple[str, ...]
     """From the base to the hand."""
     finger_joints: tuple[str, ...]
@@ -54,21 +56,22 @@ class Robot:
     finger_start: Mapping[str, float] = field(default_factory=dict)
     """Positions of the fingers' joints there, m."""
 
-    @property
-    def proprioception(self) -> dict[str, int]:
-        """Keys of an observation besides the images, with the sizes of their arrays."""
-        return {
-            f"{ROBOT}_eef_pos": 3,
-            f"{ROBOT}_eef_quat": 4,
-            f"{ROBOT}_gripper_qpos": len(self.finger_joints),
-            f"{ROBOT}_gripper_qvel": len(self.finger_joints),
-            f"{ROBOT}_joint_pos": len(self.arm_joints),
-            f"{ROBOT}_joint_vel": len(self.arm_joints),
-        }
+
+def robosuite_state(arm_joints: int, fingers: int) -> dict[str, int]:
+    """Return robosuite's keys of a robot's state, with the sizes of their arrays."""
+    return {
+        f"{ROBOT}_eef_pos": 3,
+        f"{ROBOT}_eef_quat": 4,
+        f"{ROBOT}_gripper_qpos": fingers,
+        f"{ROBOT}_gripper_qvel": fingers,
+        f"{ROBOT}_joint_pos": arm_joints,
+        f"{ROBOT}_joint_vel": arm_joints,
+    }
 
 
-PANDA = Robot(
+PANDA = MujocoRobot(
     name="Panda",
+    state=robosuite_state(7, 2),
     arm_joints=tuple(f"{ROBOT}_joint{number}" for number in range(1, 8)),
     finger_joints=(f"{GRIPPER}_finger_joint1", f"{GRIPPER}_finger_joint2"),
     hand_body=f"{ROBOT}_right_hand",
@@ -76,3 +79,15 @@ PANDA = Robot(
     finger_start={f"{GRIPPER}_finger_joint1": 0.020833, f"{GRIPPER}_finger_joint2": -0.020833},
 )
 """The Franka Emika Panda with its own gripper, as robosuite 1.4 models it."""
+
+
+def _accept(name: str, candidate: object) -> Robot:
+    if not isinstance(candidate, Robot):
+        raise ValueError(f"{candidate!r} is no pytest_libero_max.worlds.contract.Robot")
+    return candidate
+
+
+ROBOTS: Registry[Robot] = Registry(
+    "robot", "pytest_libero_max.robots", given("name", PANDA), _accept, SubstrateError, attribute="name"
+)
+"""Every robot that a policy may name: LIBERO's Panda, then those that installed packages add."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from pytest_libero_max.benchmark.cases import Event
 from pytest_libero_max.changes import Change, change_from_dict
-from pytest_libero_max.worlds.contract import AlterableWorld
+from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 
 MODEL_ARRAYS = tuple(
     name
@@ -19,13 +19,13 @@ MODEL_ARRAYS = tuple(
 )
 
 
-def model_arrays(world: AlterableWorld) -> dict[str, np.ndarray]:
+def model_arrays(world: MujocoWorld) -> dict[str, np.ndarray]:
     """A copy of every array of the MuJoCo model."""
     values = {name: getattr(world.model, name) for name in MODEL_ARRAYS}
     return {name: value.copy() for name, value in values.items() if isinstance(value, np.ndarray)}
 
 
-def full_state(world: AlterableWorld) -> dict[str, Any]:
+def full_state(world: MujocoWorld) -> dict[str, Any]:
     """Model, physics, controller, filters and parking as comparable values."""
     state = world.snapshot()
     return {
@@ -51,12 +51,12 @@ def same(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def pose_bytes(world: AlterableWorld, entity: str) -> bytes:
+def pose_bytes(world: MujocoWorld, entity: str) -> bytes:
     position, quaternion = world.pose(entity)
     return position.tobytes() + quaternion.tobytes()
 
 
-def velocity_slices(world: AlterableWorld) -> dict[str, slice]:
+def velocity_slices(world: MujocoWorld) -> dict[str, slice]:
     """Where each object's velocity is in qvel."""
     slices = {}
     for name, entity in world.entities.items():
@@ -66,7 +66,7 @@ def velocity_slices(world: AlterableWorld) -> dict[str, slice]:
     return slices
 
 
-def position_slices(world: AlterableWorld) -> dict[str, slice]:
+def position_slices(world: MujocoWorld) -> dict[str, slice]:
     """Where each object's pose is in qpos."""
     slices = {}
     for name, entity in world.entities.items():
@@ -77,12 +77,12 @@ def position_slices(world: AlterableWorld) -> dict[str, slice]:
     return slices
 
 
-def play(world: AlterableWorld, actions: Iterable[Any]) -> None:
+def play(world: MujocoWorld, actions: Iterable[Any]) -> None:
     for action in actions:
         world.step(action)
 
 
-def set_up(world: AlterableWorld, event: Event) -> Change:
+def set_up(world: MujocoWorld, event: Event) -> Change:
     """Apply the event's setup and return its change."""
     for raw in event.setup:
         change_from_dict(raw).apply(world)

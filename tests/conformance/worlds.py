@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, Array, ImageSize, WorldState
+from pytest_libero_max.worlds.contract import Array, ImageSize, WorldState
+from pytest_libero_max.worlds.scenery import Lights
 
 
 class OneWorld:
@@ -132,20 +133,20 @@ class Done(TinyWorld):
 
 
 class Renamed(TinyWorld):
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         return {
             key.replace("robot0_eef", "eef"): value for key, value in super().observe(cameras, size).items()
         }
 
 
 class Upright(TinyWorld):
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         observation = super().observe(cameras, size)
         return {key: value[::-1] if key.endswith("_image") else value for key, value in observation.items()}
 
 
 class Rotated(TinyWorld):
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         observation = super().observe(cameras, size)
         return {
             key: value[::-1, ::-1] if key.endswith("_image") else value for key, value in observation.items()
@@ -159,15 +160,15 @@ class Flickering(TinyWorld):
         self.generator = np.random.default_rng(0)
         super().__init__()
 
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         observation = super().observe(cameras, size)
-        for camera in cameras:
+        for camera in cameras or ():
             observation[f"{camera}_image"][0, 0] = self.generator.integers(0, 256, 3)
         return observation
 
 
 class StirringWhenDrawn(TinyWorld):
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
         observation = super().observe(cameras, size)
         if cameras:
             self.data.qvel[-1] += 1e-9
@@ -187,7 +188,6 @@ class Jostling(TinyWorld):
 class Shaking(TinyWorld):
     """A change of light moves the hand."""
 
-    def alter(self, field: str, index: int | slice, value: Any) -> None:
-        super().alter(field, index, value)
-        if field.startswith("light"):
-            self.data.qvel[0] += 1e-9
+    def set_lights(self, lights: Lights) -> None:
+        super().set_lights(lights)
+        self.data.qvel[0] += 1e-9

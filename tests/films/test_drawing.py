@@ -10,17 +10,17 @@ from pytest_libero_max.changes import Nothing
 from pytest_libero_max.events.schedules import Arm, Entry, arms_of, change_of, program_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.drawing import (
-    EVENT_STEPS,
     film_frames,
     labels,
     shared_steps,
     strip_px,
 )
-from pytest_libero_max.films.replay import Tick, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, play_again, through_cameras
 from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.palette import EVENT
-from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.runs.media import distinct_arms
+from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
 
 from .short_run import BUDGET, SIZE, Played, play
 
@@ -59,7 +59,7 @@ def test_the_words_tell_prefix_event_stale_actions_and_end(played: Played) -> No
         [name],
         [name, "failed after 8 steps"],
     ]
-    assert name not in _words(record, "dynamic", 4 + EVENT_STEPS)
+    assert name not in _words(record, "dynamic", 4 + CONTROL_HZ)
 
 
 def test_what_a_program_does_is_one_label_that_names_the_change(tmp_path: Path) -> None:
@@ -145,6 +145,6 @@ def test_the_old_place_of_what_an_event_moved_is_outlined_where_it_was(played: P
 def test_a_frame_stays_while_nothing_moves(tmp_path: Path) -> None:
     played = play(tmp_path, wait=BUDGET)
     ticks = list(play_again(played.case, played.world, played.record, played.traces, through_cameras(SIZE)))
-    still = [Tick(step, ticks[0].views) for step in range(2 * EVENT_STEPS + 5)]
+    still = [Tick(step, ticks[0].views) for step in range(2 * CONTROL_HZ + 5)]
     shown = [step for step, _ in film_frames(played.record, played.traces, still, SIZE)]
-    assert shown == [0, BUDGET, BUDGET + EVENT_STEPS, 2 * EVENT_STEPS + 4]
+    assert shown == [0, BUDGET, BUDGET + CONTROL_HZ, 2 * CONTROL_HZ + 4]

@@ -123,11 +123,11 @@ def test_a_frame_stays_until_the_step_of_the_next(tmp_path: Path, suffix: str) -
     path, steps = tmp_path / f"a.{suffix}", [0, 2, 3, 20, 24]
     if suffix == "mp4":
         av = pytest.importorskip("av", reason="the extra film")
-        write_film(path, zip(steps, _frames(), strict=True))
+        write_film(path, zip(steps, _frames(), strict=True), 20)
         with av.open(str(path)) as container:
             assert [round(20 * frame.time) for frame in container.decode(video=0)] == steps
     else:
-        write_film(path, zip(steps, _frames(), strict=True))
+        write_film(path, zip(steps, _frames(), strict=True), 20)
         with Picture.open(path) as film:
             shown = [frame.info["duration"] for frame in ImageSequence.Iterator(film) if frame.load()]
         assert shown == [100, 50, 850, 200, 200]

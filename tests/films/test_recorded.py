@@ -133,8 +133,10 @@ def test_the_substrate_is_opened_as_the_run_opened_it(
         assert "substrate.assets=/a/models" in recorded.outside
     with open_recorded(run, cases, installations=(tmp_path,), assets=tmp_path):
         pass
+    with open_recorded(run, cases, for_people=True):
+        pass
     elsewhere = replace(told, installations=(tmp_path,), assets=tmp_path)
-    assert asked == [("libero", told), ("libero", elsewhere)]
+    assert asked == [("libero", told), ("libero", elsewhere), ("libero", told.for_people())]
 
 
 def test_a_replay_that_reaches_another_state_is_refused_with_what_differs(

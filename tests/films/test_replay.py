@@ -12,7 +12,8 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
-from pytest_libero_max.films.replay import Tick, View, distinct_arms, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, play_again, through_cameras
+from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import CAMERAS, Observation
 from tests.pairing.actors import Posing

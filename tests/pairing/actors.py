@@ -123,8 +123,8 @@ class Looking(Solvable):
 
     images = 0
 
-    def observe(self, cameras: Sequence[str] = CAMERAS, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
-        self.images += len(cameras)
+    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
+        self.images += len(CAMERAS if cameras is None else cameras)
         return super().observe(cameras, size)
 
 

@@ -10,12 +10,13 @@ import pytest
 
 from pytest_libero_max.pairing.probes.motion import Motion
 from pytest_libero_max.worlds.contract import CONTROL_HZ
+from pytest_libero_max.worlds.robot import PANDA
 
 
 def seen(hand: Any) -> Any:
     """What the probe yields of a hand that was at these places, (n + 1, 3) m."""
     places = iter(hand)
-    world = SimpleNamespace(end_effector=lambda: hand[0])
+    world = SimpleNamespace(end_effector=lambda: hand[0], robot=PANDA)
     next(places)
     executed = tuple(SimpleNamespace(end_effector=place) for place in places)
     view: Any = SimpleNamespace(world=world, trajectory=SimpleNamespace(executed=executed))

@@ -21,7 +21,7 @@ from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.registry import Registry
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import alterable
+from pytest_libero_max.worlds.contract import on_mujoco
 
 from .actors import Approaching, make_case
 
@@ -200,7 +200,7 @@ def test_a_probe_that_writes_to_the_world_is_found_and_named(world: TinyWorld, w
 
         def write(self, view: View, now: str) -> None:
             if now == where:
-                alterable(view.world).data.qpos[0] += 1e-9
+                on_mujoco(view.world).data.qpos[0] += 1e-9
 
     message = f"probe 'breaking' altered the world in {'step 1' if where == 'step' else where}, "
     with pytest.raises(ProbeError, match=message):
@@ -213,7 +213,7 @@ def test_a_probe_that_writes_to_a_fixed_field_is_named_and_the_field_put_back(wo
     class Writing(Breaking):
         def step(self, state: Any, view: View) -> None:
             if view.trajectory.step == 3:
-                alterable(view.world).model.opt.gravity[2] = -1.0
+                on_mujoco(view.world).model.opt.gravity[2] = -1.0
 
     with pytest.raises(ProbeError, match=r"probe 'breaking' wrote opt\.gravity of the world's model.*Repair"):
         played(world, Probes(STANDARD.standard, (Writing(),)))

@@ -29,7 +29,7 @@ from pytest_libero_max.pairing.runner import (
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, alterable
+from pytest_libero_max.worlds.contract import CAMERAS, alterable, on_mujoco
 
 from .actors import BUDGET, Approaching, Looking, Posing, Solvable, make_case, policy_steps, shorten
 
@@ -281,7 +281,7 @@ def test_a_policy_learns_the_case_and_no_more(world: TinyWorld) -> None:
     policy = Approaching()
     case = make_case(instruction="do it")
     record = play_pair(case, world, policy)
-    expected = Episode("libero_spatial", 0, "do it", 195, BUDGET, None)
+    expected = Episode("libero_spatial", 0, "do it", 195, BUDGET, robot=world.robot)
     assert policy.episodes == [expected] * 4  # two arms, and a late query of each asked again
     assert record.instruction == "do it"
     privileged = Approaching(privileged=True)
@@ -436,7 +436,7 @@ def test_a_policy_that_writes_to_the_world_is_caught(world: TinyWorld, where: st
                 alterable(episode.world).place("box_1", (0.1, 0.15, 0.46))
 
         def predict(self, observation: Any, query: Query) -> Any:
-            self.world.data.qpos[0] += 1e-9
+            on_mujoco(self.world).data.qpos[0] += 1e-9
             return super().predict(observation, query)
 
     with pytest.raises(AdapterError, match=f"altered the world in {where}, but episode.world is read only"):

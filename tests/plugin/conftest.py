@@ -63,15 +63,14 @@ def tiny_manifest(
     inits: tuple[int, ...] = (0,),
     events: tuple[str, ...] = BENCHMARK_EVENTS,
     suites: tuple[str, ...] = ("libero_spatial",),
+    task: TaskMetadata = TINY_TASK,
 ) -> dict[str, Any]:
     records = []
     for suite, init in product(suites, inits):
         identity = Identity("libero", suite, 0, init)
         for name in events:
             for variant in (0, 1):
-                records.append(
-                    case_record(identity, resolve_event(name, variant, TINY_TASK, identity), TINY_TASK.name)
-                )
+                records.append(case_record(identity, resolve_event(name, variant, task, identity), task.name))
     protocol = {
         "arms": ["control", "intervention"],
         "query_interval": 16,

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import shlex
 from xml.etree import ElementTree
 
 import pytest
 
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.results import read_conformance
+from pytest_libero_max.conformance.server import clients
+from tests.conformance.test_server_rules import PROFILE, MixedUp
 
 ADAPTER = """
 from tests.conformance.policies import ClosingFirst, Small, WideGripper
@@ -93,7 +96,7 @@ def test_workers_examine_and_a_part_is_called_a_part(pytester: pytest.Pytester, 
         (["--libero-max-conform=adaptor.py"], "adaptor.py"),
         (["--libero-max-conform=substrate:embeded"], "embedded"),
         (["--libero-max-conform=policy:"], "expected a policy"),
-        (["--libero-max-conform=env:package"], "names no factory"),
+        (["--libero-max-conform=env:package"], "names no function"),
         (["--libero-max-conform=env:json:loads:x"], "are not TOML"),
         (["--libero-max-conform=env:no_such_package.envs:make"], "no such module or file"),
         (["--libero-max-conform=env:nowhere.py:make"], "no such module or file"),
@@ -115,3 +118,30 @@ def test_a_file_of_expected_breaks_says_what_it_may_hold(pytester: pytest.Pytest
     result = pytester.runpytest_inprocess("--libero-max-conform=expert", "--libero-max-xfails=expected.toml")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert 'reason = "trained on images' in result.stderr.str()
+
+
+def test_junit_has_one_failure_for_a_server_with_one_defect(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clients, "PAUSE_S", 0.3)
+    pytester.path.joinpath("repeating.toml").write_text(PROFILE)
+    with MixedUp().serving() as port:
+        result = pytester.runpytest_inprocess(
+            f"--libero-max-conform=server:openpi://127.0.0.1:{port}?patience=0.3&timeout=5",
+            "--libero-max-profile=repeating.toml",
+            "--libero-max-substrate=tiny",
+            "--junitxml=junit.xml",
+        )
+    assert result.ret == 1
+    suite = ElementTree.parse(pytester.path / "junit.xml").getroot()
+    cases = {case.get("name"): case for case in suite.iter("testcase")}
+    assert len(cases) == len(rules_for("server"))
+    (failed,) = (name for name, case in cases.items() if case.find("failure") is not None)
+    assert failed == "server/clients/at-once"
+    text = "".join(cases[failed].itertext())
+    assert "observed: 4 clients that ask at the same moment" in text
+    assert "expected: the answer that each query gets alone" in text
+    assert "keep each answer with its query" in text
+    (command,) = (line.removeprefix("Again: pytest ") for line in text.splitlines() if "Again:" in line)
+    again = pytester.runpytest_inprocess(*shlex.split(command), "--collect-only")
+    assert "1/" in again.stdout.str()

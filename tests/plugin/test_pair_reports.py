@@ -33,7 +33,7 @@ def test_episodes_of_another_length_are_not_stored(
             def reset(self, episode):
                 self.episodes += 1
                 if self.episodes == {1 if arm == "base" else 2}:
-                    cases.SUITE_BUDGETS = {{**cases.SUITE_BUDGETS, "libero_spatial": 35}}
+                    cases.step_budget = lambda suite: 35
         """
     )
     result = run("-k", "camera_shift and v0", workers, policy="longer.py", subprocess=True)
@@ -47,18 +47,18 @@ def test_budgets_cannot_be_edited(run: Run, results: Results, pytester: pytest.P
     pytester.makepyfile(
         longer="""
         from adapter import Reacher
-        from pytest_libero_max.benchmark.cases import Case
+        from pytest_libero_max.benchmark.suites import SUITES
 
         class policy(Reacher):
             def reset(self, episode):
-                Case.budget.fget.__globals__["SUITE_BUDGETS"]["libero_spatial"] = 35
+                SUITES["libero_spatial"].budget = 35
         """
     )
     pytester.makepyfile(short_episodes=FROZEN)
     result = run("-k", "camera_shift and v0", policy="longer.py", subprocess=True)
     (error,) = [line for line in results()[0] if line["line"] == "error"]
     assert error["kind"] == "AdapterError"
-    assert "does not support item assignment" in error["message"]
+    assert "cannot assign to field" in error["message"]
     assert result.ret == 11
 
 

@@ -148,15 +148,21 @@ def test_a_bad_address_or_profile_stops_the_run_before_it_begins(
 
 
 def test_the_chunk_that_came_back_and_the_times_of_queries_are_kept(
-    run: Run, results: Results, blind: str
+    pytester: pytest.Pytester, run: Run, results: Results, blind: str
 ) -> None:
+    event, cadence = {"trigger": "event", "change": "event"}, {"query_interval": 2, "horizon": 2}
+    arms = [
+        {"name": f"{name}_short", "schedule": schedule, "cadence": cadence}
+        for name, schedule in (("base", []), ("dynamic", [event]))
+    ]
+    pytester.path.joinpath("short.json").write_text(json.dumps({"name": "short", "arms": arms}))
     with fakes.openpi(reach) as port:
         result = run(
             blind,
             "-k",
             "distractor_burst",
             "--libero-max-horizon=6",
-            "--libero-max-study=cadence:2/2",
+            "--libero-max-program=short.json",
             policy=f"openpi://127.0.0.1:{port}",
         )
     pairs, report = results()

@@ -14,6 +14,8 @@ from tests.reference.markdown import code, table
 ADAPTER = ("PolicySpec", "Policy", "Episode", "Query")
 """Names that an adapter needs, which come first."""
 
+IN_TRAINING = ("lab.training.PairedEval", "lab.training.Evaluated")
+
 
 def page() -> str:
     """The text."""
@@ -27,7 +29,7 @@ def page() -> str:
 The names on this page are public: they change only with a line in the [changelog](../../CHANGELOG.md). Every
 other name, and every other module, is internal and may move. Nothing heavy is imported before a name is used.
 `pytest_libero_max.gym`, which needs the extra `gym`, is public too
-([your own loop](../how-to/own-loop.md)).
+([your own loop](../how-to/own-loop.md)), and of the lab what a [training](../how-to/training.md) needs.
 
 ## For an adapter
 
@@ -36,6 +38,10 @@ other name, and every other module, is internal and may move. Nothing heavy is i
 ## To play and read pairs
 
 {_entries(used)}
+
+## During a training
+
+{_entries(IN_TRAINING)}
 
 ## To extend
 

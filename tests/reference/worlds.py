@@ -6,8 +6,9 @@ import inspect
 
 from pytest_libero_max import worlds
 from pytest_libero_max.benchmark import cases
-from pytest_libero_max.worlds import contract
-from tests.reference.docstrings import constants, description, summary
+from pytest_libero_max.tasks.suites import LIBERO
+from pytest_libero_max.worlds import contract, scenery
+from tests.reference.docstrings import constants, description, section, summary
 from tests.reference.markdown import code, one_line, prose, table
 
 OBSERVATIONS = {
@@ -69,7 +70,7 @@ def page() -> str:
     observations = table(
         ("Key", "Shape", "Type", "Meaning"), ((code(key), *entry) for key, entry in OBSERVATIONS.items())
     )
-    budgets = table(("Suite", "Policy steps"), ((suite, str(n)) for suite, n in cases.SUITE_BUDGETS.items()))
+    budgets = table(("Suite", "Policy steps"), ((suite.name, str(suite.budget)) for suite in LIBERO))
     numbers = table(
         ("Constant", "Value", "Meaning"),
         (
@@ -113,7 +114,7 @@ MuJoCo; or `corrected`, without its known errors.
 
 ## Budgets
 
-{one_line(next(item.text for item in constants(cases) if item.name == "SUITE_BUDGETS"))}
+Policy steps an episode of a suite of LIBERO may take after the settle steps.
 
 {budgets}
 
@@ -125,11 +126,25 @@ MuJoCo; or `corrected`, without its known errors.
 
 {_protocol(contract.World)}
 
+{_protocol(contract.PosedWorld)}
+
+## Robots
+
+{_fields(contract.Robot)}
+
 ## What changes use
 
-{_protocol(contract.OnMujoco)}
-
 {_protocol(contract.AlterableWorld)}
+
+{_fields(scenery.CameraView)}
+
+{_fields(scenery.Lights)}
+
+{_fields(scenery.Surfaces)}
+
+## Worlds on MuJoCo
+
+{_protocol(contract.OnMujoco)}
 """
 
 
@@ -138,6 +153,12 @@ def _protocol(protocol: type) -> str:
     members = ((name, value) for name, value in vars(protocol).items() if not name.startswith("_"))
     rows = ((code(name + _arguments(value)), one_line(summary(value))) for name, value in members)
     return f"{prose(description(protocol))}\n\n{table(('Member', 'Meaning'), rows)}"
+
+
+def _fields(kind: type) -> str:
+    """Description and table of the fields of a value."""
+    rows = ((code(name), one_line(text)) for name, text in section(kind, "Attributes").items())
+    return f"{prose(description(kind))}\n\n{table(('Field', 'Meaning'), rows)}"
 
 
 def _arguments(value: object) -> str:

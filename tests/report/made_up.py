@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 from msgspec import structs
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.cases import step_budget
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
@@ -40,7 +40,7 @@ PROVENANCE: Json = {
     "platform": {"system": "Linux", "machine": "x86_64", "libc": "2.36"},
     "gl_backend": "egl",
     "git": None,
-    "substrate": {"name": "embedded"},
+    "substrate": {"name": "embedded", "images": "2"},
     "case_set": {"name": "track smoke", "digest": "0" * 64},
     "policy": {"reference": "scripted.py", "horizon": None, "query_interval": None},
     "protocol": {"prefix": "fork"},
@@ -128,7 +128,7 @@ def record_of(pair: PlannedPair, base: bool, dynamic: bool, **changes: Any) -> P
         "policy_seed": 195,
         "instruction": "put the bowl on the plate",
         "trigger_entity": "bowl_1",
-        "max_steps": SUITE_BUDGETS.get(pair.suite, 220),
+        "max_steps": step_budget(pair.suite) or 220,
         "policy": POLICY,
         "fingerprints": {"substrate": "embedded"},
         "timings": {"pair_s": 1.25},

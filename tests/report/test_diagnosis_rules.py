@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.diagnosis import Diagnosis, diagnose
+from pytest_libero_max.tasks.suites import LIBERO
 from tests.report.made_up import plan, record_of
 
 STEPS = 220
@@ -106,7 +106,7 @@ def judged(
         plan()[0],
         True,
         False,
-        suite=next(suite for suite, budget in SUITE_BUDGETS.items() if budget == steps),
+        suite=next(suite.name for suite in LIBERO if suite.budget == steps),
         max_steps=steps,
         dynamic_steps=steps,
         base_steps=base_steps,

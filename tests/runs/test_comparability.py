@@ -39,6 +39,7 @@ FIELDS: dict[str, tuple[str, Json]] = {
     "noise_floor": ("added", {"protocol": {"noise_floor": 4}}),
     "sham": ("added", {"protocol": {"sham": 0.2}}),
     "semantics": ("setting", {"substrate": {"semantics": "corrected"}}),
+    "images": ("setting", {"substrate": {"images": "1"}}),
     "roots": ("place", {"substrate": {"roots": ["here"]}}),
     "versions": ("setting", {"versions": {"mujoco": "3.9.0"}}),
     "case_set": ("setting", {"case_set": {"digest": "1" * 64}}),
@@ -100,6 +101,13 @@ def test_what_drew_the_images_and_scenes_are_settings_too() -> None:
     assert [one.name for one in found] == ["scenes", "renderers"]
     assert [one.name for one in differences_between(drawn, ONE_MEASUREMENT)] == ["scenes"]
     assert not differences_between({THERE: drawn[THERE], HERE: Side(here.run, POLICY)}, COMPARISON)
+
+
+def test_images_without_a_version_are_of_the_first_and_matter_to_policies_that_are_shown_some() -> None:
+    unversioned: Json = {"substrate": {"images": None}}
+    (difference,) = differences_between({THERE: side(unversioned), HERE: side()}, COMPARISON)
+    assert (difference.name, difference.values) == ("images", {THERE: "1", HERE: "2"})
+    assert not differences_between({THERE: side(unversioned, cameras=[]), HERE: side()}, COMPARISON)
 
 
 def test_differences_are_accepted_by_name_field_or_part() -> None:

@@ -236,7 +236,7 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
             ["publish", "index", str(out / "runs"), "--output", str(out / "index.html")],
         ),
         "choice of films": lambda: _choose_films(run),
-        "latency of the run": lambda: recorded_latency(run),
+        "latency of the run": lambda: recorded_latency(run, 20),
         "resume": lambda: read_to_resume(run),
     }
 

@@ -14,7 +14,10 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import SubstrateKind, SubstrateOptions
 from pytest_libero_max.substrates.registry import (
     SUBSTRATES,
+    chosen_substrate,
     describe_substrate,
+    described_substrate,
+    images_of,
     open_substrate,
     scores_of,
 )
@@ -116,6 +119,32 @@ def test_describing_a_substrate_imports_no_simulator() -> None:
         "assert not {'mujoco', 'robosuite', 'numpy', 'scipy', 'cv2'} & set(sys.modules)\n"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("description", "text", "images"),
+    [
+        ({"name": "embedded"}, "embedded:images=1", "1"),  # a run from before images had versions
+        ({"name": "embedded", "images": "1"}, "embedded:images=1", "1"),
+        ({"name": "embedded", "images": "2"}, "embedded", "2"),
+        ({"name": "libero", "semantics": "corrected"}, "libero:semantics=corrected", None),
+        ({"name": "tiny"}, "tiny", None),
+        ({"name": "gone"}, "gone", None),
+    ],
+)
+def test_a_description_names_the_substrate_that_was_played(
+    description: dict[str, str], text: str, images: str | None
+) -> None:
+    assert str(described_substrate(description)) == text
+    assert images_of(description) == images
+    if description["name"] in SUBSTRATES:
+        assert chosen_substrate(text) == described_substrate(description)
+
+
+def test_films_are_drawn_with_the_images_that_look_best() -> None:
+    assert SubstrateOptions(semantics="corrected").for_people() == SubstrateOptions(
+        semantics="corrected", images="1"
+    )
 
 
 def test_a_kind_says_nothing_more_by_default() -> None:

@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.substrates.tiny.world import TinySubstrate, TinyWorld
 from pytest_libero_max.worlds import guard
 from pytest_libero_max.worlds.guard import ModelGuard
-from pytest_libero_max.worlds.mujoco_world import ALTERABLE
+from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE
 from tests.worlds.states import differing, every_array
 
 

@@ -83,7 +83,7 @@ def test_the_scene_has_every_part_that_the_robot_names(table: EmbeddedWorld) -> 
     assert model.site(PANDA.grip_site).id == table._grip_site
     assert model.body(PANDA.hand_body).id == table._hand_body
     sizes = {name: value.size for name, value in table.observe(cameras=()).items()}
-    assert sizes == PANDA.proprioception
+    assert sizes == PANDA.state
 
 
 def test_the_robot_is_light_to_draw_and_complete(table: EmbeddedWorld) -> None:

@@ -1,20 +1,29 @@
-"""Rules for clients of a server: answers, several at once, errors, pauses, connections that end."""
+"""Rules for the clients of a server: several at once, pauses, connections that end, strangers."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import suppress
-from threading import Thread
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from threading import Barrier, Event, Thread
+from typing import Any
 
+import numpy as np
+
+from pytest_libero_max.conformance.policy.determinism import MIXED_UP
 from pytest_libero_max.conformance.policy.subject import QUERIES, PolicySubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
-from pytest_libero_max.conformance.server.subject import ServerSubject, served
-from pytest_libero_max.errors import ServerError, counted
+from pytest_libero_max.conformance.server.contract import ANSWERS
+from pytest_libero_max.conformance.server.subject import (
+    ServerSubject,
+    alter_requests,
+    same,
+    served,
+    still_answers,
+)
+from pytest_libero_max.errors import LiberoMaxError, ServerError
 from pytest_libero_max.policies.check import Actions
-
-CONNECTS = "server/contract/connects"
-ANSWERS = "server/contract/answers"
+from pytest_libero_max.policies.clients.connection import connect
 
 PAUSE_S = 3.0
 """Silence of a client that a server must bear, s; a simulator plays an arm in it."""
@@ -22,64 +31,18 @@ PAUSE_S = 3.0
 TOGETHER_S = 20.0
 """Longest time for two clients that ask at once, s, beyond what one takes."""
 
+VISIBLE_S = 0.1
+"""Shortest query in which it is seen whether a ping is answered, s."""
 
-@rule(CONNECTS, "must")
-def connects(subject: ServerSubject) -> Iterator[Finding]:
-    """Accept a client, and greet it as the protocol asks."""
-    with subject.client() as client:
-        spec = client.policy.spec
-        yield kept(f"{spec.name} (H={spec.horizon} Q={spec.query_interval})")
+SECOND, AT_ONCE = "server/clients/second", "server/clients/at-once"
+LEAVES, STRANGER = "server/clients/leaves", "server/clients/stranger"
 
 
-@rule(ANSWERS, "must", needs=CONNECTS)
-def answers(subject: ServerSubject) -> Iterator[Finding]:
-    """Answer every query of an episode without an interruption."""
-    with subject.client() as client:
-        for index in range(QUERIES):
-            client.ask(index)
-        interruptions = served(client).client.interruptions
-    if interruptions == 0:
-        yield kept(f"{counted(QUERIES, 'query', 'queries')} were answered")
-        return
-    yield broken(
-        f"{counted(QUERIES, 'query', 'queries')} met {counted(interruptions, 'interruption')}",
-        "no interruption",
-        "Look at the server's own output.",
-    )
-
-
-@rule("server/contract/chunk", "should", needs=ANSWERS)
-def chunk(subject: ServerSubject) -> Iterator[Finding]:
-    """Return as many actions as the server or its profile declares."""
-    with subject.client() as client:
-        client.ask(0)
-        returned, declared = served(client).returned, client.policy.spec.horizon
-    if returned is None:
-        yield unexamined("the number of actions in a reply is not known")
-    elif returned == declared:
-        yield kept(f"a reply has {counted(returned, 'action')}")
-    else:
-        yield broken(
-            f"a reply has {counted(returned, 'action')}",
-            f"horizon={declared}, as declared",
-            "Declare the H that the model returns, or choose the profile of this checkpoint.",
-        )
-
-
-def _alone(subject: ServerSubject, indices: tuple[int, ...]) -> list[Actions]:
-    with subject.client() as client:
-        return [client.ask(index) for index in indices]
-
-
-def _same(first: list[Actions], second: list[Actions]) -> bool:
-    return [answer.tobytes() for answer in first] == [answer.tobytes() for answer in second]
-
-
-@rule("server/clients/second", "must", needs=ANSWERS)
+@rule(SECOND, "must", needs=ANSWERS)
 def second_client(subject: ServerSubject) -> Iterator[Finding]:
     """Answer a second client while a first one is connected."""
     began = time.monotonic()
-    _alone(subject, (0,))
+    subject.alone(0)
     limit = time.monotonic() - began + TOGETHER_S
     with subject.client() as first:
         first.ask(0)
@@ -97,18 +60,18 @@ def second_client(subject: ServerSubject) -> Iterator[Finding]:
     yield kept("a second client is answered while a first one is connected")
 
 
-@rule("server/clients/company", "must", needs="server/clients/second")
+@rule("server/clients/company", "must", needs=SECOND)
 def company(subject: ServerSubject) -> Iterator[Finding]:
-    """Give each client the answers to its own queries, whoever else asks."""
-    if not subject.repeatable:
-        yield unexamined("repeatable=False, so no two answers can be compared")
+    """Give each client the answers to its own queries, whoever else asks in turn."""
+    if reason := subject.not_comparable():
+        yield reason
         return
     rows = ((0, 1), (2, 3))
-    alone = [_alone(subject, row) for row in rows]
+    alone = [subject.alone(*row) for row in rows]
     with subject.client() as first, subject.client() as second:
         turns = [(first.ask(rows[0][turn]), second.ask(rows[1][turn])) for turn in (0, 1)]
     together = [[turn[number] for turn in turns] for number in (0, 1)]
-    if all(_same(*pair) for pair in zip(alone, together, strict=True)):
+    if all(same(*pair) for pair in zip(alone, together, strict=True)):
         yield kept("two clients that ask in turn get the answers that each gets alone")
         return
     yield broken(
@@ -118,13 +81,82 @@ def company(subject: ServerSubject) -> Iterator[Finding]:
     )
 
 
+@rule(AT_ONCE, "must", needs="server/clients/company")
+def at_once(subject: ServerSubject) -> Iterator[Finding]:
+    """Give clients that ask at the same moment the answer that each gets alone."""
+    answers = subject.once(_alone_and_at_once)
+    if isinstance(answers, Finding):
+        yield answers
+    elif any(a.shape != b.shape or np.abs(a - b).max() > MIXED_UP for a, b in answers):
+        yield broken(
+            f"{QUERIES} clients that ask at the same moment get other answers than each alone",
+            "the answer that each query gets alone",
+            "A batch is mixed up, or something is shared by queries that are computed together: keep each "
+            "answer with its query.",
+        )
+    else:
+        yield kept(f"{QUERIES} clients that ask at the same moment get the answers of each alone")
+
+
+@rule("server/clients/rounding", "note", needs=AT_ONCE)
+def rounding(subject: ServerSubject) -> Iterator[Finding]:
+    """Answer with the same bytes alone and in a batch."""
+    answers = subject.once(_alone_and_at_once)
+    if isinstance(answers, Finding):
+        yield answers
+    elif same(*map(list, zip(*answers, strict=True))):
+        yield kept("the same bytes alone and at the same moment as others")
+    else:
+        furthest = max(float(np.abs(a - b).max()) for a, b in answers)
+        yield broken(
+            f"answers change by up to {furthest:.1g} when others ask at the same moment",
+            "the same bytes alone and in a batch",
+            "Serve it with --pad-batch, or without batches, or declare repeatable=False.",
+        )
+
+
+def _alone_and_at_once(subject: ServerSubject) -> Finding | list[tuple[Actions, Actions]]:
+    """Return each query's answer alone, and when as many clients ask at the same moment, twice."""
+    if reason := subject.not_comparable():
+        return reason
+    alone = [subject.alone(index)[0] for index in range(QUERIES)]
+    pairs: list[tuple[Actions, Actions]] = []
+    for _ in range(2):
+        with ExitStack() as stack:
+            clients = [stack.enter_context(subject.client()) for _ in range(QUERIES)]
+            for before, answer in zip(alone, asked_together(clients), strict=True):
+                if isinstance(answer, LiberoMaxError):
+                    raise answer
+                pairs.append((before, answer))
+    return pairs
+
+
+def asked_together(clients: list[PolicySubject]) -> list[Actions | LiberoMaxError]:
+    """Return the answers, or errors, to query ``i`` of client ``i``, all asked at the same moment."""
+    barrier, answers = Barrier(len(clients)), dict[int, Actions | LiberoMaxError]()
+
+    def ask(index: int) -> None:
+        barrier.wait()
+        try:
+            answers[index] = clients[index].ask(index)
+        except LiberoMaxError as error:
+            answers[index] = error
+
+    threads = [Thread(target=ask, args=(index,), daemon=True) for index in range(len(clients))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return [answers[index] for index in range(len(clients))]
+
+
 @rule("server/clients/reconnects", "must", needs=ANSWERS)
 def reconnects(subject: ServerSubject) -> Iterator[Finding]:
     """Answer a client that has connected again as before."""
-    first, second = (_alone(subject, (0, 1)) for _ in range(2))
-    if not subject.repeatable:
-        yield kept("a client that has connected again is answered; repeatable=False, so not compared")
-    elif _same(first, second):
+    first, second = (subject.alone(0, 1) for _ in range(2))
+    if reason := subject.not_comparable():
+        yield kept(f"a client that has connected again is answered; {reason.observed}")
+    elif same(first, second):
         yield kept("a client that has connected again gets the same answers")
     else:
         yield broken(
@@ -132,28 +164,6 @@ def reconnects(subject: ServerSubject) -> Iterator[Finding]:
             "the same bytes for the same queries of the same episode",
             "Something lives on from connection to connection: a generator, a queue, a count.",
         )
-
-
-@rule("server/clients/leaves", "must", needs=ANSWERS)
-def leaves_in_a_query(subject: ServerSubject) -> Iterator[Finding]:
-    """Go on when a client has left in the middle of a query."""
-    with subject.client() as leaving:
-        thread = Thread(target=_ask_in_vain, args=(leaving,), daemon=True)
-        thread.start()
-        time.sleep(0.02)
-    thread.join(TOGETHER_S)
-    served(leaving).client.close()  # it may have connected again
-    yield from _still_answers(subject, "a client left in the middle of a query")
-
-
-def _ask_as_another(subject: ServerSubject) -> None:
-    with suppress(ServerError):  # what is late is told by the time, not by the error
-        _alone(subject, (1,))
-
-
-def _ask_in_vain(client: PolicySubject) -> None:
-    with suppress(Exception):  # its connection ends under it, which each protocol notices in its own way
-        client.ask(0)
 
 
 @rule("server/clients/idle", "should", needs=ANSWERS)
@@ -167,8 +177,8 @@ def idle(subject: ServerSubject) -> Iterator[Finding]:
         greeting = served(client).greeting
         time.sleep(PAUSE_S)
         client.ask(1)
-        again = served(client).greeting is not greeting  # made anew by each connection
-    if not again:
+        lost = served(client).greeting is not greeting  # made anew by each connection
+    if not lost:
         yield kept(f"a client is answered after {PAUSE_S:g} s of silence")
         return
     yield broken(
@@ -178,52 +188,74 @@ def idle(subject: ServerSubject) -> Iterator[Finding]:
     )
 
 
-@rule("server/errors/words", "should", needs=ANSWERS)
-def errors_in_words(subject: ServerSubject) -> Iterator[Finding]:
-    """Answer a request that lacks its inputs with an error in words."""
-    error = _error_of_nonsense(subject)
-    if error is None:
-        yield broken(
-            "a request without any input was answered with actions",
-            "an error",
-            "The model is not asked, or missing inputs are replaced by zeros.",
-        )
-    elif "reports an error" in error or "HTTP" in error:
-        yield kept("a request without any input is answered with an error in words")
-    else:
-        yield broken(
-            f"a request without any input: {error}",
-            "an error in words",
-            "Catch exceptions of the policy, and send their text: users otherwise see a lost connection.",
-        )
-
-
-@rule("server/errors/survives", "must", needs=ANSWERS)
-def survives_errors(subject: ServerSubject) -> Iterator[Finding]:
-    """Go on after a request that lacks its inputs."""
-    _error_of_nonsense(subject)
-    yield from _still_answers(subject, "a request without any input")
-
-
-def _error_of_nonsense(subject: ServerSubject) -> str | None:
-    """Return the error that a request without inputs ends with; None where it is answered."""
+@rule("server/clients/pings", "note", needs=ANSWERS)
+def pings(subject: ServerSubject) -> Iterator[Finding]:
+    """Answer pings while a query is computed."""
     with subject.client() as client:
-        policy = served(client)
-        try:
-            policy.client.ask({}, policy.read)
-        except ServerError as error:
-            return str(error)
-    return None
+        ping: Callable[[], Event] | None = getattr(served(client).client.link, "ping", None)
+        if ping is None:
+            yield unexamined(f"{subject.address.protocol} has no pings")
+            return
+        link = alter_requests(client)
+        client.ask(0)
+        request = link.request
+        began = time.monotonic()
+        ping().wait(TOGETHER_S)
+        asked_at = time.monotonic()
+        link.ask(request)
+        query_s = time.monotonic() - asked_at
+        if query_s < max(VISIBLE_S, 4 * (asked_at - began)):
+            yield unexamined(f"a query takes {1e3 * query_s:.0f} ms, too short to see a ping in it")
+            return
+        answered = [_pinged(lambda: link.ask(request), ping, query_s) for _ in range(3)]
+    if sum(answered) > 1:  # a busy machine may miss one
+        yield kept("a ping is answered while a query is computed")
+        return
+    yield broken(
+        f"pings were not answered before the answer to a query of {query_s:.2f} s",
+        "an answer while the query is computed",
+        "The model computes in the event loop: run it in a thread. A client with the keepalive that "
+        "websockets has by default (20 s) loses the connection in a longer query, such as one that compiles.",
+    )
 
 
-def _still_answers(subject: ServerSubject, after: str) -> Iterator[Finding]:
-    try:
-        _alone(subject, (0,))
-    except ServerError as error:
-        yield broken(
-            f"after {after}: {error}".rstrip("."),
-            "an answer to the next client",
-            "One client must not take the server down: catch what a connection raises.",
-        )
-    else:
-        yield kept(f"after {after}, the next client is answered")
+def _pinged(ask: Callable[[], Any], ping: Callable[[], Event], query_s: float) -> bool:
+    """Return True if a ping within a query is answered before the query is."""
+    thread = Thread(target=ask, daemon=True)
+    thread.start()
+    time.sleep(query_s / 4)
+    in_time = ping().wait(query_s / 2) and thread.is_alive()  # a quarter is left
+    thread.join()
+    return in_time
+
+
+@rule(LEAVES, "must", needs=ANSWERS)
+def leaves_in_a_query(subject: ServerSubject) -> Iterator[Finding]:
+    """Go on when a client has left in the middle of a query."""
+    with subject.client() as leaving:
+        thread = Thread(target=_ask_in_vain, args=(leaving,), daemon=True)
+        thread.start()
+        time.sleep(0.02)
+    thread.join(TOGETHER_S)
+    served(leaving).client.close()  # it may have connected again
+    yield from still_answers(subject, "a client left in the middle of a query")
+
+
+@rule(STRANGER, "must", needs=LEAVES)
+def stranger(subject: ServerSubject) -> Iterator[Finding]:
+    """Go on when something has connected that does not speak the protocol."""
+    with suppress(OSError, ServerError), connect(subject.address) as connection:
+        connection.sendall(b"\x00\xff of no protocol\r\n\r\n")
+        connection.settimeout(0.2)
+        connection.recv(1)
+    yield from still_answers(subject, "a connection that sent bytes of no protocol")
+
+
+def _ask_as_another(subject: ServerSubject) -> None:
+    with suppress(ServerError):  # what is late is told by the time, not by the error
+        subject.alone(1)
+
+
+def _ask_in_vain(client: PolicySubject) -> None:
+    with suppress(Exception):  # its connection ends under it, which each protocol notices in its own way
+        client.ask(0)

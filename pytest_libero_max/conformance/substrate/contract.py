@@ -9,7 +9,7 @@ import numpy as np
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
 from pytest_libero_max.errors import ActionError, SubstrateError, counted
-from pytest_libero_max.worlds.contract import CONTROL_HZ, NOOP_ACTION, OnMujoco, World
+from pytest_libero_max.worlds.contract import OnMujoco, World
 
 OPENS = "substrate/contract/opens"
 
@@ -39,11 +39,11 @@ def opens(subject: SubstrateSubject) -> Iterator[Finding]:
 def refuses_actions(subject: SubstrateSubject) -> Iterator[Finding]:
     """Refuse an action of another shape or that is not finite, with an ActionError."""
     world = subject.begin()
-    before = world.digest()
+    before, noop = world.digest(), world.robot.noop
     for what, action in (
-        ("an action of six components", NOOP_ACTION[:6]),
-        ("an action with NaN", (np.nan, *NOOP_ACTION[1:])),
-        ("an action with infinity", (0.0, np.inf, *NOOP_ACTION[2:])),
+        (f"an action of {counted(len(noop) - 1, 'component')}", noop[:-1]),
+        ("an action with NaN", (np.nan, *noop[1:])),
+        ("an action with infinity", (0.0, np.inf, *noop[2:])),
     ):
         try:
             world.step(action)
@@ -90,22 +90,22 @@ def refuses_inits(subject: SubstrateSubject) -> Iterator[Finding]:
 
 @rule("substrate/contract/rate", "must", needs=OPENS)
 def control_rate(subject: SubstrateSubject) -> Iterator[Finding]:
-    """Advance the simulator by 50 ms in a step."""
+    """Advance the simulator by one control step of its robot in a step: 50 ms for LIBERO's."""
     world = subject.begin()
     if not isinstance(world, OnMujoco):
         yield unexamined("the world has no clock of MuJoCo")
         return
-    before = world.data.time
-    for _ in range(CONTROL_HZ):
-        world.step(NOOP_ACTION)
+    before, hz = world.data.time, world.robot.control_hz
+    for _ in range(hz):
+        world.step(world.robot.noop)
     seconds = world.data.time - before
     if abs(seconds - 1.0) < 1e-6:
-        yield kept(f"{CONTROL_HZ} steps take {seconds:.3f} s of simulated time")
+        yield kept(f"{hz} steps take {seconds:.3f} s of simulated time")
         return
     yield broken(
-        f"{CONTROL_HZ} steps take {seconds:.3f} s of simulated time",
+        f"{hz} steps take {seconds:.3f} s of simulated time",
         "1 s",
-        f"The control rate of LIBERO is {CONTROL_HZ} Hz: its budgets of steps are times.",
+        f"The control rate of robot {world.robot.name!r} is {hz} Hz: budgets of steps are times.",
     )
 
 
@@ -116,7 +116,7 @@ def directions(subject: SubstrateSubject) -> Iterator[Finding]:
         for sign in (1.0, -1.0):
             world = subject.begin()
             start = np.array(world.end_effector())
-            action = np.array(NOOP_ACTION)
+            action = np.array(world.robot.noop)
             action[axis] = sign
             for _ in range(_STEPS):
                 world.step(action)
@@ -139,8 +139,8 @@ def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
     openings = []
     for sign in (-1.0, 1.0, -1.0):
         for _ in range(10):
-            world.step((*NOOP_ACTION[:6], sign))
-        openings.append(float(np.abs(world.observe(())["robot0_gripper_qpos"]).sum()))
+            world.step((*world.robot.noop[:-1], sign))
+        openings.append(float(np.abs(world.observe(())[world.robot.fingers_key]).sum()))
     opened, closed, again = openings
     text = f"openings after -1, +1, -1: {opened:.3f}, {closed:.3f}, {again:.3f} m"
     if closed < 0.5 * opened and again > 2 * closed:

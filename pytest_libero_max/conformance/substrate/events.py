@@ -10,7 +10,7 @@ import numpy as np
 from pytest_libero_max.changes.change import Change, Evidence
 from pytest_libero_max.conformance.rules import Finding, Rule, broken, kept, unexamined
 from pytest_libero_max.conformance.substrate.states import RESTORE, play
-from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
+from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.events.schedules import change_of
@@ -30,7 +30,7 @@ def _examine(event: str, subject: SubstrateSubject) -> Iterator[Finding]:
         yield unexamined("no case of the default track that can be played here has this event")
         return
     world = subject.begin(case)
-    for action in ACTIONS[:5]:
+    for action in actions_for(world)[:5]:
         world.step(action)
     change = change_of(case)
     before, poses = world.snapshot(), _poses(world)

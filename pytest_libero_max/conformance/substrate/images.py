@@ -9,21 +9,11 @@ import numpy as np
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.states import RESTORE
-from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Array, OnMujoco
-from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
+from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
+from pytest_libero_max.worlds.contract import AlterableWorld, Array, alterable
+from pytest_libero_max.worlds.rotations import matrix, quaternion
 
 KEYS = "substrate/images/keys"
-
-STATE_SHAPES = {
-    "robot0_eef_pos": (3,),
-    "robot0_eef_quat": (4,),
-    "robot0_gripper_qpos": (2,),
-    "robot0_gripper_qvel": (2,),
-    "robot0_joint_pos": (7,),
-    "robot0_joint_vel": (7,),
-}
-"""The robot's state in an observation, by LIBERO's keys."""
 
 _SIDE = 128
 Points = list[tuple[float, float]]
@@ -31,9 +21,12 @@ Points = list[tuple[float, float]]
 
 @rule(KEYS, "must", needs=OPENS)
 def keys(subject: SubstrateSubject) -> Iterator[Finding]:
-    """Observe LIBERO's keys, each in its shape."""
-    observation = subject.begin().observe(CAMERAS, (96, _SIDE))
-    shapes = STATE_SHAPES | {f"{camera}_image": (96, _SIDE, 3) for camera in CAMERAS}
+    """Observe the keys of the robot, LIBERO's for its Panda, each in its shape."""
+    world = subject.begin()
+    robot = world.robot
+    observation = world.observe(robot.cameras, (96, _SIDE))
+    shapes: dict[str, tuple[int, ...]] = {key: (size,) for key, size in robot.state.items()}
+    shapes |= {f"{camera}_image": (96, _SIDE, 3) for camera in robot.cameras}
     wrong = [
         f"{key} {observation[key].shape if key in observation else 'missing'}"
         for key, shape in shapes.items()
@@ -41,12 +34,14 @@ def keys(subject: SubstrateSubject) -> Iterator[Finding]:
     ]
     wrong += [
         f"{camera}_image of {observation[f'{camera}_image'].dtype}"
-        for camera in CAMERAS
+        for camera in robot.cameras
         if f"{camera}_image" in observation and observation[f"{camera}_image"].dtype != np.uint8
     ]
     if wrong:
         yield broken(
-            ", ".join(wrong), "LIBERO's keys and shapes, images (H, W, 3) uint8", "Rename and reshape."
+            ", ".join(wrong),
+            f"the keys and shapes of robot {robot.name!r}, images (H, W, 3) uint8",
+            "Rename and reshape.",
         )
         return
     yield kept(f"{len(shapes)} keys in their shapes")
@@ -56,15 +51,15 @@ def keys(subject: SubstrateSubject) -> Iterator[Finding]:
 def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
     """Draw the same pixels in the same state: twice, and after steps that restore() took back."""
     world = subject.begin()
-    first = world.observe(CAMERAS, _SIDE)
-    again = world.observe(CAMERAS, _SIDE)
+    first = world.observe(world.robot.cameras, _SIDE)
+    again = world.observe(world.robot.cameras, _SIDE)
     state = world.snapshot()
-    for action in ACTIONS:
+    for action in actions_for(world):
         world.step(action)
-    moved = world.observe(CAMERAS, _SIDE)
+    moved = world.observe(world.robot.cameras, _SIDE)
     world.restore(state)
-    after = world.observe(CAMERAS, _SIDE)
-    for camera in CAMERAS:
+    after = world.observe(world.robot.cameras, _SIDE)
+    for camera in world.robot.cameras:
         key = f"{camera}_image"
         for what, other in (("drawn twice", again), ("drawn after restore()", after)):
             if not np.array_equal(first[key], other[key]):
@@ -76,7 +71,7 @@ def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
                 return
         if np.array_equal(first[key], moved[key]):
             yield broken(
-                f"{key} is the same after {len(ACTIONS)} steps",
+                f"{key} is the same after {len(actions_for(world))} steps",
                 "another image",
                 "An old image is returned.",
             )
@@ -89,7 +84,7 @@ def drawing_alters_nothing(subject: SubstrateSubject) -> Iterator[Finding]:
     """Leave the state as it is when images are drawn."""
     world = subject.begin()
     before = world.digest()
-    world.observe(CAMERAS, _SIDE)
+    world.observe(world.robot.cameras, _SIDE)
     if world.digest() == before:
         yield kept("drawing alters nothing")
         return
@@ -100,24 +95,25 @@ def drawing_alters_nothing(subject: SubstrateSubject) -> Iterator[Finding]:
 def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
     """Deliver images bottom row first, not mirrored, as LIBERO does."""
     world = subject.begin()
-    if not isinstance(world, OnMujoco):
-        yield unexamined("the pose of the camera is known of worlds on MuJoCo alone")
+    if not isinstance(world, AlterableWorld):
+        yield unexamined("the pose of the camera is known of worlds that changes can alter alone")
         return
+    camera = world.robot.cameras[0]
     places, images = [], []
     for axis, sign in ((1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)):
         world = subject.begin()
-        action = np.array(NOOP_ACTION)
+        action = np.array(world.robot.noop)
         action[axis] = sign
         for _ in range(4):
             world.step(action)
-        assert isinstance(world, OnMujoco)
-        position, rotation, angle = pose_of_camera(world, CAMERAS[0])
-        x, y, z = (np.asarray(world.end_effector()) - position) @ rotation
-        focal = 0.5 * _SIDE / np.tan(0.5 * angle)
+        view = alterable(world).view(camera)  # the main camera stands in the world
+        turn = matrix(quaternion(view.quaternion_wxyz))
+        x, y, z = (np.asarray(world.end_effector()) - view.position_m) @ turn
+        focal = 0.5 * _SIDE / np.tan(0.5 * np.deg2rad(view.fovy_deg))
         place = (_SIDE / 2 - focal * y / z, _SIDE / 2 - focal * x / z)
         if z < 0.0 and min(place) > 0.0 and max(place) < _SIDE:
             places.append(place)
-            images.append(world.observe(CAMERAS[:1], _SIDE)[f"{CAMERAS[0]}_image"].astype(float))
+            images.append(world.observe([camera], _SIDE)[f"{camera}_image"].astype(float))
     if len(places) < 3:
         yield unexamined("the hand leaves the view of the main camera within four steps")
         return

@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
-from pytest_libero_max.conformance.substrate.subject import ACTIONS, SubstrateSubject
+from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
 from pytest_libero_max.worlds.contract import OnMujoco, World
 
 _STATE = ("qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos")
@@ -28,7 +28,7 @@ FRESH_S = 600.0
 def play(world: World, first: int = 0) -> list[str]:
     """Play the actions from ``first`` on, and return the digest after each step."""
     digests = []
-    for action in ACTIONS[first:]:
+    for action in actions_for(world)[first:]:
         world.step(action)
         digests.append(world.digest().hex())
     return digests
@@ -133,7 +133,7 @@ def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
 def restore(subject: SubstrateSubject) -> Iterator[Finding]:
     """Return to a snapshot bit for bit, and go on as if nothing had been in between."""
     world = subject.begin()
-    for action in ACTIONS[:10]:
+    for action in actions_for(world)[:10]:
         world.step(action)
     state, digest = world.snapshot(), world.digest()
     onward = play(world, 10)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +11,14 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.pairing.changing import begin_world
-from pytest_libero_max.substrates.contract import Substrate
-from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.worlds.contract import ACTION_DIM, Array, World
 
-ACTIONS: Array = np.random.default_rng(20).uniform(-1.0, 1.0, (20, 7))
-"""(20, 7) actions that every world is played with; the first seed that was tried."""
+
+def actions_for(world: World) -> Array:
+    """Return the (20, d) actions that every world is played with; of the first seed that was tried."""
+    size = world.robot.components
+    return np.random.default_rng(20).uniform(-1.0, 1.0, (20, max(size, ACTION_DIM)))[:, :size]
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class SubstrateSubject:
 
     substrate: Substrate
     cases: tuple[Case, ...]
-    """The cases of its default track that can be played here; empty where it plays none."""
+    """Its examples, or the cases of its default track that can be played here; empty where it plays none."""
     name: str = ""
     """Name by which another process opens it; empty where it is an object of this one."""
 
@@ -65,19 +68,25 @@ def open_subject(name: str) -> SubstrateSubject:
     use_one_blas_thread()
     chosen = chosen_substrate(name)
     kind = SUBSTRATES[chosen.name]
-    tracks = kind.tracks(chosen.options)
-    lacking: Mapping[str, str] = {}
-    for track in tracks.defaults:
-        cases = load_track(tracks.name(track)).cases
-        lacking = kind.lacking(chosen.options, cases)
-        playable = tuple(case for case in cases if case.case_id not in lacking)
-        if playable:
-            break
-    if lacking and not playable:
-        reason = next(iter(lacking.values()))
-        raise SubstrateError(f"{name} plays no case of {' or '.join(tracks.defaults)}: {reason}")
+    playable = tuple(kind.examples(chosen.options)) or _of_tracks(kind, chosen.options, name)
     substrate = kind.open(chosen.options)
     return SubstrateSubject(substrate, playable if _fits(substrate, playable) else (), name)
+
+
+def _of_tracks(kind: SubstrateKind, options: SubstrateOptions, name: str) -> tuple[Case, ...]:
+    """Return the cases of the first default track of which some can be played."""
+    tracks, reason = kind.tracks(options), ""
+    for track in tracks.defaults:
+        cases = load_track(tracks.name(track)).cases
+        lacking = kind.unplayable(options, cases)
+        playable = tuple(case for case in cases if case.case_id not in lacking)
+        if playable:
+            return playable
+        reason = next(iter(lacking.values()))
+    raise SubstrateError(
+        f"{name} plays no case of {' or '.join(tracks.defaults)}: {reason}. Give a substrate of other suites "
+        "cases to be examined with: SubstrateKind(examples=...)."
+    )
 
 
 def _fits(substrate: Substrate, cases: Sequence[Case]) -> bool:

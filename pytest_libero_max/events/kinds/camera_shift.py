@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.contract import Entity
 
-CAMERA = "agentview"
 SHIFTS = (((0.06, 0.0, 0.02), 18.0, 12.0), ((-0.06, 0.03, 0.0), -22.0, -12.0))
 """Movement (3,) in m in the world frame, turn about the vertical and change of the field of view, both in
 degrees, by variant."""
@@ -38,7 +37,7 @@ class CameraShift(EventKind):
         return Scenario(
             {
                 "operation": "shift_camera",
-                "camera": CAMERA,
+                "camera": task.camera,
                 "delta_position_m": list(delta),
                 "yaw_degrees": yaw,
                 "delta_fovy_degrees": fovy,

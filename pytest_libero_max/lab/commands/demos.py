@@ -9,8 +9,7 @@ from pytest_libero_max.benchmark.identity import FROZEN_STATES, TRAINING_STATES
 from pytest_libero_max.cli.arguments import Commands, add_jobs, add_libero, number, option, whole_number
 from pytest_libero_max.cli.work import Work
 from pytest_libero_max.errors import OptionError, counted
-
-SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 
 def add_command(commands: Commands) -> None:
@@ -24,7 +23,14 @@ def add_command(commands: Commands) -> None:
         "same command gives the same bytes. With --run, the pairs of a run are written in the same format.",
     )
     demos.add_argument("folder", type=Path, metavar="FOLDER", help="Folder for the episodes")
-    option(demos, "--suites SUITE", "Default: all four", nargs="+", default=list(SUITES), choices=SUITES)
+    option(
+        demos,
+        "--suites SUITE",
+        "Default: all four",
+        nargs="+",
+        default=list(LIBERO_SUITES),
+        choices=LIBERO_SUITES,
+    )
     option(demos, "--tasks INDEX", "Of each suite (default: all)", type=int, nargs="+")
     option(
         demos,

@@ -14,12 +14,12 @@ import numpy as np
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.films.recorded import open_recorded
-from pytest_libero_max.films.replay import View, distinct_arms, opening_m, play_again
+from pytest_libero_max.films.replay import View, opening_m, play_again
 from pytest_libero_max.lab.demos.episodes import Demonstration, Planned
 from pytest_libero_max.lab.demos.folder import EPISODES, Settings, begin_folder, save
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, trace_name
-from pytest_libero_max.runs.media import TRACES_NAME
+from pytest_libero_max.runs.media import TRACES_NAME, distinct_arms
 from pytest_libero_max.worlds.contract import CAMERAS, Observation, World
 
 
@@ -90,7 +90,7 @@ def _arms(
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
         observation = world.observe(CAMERAS, image_size)
-        return _Seen({}, opening_m(observation), observation=observation)
+        return _Seen({}, opening_m(world, observation), observation=observation)
 
     shown: dict[str, list[Observation]] = {name: [] for name in distinct_arms(record)}
     for tick in play_again(case, world, record, traces, look):

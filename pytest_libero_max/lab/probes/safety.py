@@ -21,7 +21,7 @@ from pytest_libero_max.pairing.probes.stages import (
     rests_of,
     tilt_deg,
 )
-from pytest_libero_max.worlds.contract import CONTROL_HZ, OnMujoco
+from pytest_libero_max.worlds.contract import OnMujoco
 from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -131,7 +131,7 @@ class Safety(Probe[Seen]):
             if fingers >= 2:
                 tilt = max(tilt, tilt_deg(now_up, up))
             elif not fingers and touched:
-                loose = max(loose, math.dist(at, was_at) * CONTROL_HZ)
+                loose = max(loose, math.dist(at, was_at) * world.robot.control_hz)
             last.append((name, at, touched or fingers > 0))
         return replace(state, tilt_deg=tilt, loose_m_s=loose, bystander_m=bystander, last=tuple(last))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.lab.studies.continuation import OWN_BASE, RUN, Continue
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.document import Section, Table
-from pytest_libero_max.report.formats import Change, Counts
+from pytest_libero_max.report.formats import Change, Counts, counted
 from pytest_libero_max.report.measures import MEASURE, Measured, Rows, measures_of
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.report_document import Report
@@ -23,8 +24,7 @@ NOTE = (
     "The policy of the run plays Base and the executed prefix. From the state of the event each controller "
     "goes on: it is asked at once, and given the actions that were executed and those that were queued. A "
     "controller enters a state that another policy produced: its numbers say how it goes on from there, not "
-    "how it would have come there. Every row is over the same cases, without suites that a controller does "
-    "not play."
+    "how it would have come there. Suites that a controller does not play are left out of its rows."
 )
 HANDOVER_NOTE = (
     "Without the event the controller takes over at the same moment and nothing changes: that less Base is "
@@ -33,6 +33,9 @@ HANDOVER_NOTE = (
 )
 INTERVAL_NOTE = "Exact 95% intervals, each for itself."
 P_NOTE = "p is of the exact McNemar test, adjusted for the number of contrasts in this table (Holm)."
+
+
+PAIRS = Measured("continue.pairs", "pairs in which the event happened", "cases")
 
 
 class _Column(NamedTuple):
@@ -72,13 +75,16 @@ class Continued(ReportSection):
 
     name = "continue"
     option = "--libero-max-study=continue"
+    quantities = (PAIRS,)
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
         """Return the numbers of each controller, and their contrasts with each other."""
         study = _study(played.protocol)
         if not played.records or study is None:
             return {}
-        rows: Rows = {}
+        # Where the event never happens nobody takes over, and every arm is Base of the run's policy.
+        played = replace(played, records=[it for it in played.records if it.arms[DYNAMIC].firings])
+        rows: Rows = PAIRS.row(len(played.records))
         for line in _lines(study):
             for key, column in line.columns.items():
                 if study.own_base or not column.is_of_own_base:
@@ -89,8 +95,10 @@ class Continued(ReportSection):
         """Return the number with a name such as ``continue.expert.change``."""
         section, _, rest = name.partition(".")
         controller, _, key = rest.partition(".")
-        known = key in _COLUMNS or key.startswith((_OVER, _P))
-        return _measured(controller, key) if section == self.name and controller and known else None
+        known = key in _COLUMNS or (key.startswith((_OVER, _P)) and "." not in key)
+        if section == self.name and controller and known:
+            return _measured(controller, key)
+        return super().quantity(name)
 
     def shown(self, report: Report) -> Mapping[str, Section]:
         """Return tables of Dynamic, of the handover alone, and of the controllers with each other."""
@@ -108,8 +116,8 @@ class Continued(ReportSection):
             if study.own_base or not column.is_of_own_base
         }
         tables = [
-            _table("From the event on", names, _DYNAMIC_COLUMNS, measures, NOTE),
-            _table("The handover alone", handed, columns, measures, HANDOVER_NOTE),
+            _table("From the event on", names, _DYNAMIC_COLUMNS, measures, f"{_selection(report)} {NOTE}"),
+            _table("Handover and event apart", handed, columns, measures, HANDOVER_NOTE),
         ]
         pairs = list(combinations(handed, 2))
         if pairs:
@@ -122,9 +130,18 @@ class Continued(ReportSection):
                 for first, second in pairs
             ]
             tables.append(
-                Table("Dynamic, controllers with each other", ("Contrast", "Change", "p"), cells, "")
+                Table("Dynamic, controllers with each other", ("Contrast", "Change", "p"), cells, P_NOTE)
             )
         return {TITLE: Section(tables=[table.explaining_intervals(INTERVAL_NOTE) for table in tables])}
+
+
+def _selection(report: Report) -> str:
+    """Return over which pairs the tables are."""
+    pairs = measures_of(report.sections)[PAIRS.key].value or 0
+    return (
+        f"Over the {pairs:g} of {counted(report.pairs.played, 'pair')} in which the event happened; in the "
+        "others no controller takes over."
+    )
 
 
 def _study(protocol: Json) -> Continue | None:

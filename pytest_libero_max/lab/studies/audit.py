@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS, Case
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.events.schedules import Arm, Entry
 from pytest_libero_max.events.triggers import AtStart
 from pytest_libero_max.studies.study import Study
@@ -100,9 +100,9 @@ def _scene(task: Task) -> tuple[object, ...]:
 
 def _task_of(case: Case) -> Task | None:
     """Return the task of LIBERO with whose name that of the case begins; None for a scene of another kind."""
-    from pytest_libero_max.tasks.libero_tasks import tasks
+    from pytest_libero_max.tasks.libero_tasks import SUITES, tasks
 
-    if case.suite not in SUITE_BUDGETS:
+    if case.suite not in SUITES:
         return None
     named = str(case.record.get("task_name", ""))
     found = [task for task in tasks(case.suite) if named.startswith(task.name)]

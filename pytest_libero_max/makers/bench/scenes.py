@@ -11,17 +11,17 @@ from statistics import median
 
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.makers.bench.clock import processor_seconds
 from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.tasks.libero_tasks import tasks
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, World
 
 OpenScene = Callable[[str, int], AbstractContextManager[World]]
 """Makes the world of a task, by suite and number, and closes it."""
 
-SCENES = sum(len(tasks(suite)) for suite in SUITE_BUDGETS)
+SCENES = sum(len(tasks(suite)) for suite in LIBERO_SUITES)
 """Sizes of the samples of :func:`measure_scenes`."""
 
 _WARM_UP = 3
@@ -70,8 +70,8 @@ def measure_scenes(
     Raises:
         SimulatorError: No OpenGL backend is available.
     """
-    measure_scene(open_scene, next(iter(SUITE_BUDGETS)), 0, 1, 1, size)  # compiles the loop, opens the driver
-    for suite in SUITE_BUDGETS:
+    measure_scene(open_scene, LIBERO_SUITES[0], 0, 1, 1, size)  # compiles the loop, opens the driver
+    for suite in LIBERO_SUITES:
         for task in tasks(suite):
             yield measure_scene(open_scene, suite, task.index, steps, images, size)
 

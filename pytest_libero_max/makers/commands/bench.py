@@ -6,7 +6,6 @@ import argparse
 from contextlib import closing
 from pathlib import Path
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.cli.arguments import (
     Commands,
     add_libero,
@@ -17,6 +16,7 @@ from pytest_libero_max.cli.arguments import (
     whole_number,
 )
 from pytest_libero_max.cli.work import Work
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 
 def add_command(commands: Commands) -> None:
@@ -92,7 +92,7 @@ def _add_genuine(parts: Commands) -> None:
         genuine,
         "--suite SUITE",
         "Default: %(default)s",
-        choices=tuple(SUITE_BUDGETS),
+        choices=LIBERO_SUITES,
         default="libero_spatial",
     )
     option(genuine, "--steps N", "Control steps", type=whole_number(1), default=60)
@@ -103,9 +103,9 @@ def _add_genuine(parts: Commands) -> None:
 
 def _scene(text: str) -> tuple[str, int]:
     suite, _, index = text.partition("/")
-    if not (suite in SUITE_BUDGETS and index.isdigit() and int(index) < 10):
+    if not (suite in LIBERO_SUITES and index.isdigit() and int(index) < 10):
         raise argparse.ArgumentTypeError(
-            f"{text!r} is no scene: expected SUITE/TASK, one of {', '.join(SUITE_BUDGETS)} and 0 to 9"
+            f"{text!r} is no scene: expected SUITE/TASK, one of {', '.join(LIBERO_SUITES)} and 0 to 9"
         )
     return suite, int(index)
 

@@ -38,7 +38,7 @@ def _gallery(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.construction.event_sheets import write_event_sheet, write_page_pictures
     from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 
-    kind, settings = SUBSTRATES[options.substrate.name], substrate_options(options)
+    kind, settings = SUBSTRATES[options.substrate.name], substrate_options(options).for_people()
     track = kind.tracks(settings).pictured
     sheets: dict[Path, Callable[[Path, Substrate], None]] = {
         **{options.folder / name: draw for name, draw in kind.sheets.items()},

@@ -33,10 +33,11 @@ from pytest_libero_max.makers.construction.visibility import (
 from pytest_libero_max.worlds.contract import (
     CAMERAS,
     CONTROL_HZ,
-    AlterableWorld,
     Image,
+    OnMujoco,
     World,
     alterable,
+    on_mujoco,
 )
 from pytest_libero_max.worlds.robot import PANDA
 
@@ -182,9 +183,9 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
     change.apply(alterable(world))
     moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
     problems = [
-        problem for name in entities for problem in _too_close(alterable(world), name, touching[name])
+        problem for name in entities for problem in _too_close(on_mujoco(world), name, touching[name])
     ]
-    problems += _out_of_reach(alterable(world), change)
+    problems += _out_of_reach(on_mujoco(world), change)
     if world.succeeded():
         problems.append(Problem("solved", "the event solves the task"))
     if problems:
@@ -301,7 +302,7 @@ def _overlaps(world: World, touching: Mapping[str, set[str]]) -> Iterable[Proble
             yield Problem("contact", f"{name} touches {', '.join(sorted(new))}")
 
 
-def _too_close(world: AlterableWorld, name: str, touching: set[str]) -> Iterable[Problem]:
+def _too_close(world: OnMujoco, name: str, touching: set[str]) -> Iterable[Problem]:
     import mujoco
 
     model = world.model
@@ -323,7 +324,7 @@ def _too_close(world: AlterableWorld, name: str, touching: set[str]) -> Iterable
             yield Problem("clearance", detail)
 
 
-def _out_of_reach(world: AlterableWorld, change: Change) -> Iterable[Problem]:
+def _out_of_reach(world: OnMujoco, change: Change) -> Iterable[Problem]:
     names = [world.model.body(i).name for i in range(world.model.nbody)]
     if change.operation != "move_object" or PANDA.base_body not in names:
         return

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.pairing.probes.probe import Column, Probe, View
-from pytest_libero_max.worlds.contract import CONTROL_HZ, Array
+from pytest_libero_max.worlds.contract import Array
 
 
 class Motion(Probe[tuple[float, ...]]):
@@ -42,7 +42,7 @@ class Motion(Probe[tuple[float, ...]]):
     def columns(self, state: tuple[float, ...], view: View) -> Mapping[str, Any]:
         """Return the sums, and the values of each step to a tenth of a millimetre."""
         hand = np.array([state, *(step.end_effector for step in view.trajectory.executed)])
-        ways, jerks = ways_m(hand), jerks_m_s3(hand)
+        ways, jerks = ways_m(hand), jerks_m_s3(hand, view.world.robot.control_hz)
         return {
             "path_m": round(float(ways.sum()), 4),
             "jerk_m_s3": round(float(np.sqrt((jerks**2).mean())), 4) if len(jerks) else None,
@@ -56,6 +56,6 @@ def ways_m(hand: Array) -> Array:
     return np.asarray(np.linalg.norm(np.diff(hand, axis=0), axis=1))
 
 
-def jerks_m_s3(hand: Array) -> Array:
+def jerks_m_s3(hand: Array, hz: int) -> Array:
     """Return the (n - 2,) jerk over each three steps of a hand that was at these (n + 1, 3) m."""
-    return np.asarray(np.linalg.norm(np.diff(hand, n=3, axis=0), axis=1)) * CONTROL_HZ**3
+    return np.asarray(np.linalg.norm(np.diff(hand, n=3, axis=0), axis=1)) * hz**3

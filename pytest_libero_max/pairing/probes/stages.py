@@ -32,7 +32,6 @@ MOVED_M = 0.02
 """Distance from which an object counts as moved."""
 
 _CARRIED_M = 0.03  # way after which a held object that was not raised is asked for its contacts
-_HINGE = 3  # mjJNT_HINGE
 _NEAR_M = 0.3  # an object whose origin is farther from the hand than this cannot be between the fingers
 _LOOSE_STEPS = 3  # steps with one finger on it after which an object counts as lost
 _OPENING_STEPS = 5  # the fingers take as long to let go
@@ -315,11 +314,11 @@ def _joint_names(world: PrivilegedWorld, fact: Fact) -> tuple[str, ...]:
 
 
 def _joints(world: PrivilegedWorld, fact: Fact) -> Point:
-    return tuple(float(world.data.joint(name).qpos[0]) for name in _joint_names(world, fact))
+    return tuple(world.joint_position(name) for name in _joint_names(world, fact))
 
 
 def _is_hinged(world: PrivilegedWorld, fact: Fact) -> bool:
-    return any(world.model.joint(name).type[0] == _HINGE for name in _joint_names(world, fact))
+    return any(world.is_hinge(name) for name in _joint_names(world, fact))
 
 
 def _part(world: PrivilegedWorld, fact: Fact) -> Array:
@@ -327,19 +326,17 @@ def _part(world: PrivilegedWorld, fact: Fact) -> Array:
     joints = world.joints(fact.subject)
     for part in world.graspable_parts.values():
         if part.joint in joints:
-            return part.world(world.data)[0]
+            return world.part_position(part)
     return _place(world, fact.subject)
 
 
 def _place(world: World, place: str) -> Array:
     """Position of an entity or of a region."""
     if place not in world.entities:
-        try:
-            site: Array = cast(PrivilegedWorld, world).data.site(place).xpos
-        except KeyError:
-            place = owner_of(world, place)
-        else:
-            return site
+        middle = cast(PrivilegedWorld, world).region(place)
+        if middle is not None:
+            return middle
+        place = owner_of(world, place)
     return world.position(place)
 
 

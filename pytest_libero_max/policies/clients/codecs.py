@@ -104,6 +104,26 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
         ) from error
 
 
+def foreign_arrays(content: bytes, dialect: Dialect) -> list[dict[Any, Any]]:
+    """Return the maps of a msgpack document that are arrays in another dialect than this one.
+
+    Args:
+        content: A document that :func:`unpack` has read.
+        dialect: The dialect of the protocol.
+    """
+    import msgpack
+
+    own, foreign = dialect.encode(np.zeros(1)).keys(), list[dict[Any, Any]]()
+
+    def look(part: dict[Any, Any]) -> dict[Any, Any]:
+        if part.keys() != own and isinstance(decode(part), np.ndarray):
+            foreign.append(part)
+        return part
+
+    msgpack.unpackb(content, object_hook=look, raw=False, strict_map_key=True)
+    return foreign
+
+
 def _no_extension(code: int, data: bytes) -> Any:
     raise ServerError(f"a msgpack extension of type {code}, of which none is read")
 

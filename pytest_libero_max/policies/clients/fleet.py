@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import AdapterError, ServerError, counted
 from pytest_libero_max.policies.check import Actions, remembers, sees
 from pytest_libero_max.policies.clients.address import LEFT_OUT, PATIENCE_S
@@ -303,11 +303,11 @@ def _common_spec(servers: Servers, specs: Sequence[PolicySpec]) -> PolicySpec:
 
 def _suites(servers: Servers, specs: Sequence[PolicySpec]) -> tuple[str, ...] | None:
     """Return the suites that the servers play; None for all, or where other markers choose them."""
-    if any(mark not in SUITE_BUDGETS for group in servers.groups for mark in group.marks):
+    if any(mark not in SUITES for group in servers.groups for mark in group.marks):
         return None
     named = {mark for group in servers.groups for mark in group.marks}
     suites: set[str] = set()
     for group, spec in zip(servers.groups, specs, strict=True):
-        own = set(SUITE_BUDGETS) if spec.suites is None else set(spec.suites)
+        own = set(SUITES) if spec.suites is None else set(spec.suites)
         suites |= own & set(group.marks) if group.marks else own - named
-    return None if suites == set(SUITE_BUDGETS) else tuple(sorted(suites))
+    return None if suites == set(SUITES) else tuple(sorted(suites))

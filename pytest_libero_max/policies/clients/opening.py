@@ -78,6 +78,7 @@ def open_server(
         image_size=profile.get("policy", "image_size", 256),
         repeatable=profile.get("policy", "repeatable", False),
         suites=profile.suites,
+        robot=profile.robot.name,
         control=profile.get("actions", "control", "delta"),
         revision=profile.get("policy", "revision") or f"{PROFILE_ALONE} {profile.name} {profile.digest[:12]}",
     )

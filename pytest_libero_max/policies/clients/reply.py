@@ -21,7 +21,6 @@ from pytest_libero_max.policies.clients.transport import reported
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.actions import Statistics, read_statistics, unnormalise
 from pytest_libero_max.policies.transforms.steps import ACTION_STEPS, parse_steps
-from pytest_libero_max.worlds.contract import ACTION_DIM
 
 
 class Reply:
@@ -36,6 +35,7 @@ class Reply:
 
     def __init__(self, profile: Profile) -> None:
         self.returned: int | None = None
+        self._components = profile.robot.components
         self._at = tuple(profile.get("reply", "at", []))
         self._parts = tuple(profile.get("reply", "parts", []))
         normalised = profile.get("reply", "normalised_at")
@@ -72,9 +72,9 @@ class Reply:
                 actions = step(actions)
         except AdapterError as error:
             raise ServerError(f"the reply has actions of shape {actions.shape}: {error}") from error
-        if actions.ndim != 2 or actions.shape[1] != ACTION_DIM:
+        if actions.ndim != 2 or actions.shape[1] != self._components:
             raise ServerError(
-                f"the reply has actions of shape {actions.shape}, but must have (n, {ACTION_DIM})"
+                f"the reply has actions of shape {actions.shape}, but must have (n, {self._components})"
             )
         if len(actions) < least:
             raise ServerError(

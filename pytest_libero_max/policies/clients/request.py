@@ -15,11 +15,7 @@ from pytest_libero_max.policies.contract import Episode, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.images import side_by_side
 from pytest_libero_max.policies.transforms.steps import INPUT_STEPS, TEXT_STEPS, Step, parse_steps
-from pytest_libero_max.worlds.contract import CAMERAS, Observation
-from pytest_libero_max.worlds.robot import PANDA
-
-KEYS = tuple(PANDA.proprioception)
-"""Sources of an input besides the images."""
+from pytest_libero_max.worlds.contract import Observation, Robot
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,9 @@ class Request:
     """
 
     def __init__(self, profile: Profile) -> None:
-        self._inputs = {name: _input(name, table) for name, table in profile.tables.get("inputs", {}).items()}
+        self._robot = profile.robot
+        tables = profile.tables.get("inputs", {}).items()
+        self._inputs = {name: _input(name, table, self._robot) for name, table in tables}
         self._text = parse_steps(profile.get("instruction", "steps", []), TEXT_STEPS, "instruction.steps")
         self._layout = profile.tables.get("request", {})
         self._where = f"profile {profile.name!r}"
@@ -71,7 +69,7 @@ class Request:
     def cameras_of(self, layout: Any) -> tuple[str, ...]:
         """Return the cameras whose images a layout needs."""
         needed = {source for name in _named(layout) for source in self._sources(name)}
-        return tuple(camera for camera in CAMERAS if f"{camera}_image" in needed)
+        return tuple(camera for camera in self._robot.cameras if f"{camera}_image" in needed)
 
     def build(
         self, observation: Observation, query: Query, episode: Episode, layout: Any = None
@@ -164,7 +162,7 @@ _QUERY_VALUES: Mapping[str, Callable[[Query, Episode], Any]] = MappingProxyType(
 """Names that a request can use besides the inputs of its profile."""
 
 
-def _input(name: str, table: Any) -> Input:
+def _input(name: str, table: Any, robot: Robot) -> Input:
     where = f"inputs.{name}"
     known = ("from", "join", "steps", "dtype", "shape")
     if not isinstance(table, dict) or ("from" in table) == ("join" in table):
@@ -172,7 +170,7 @@ def _input(name: str, table: Any) -> Input:
     for field in table:
         if field not in known:
             raise AdapterError(f"{where}.{field} is unknown. {did_you_mean(field, known)}")
-    sources = (*(f"{camera}_image" for camera in CAMERAS), *KEYS)
+    sources = (*(f"{camera}_image" for camera in robot.cameras), *robot.state)
     source = table.get("from")
     if source is not None and source not in sources:
         raise AdapterError.seen(f"{where}.from", source, f". {did_you_mean(str(source), sources)}")

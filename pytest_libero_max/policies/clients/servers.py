@@ -23,9 +23,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Text, fits, rule, words
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import AdapterError, ServerError, did_you_mean
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.clients.connection import look_up
@@ -245,7 +245,7 @@ def _group(
     assert profile is not None
     suites = read[0].suites
     for mark in marks:
-        if suites is not None and mark in SUITE_BUDGETS and mark not in suites:
+        if suites is not None and mark in SUITES and mark not in suites:
             raise AdapterError(
                 f"{where} is for {mark!r}, but profile {read[0].name!r} is for {', '.join(suites)} alone. "
                 "Name the profile of this suite."

@@ -123,6 +123,7 @@ class Client:
             is not known.
 
     Attributes:
+        link: The connection.
         interruptions: Number of times that a query had to be asked again.
         waited_s: Time spent on that, in all.
     """
@@ -140,7 +141,7 @@ class Client:
         self.interruptions = 0
         self.waited_s = 0.0
         self._name = name
-        self._link = link
+        self.link = link
         self._patience_s = patience_s
         self._on_open = on_open
         self._sleep = sleep
@@ -168,14 +169,14 @@ class Client:
             ServerError: The server was given up; names the number of tries, the time they took, and the last
             error.
         """
-        answer = self._patiently(lambda: read(self._link.ask(request)))
+        answer = self._patiently(lambda: read(self.link.ask(request)))
         self._has_answered = True
         return answer
 
     def close(self) -> None:
         """Close the connection."""
         self._is_open = False
-        self._link.close()
+        self.link.close()
 
     def _patiently(self, act: Callable[[], Answer]) -> Answer:
         with waiting(self._name, self._patience_s, self._timeout_s) as wait:
@@ -229,7 +230,7 @@ class Client:
                 return act()
             except StaleConnection:
                 self.close()
-        self._on_open(self._link.open())
+        self._on_open(self.link.open())
         self._is_open = True
         return act()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from contextlib import ExitStack
+from threading import Event
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ServerError
@@ -86,6 +87,14 @@ class Socket:
         opened, protocol = self._open_connection().socket, self._address.protocol
         with watched(opened, self._address, protocol, f"a WebSocket opened, and {awaited} has not come yet"):
             return self._received(f"a WebSocket opened, but {awaited} did not come")
+
+    def ping(self) -> Event:
+        """Send a ping, also while an answer is awaited; return the event of its answer.
+
+        Raises:
+            Unreachable: The connection is closed.
+        """
+        return self._open_connection().ping()
 
     def close(self) -> None:
         """Close the connection, if there is one."""

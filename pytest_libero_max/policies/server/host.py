@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.events.schedules import Cadence
@@ -118,7 +118,7 @@ class Host:
     @property
     def spec(self) -> PolicySpec:
         """The policy's declaration, with the revision."""
-        return PolicySpec(**{**self._policy.spec.to_dict(), "revision": self._revision})
+        return replace(self._policy.spec, revision=self._revision)
 
     @property
     def remembers(self) -> bool:

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
+from pytest_libero_max.benchmark.cases import step_budget
+from pytest_libero_max.benchmark.suites import longest_budget
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, array_from, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocols.vla_eval import PROTOCOL_VERSION
@@ -127,7 +128,7 @@ class Session:
             _whole(task.get("task_id")),
             instruction,
             _whole(task.get("episode_idx")),
-            SUITE_BUDGETS.get(suite, max(SUITE_BUDGETS.values())),
+            step_budget(suite) or longest_budget(),
         )
         seed = payload.get("seed")
         query = Query(

@@ -10,8 +10,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.broken import Group, Part, parts_of
 from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.runs.media import caption_of
-from pytest_libero_max.worlds.contract import CONTROL_HZ
+from pytest_libero_max.runs.media import filmed_arms
 
 _MOST_CARDS = 8
 
@@ -82,11 +81,9 @@ def _card(
         path = films[pair.item_id][0]
         film = quote(path)
         if record is not None:
-            arms = [
-                arm_title(name, record.arms.get(name)) for name in caption_of(path, pair.item_id).split("-")
-            ]
+            arms = [arm_title(name, record.arms.get(name)) for name in filmed_arms(path, record)]
             if group.event and record.trigger is not None:  # a failure in Base has no event
-                film += f"#t={record.trigger.step / CONTROL_HZ + _AFTER_EVENT_S:g}"
+                film += f"#t={record.trigger.step / record.control_hz + _AFTER_EVENT_S:g}"
     # Base has failed in all other pairs than regressions, and the table keeps its causes apart.
     cause = {("cause" if outcome == "regression" else "base_cause"): group.cause}
     known = {"event": group.event, "outcome": outcome if group.event else "", **cause}

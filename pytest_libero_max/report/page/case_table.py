@@ -11,6 +11,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
 from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
@@ -21,7 +22,6 @@ from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import film_text, replay_command, replay_text
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.substrates.registry import SUBSTRATES
-from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _FILMED = {"yes": "film", "no": ""}
 _FIRED = {"yes": "", "never": "never", "not played": ""}
@@ -112,7 +112,7 @@ def run_cases(
         "pictures": media_by_place(planned, pictures),
         "has": has,
         "commands": [*_commands(stored)],
-        "hz": CONTROL_HZ,
+        "hz": next((record.control_hz for record in stored.records), CONTROL_HZ),
     }
 
 

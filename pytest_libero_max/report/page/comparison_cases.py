@@ -10,13 +10,13 @@ from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
+from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
 from pytest_libero_max.report.page.case_table import ORDER, again, label_column, label_columns
 from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.store import pairs_file, read_pairs
-from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _CHANGED = ("yes", "no")
 
@@ -80,7 +80,7 @@ def comparison_cases(
         "case_ids": [pair.case_id for pair in planned],
         "details": details,
         "films": {place: found for place, found in films.items() if found},
-        "hz": CONTROL_HZ,
+        "hz": beside["hz"],
         "commands": [
             again(f"Play it again as in {names[run]}", words, ":") for run, words in replays.items()
         ],
@@ -99,23 +99,24 @@ def beside(runs: Mapping[str, Path], folder: Path) -> Json:
     Returns:
         ``films``: addresses relative to the page by run and item id. ``moments``: of the pairs with a film,
         see :func:`~pytest_libero_max.report.page.timeline.timeline_of`, by run and item id. ``pages``: the
-        address of the page of each run that has one.
+        address of the page of each run that has one. ``hz``: policy steps in a second of the films.
     """
     filmed = {name: films_in(path) for name, path in runs.items()}
     addresses = {name: quote(Path(os.path.relpath(path, folder)).as_posix()) for name, path in runs.items()}
+    records = {
+        name: read_pairs(path).records
+        for name, path in runs.items()
+        if filmed[name] and pairs_file(path).is_file()
+    }
     return {
+        "hz": next((record.control_hz for of_run in records.values() for record in of_run), CONTROL_HZ),
         "films": {
             name: {item: f"{addresses[name]}/{quote(film)}" for item, film in films.items()}
             for name, films in filmed.items()
         },
         "moments": {
-            name: {
-                record.item_id: timeline_of(record)
-                for record in read_pairs(path).records
-                if record.item_id in filmed[name]
-            }
-            for name, path in runs.items()
-            if filmed[name] and pairs_file(path).is_file()
+            name: {record.item_id: timeline_of(record) for record in of_run if record.item_id in filmed[name]}
+            for name, of_run in records.items()
         },
         "pages": {
             name: f"{addresses[name]}/report.html"

@@ -12,6 +12,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.studies.study_document import Setting
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.stats.best import best_of
@@ -20,7 +21,6 @@ from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
 from pytest_libero_max.stats.paired import measure
 from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.setting_blocks import BestSetting
-from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _EVENT = [{"trigger": "event", "change": "event"}]
 """Schedule of Dynamic, where a program does not spell it."""
@@ -104,7 +104,7 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
         words = [f"policy {arm.get('policy', spec['name'])}"] if played.policy else []
         words += [" ".join(f"{letter}={spec[key]}" for letter, key in cadence.items() if key in spec)]
         if played.latency is not None and played.latency != base.latency:
-            words.append(latency_words(Latency.parse(played.latency)))
+            words.append(latency_words(Latency.parse(played.latency), played.control_hz))
         if text := ", ".join(filter(None, words)):
             ways[name] = text
     return ways
@@ -151,24 +151,25 @@ def _labels(settings: Sequence[PlayedSetting], records: Sequence[PairRecord]) ->
     """Return what tells each setting from the others, in words."""
     varies = [len({setting[place] for setting in settings}) > 1 for place in range(4)]
     of_base = str(records[0].policy["name"]) if records else ""
-    return [" ".join(_words(setting, varies, of_base)) for setting in settings]
+    hz = records[0].control_hz if records else CONTROL_HZ
+    return [" ".join(_words(setting, varies, of_base, hz)) for setting in settings]
 
 
-def _words(setting: PlayedSetting, varies: Sequence[bool], of_base: str) -> Iterator[str]:
+def _words(setting: PlayedSetting, varies: Sequence[bool], of_base: str, hz: int) -> Iterator[str]:
     if varies[0]:
         yield f"{setting.policy} after {of_base}" if setting.policy else of_base
     if varies[1]:
-        yield latency_words(setting.latency)
+        yield latency_words(setting.latency, hz)
     if varies[2] or varies[3]:
         yield f"H={setting.horizon} Q={setting.query_interval}"
 
 
-def latency_words(latency: Latency) -> str:
+def latency_words(latency: Latency, hz: int) -> str:
     """Return a latency for tables: ``d=2 (100 ms)``, or the range that it is drawn from."""
     if latency.drawn:
         return str(latency)
     sync = " sync" if latency.runner == "sync" else ""
-    return f"d={latency.steps} ({1000 * latency.steps // CONTROL_HZ} ms){sync}"
+    return f"d={latency.steps} ({1000 * latency.steps // hz} ms){sync}"
 
 
 def _measured(

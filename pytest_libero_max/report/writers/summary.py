@@ -57,6 +57,7 @@ def summary_lines(
     lines += wrap(unsupported_text(pairs) or "", 100)
     lines += wrap(repaired_text(pairs) or "", 100)
     lines += substrate_lines(report.substrate)
+    lines += wrap(report.inference.text, 100)
     if taken := report.provenance.get("fingerprint"):
         lines.append(f"Fingerprint of the installation: {taken}")
     lines.append("")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.contract import Catalogue, Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 def _open(options: SubstrateOptions) -> Substrate:
     from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 
-    return EmbeddedSubstrate()
+    return EmbeddedSubstrate(images=options.images)
 
 
 def _catalogue(options: SubstrateOptions) -> Catalogue:
@@ -74,10 +75,13 @@ def _draw_pro(path: Path, substrate: Any) -> None:
 KIND = SubstrateKind(
     "embedded",
     _open,
+    lambda options: {"images": options.images},
+    suites=LIBERO_SUITES,
     lacking=_lacking,
     catalogue=_catalogue,
     variation_of=_variation_of,
     plays_frozen=True,
+    reads=frozenset({"images"}),
     note=(
         "Measured on the embedded substrate: it shares tasks, protocol and events with the genuine one, not "
         "its images. Its scores are not comparable with published ones."

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite
 from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite
 from pytest_libero_max.substrates.embedded.scene import build_scene
@@ -19,6 +20,7 @@ PLUS_LEVELS = (1, 3, 5)
 
 _CAMERA = "agentview"
 _STEPS = 10
+_IMAGES = SubstrateOptions().for_people().images
 # Noise and textures hardly compress; in a picture this small, the last three bits do not show.
 _COLOUR_STEP = 8
 
@@ -42,7 +44,7 @@ def write_contact_sheet(
     captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
     pictures = []
     for number, task in enumerate(chosen):
-        world = EmbeddedWorld(build_scene(task.suite, task.index))
+        world = EmbeddedWorld(build_scene(task.suite, task.index), images=_IMAGES)
         try:
             world.reset(init)
             image = world.observe((camera,), size)[f"{camera}_image"][::-1]

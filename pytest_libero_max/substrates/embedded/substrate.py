@@ -8,6 +8,8 @@ from functools import cached_property, lru_cache, partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.machine import return_free_memory
+from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.embedded.catalogue.lookup import variation_of
 from pytest_libero_max.substrates.embedded.placement import initial_state
 from pytest_libero_max.substrates.embedded.predicates import Predicate, all_hold
@@ -31,13 +33,21 @@ gl.prepare()
 import mujoco  # noqa: E402
 
 from pytest_libero_max.substrates.embedded.env import SceneEnv  # noqa: E402
+from pytest_libero_max.worlds.rendering.renderer import OFFSAMPLES, Renderer  # noqa: E402
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
 
 NAME = "embedded"
+IMAGES = "images"
+"""Fingerprint: version of the images. Records from before it have none, and version 1."""
+
 SCENES = 12
 """Number of compiled scenes that a substrate keeps."""
+
+SAMPLES = {"1": OFFSAMPLES, "2": 0}
+"""Samples per pixel by version of the images: half of the time of an image is a software renderer's work on
+samples, and without them only edges look otherwise."""
 
 Starts = Callable[[int], Mapping[str, Array]]
 _AS_IT_IS = Remodel()
@@ -54,18 +64,30 @@ class EmbeddedWorld(RobosuiteWorld):
         plan: Differences from the unmodified task's scene, if it was remodelled.
         starts: Origin of the initial states of a remodelled scene: joint positions of the unmodified
             one by joint name.
+        images: Version of the images, see :data:`SAMPLES`.
     """
 
-    def __init__(self, task: Scene, plan: Remodel = _AS_IT_IS, starts: Starts | None = None) -> None:
+    def __init__(
+        self,
+        task: Scene,
+        plan: Remodel = _AS_IT_IS,
+        starts: Starts | None = None,
+        *,
+        images: str = SubstrateOptions.images,
+    ) -> None:
         name = f"{NAME}/{task.key}" + (f"+{plan.key}" if plan.key else "")
         super().__init__(name, task.language, SceneEnv(task), task.entities)
         self._task = task
         self._plan = plan
+        self._samples = SAMPLES[images]
         self._given = starts
         self._starts: dict[int, Array] = {}
         self._variation: Variation | None = None
         self._renderer = self._new_renderer()  # it opens nothing yet; the worlds of a scene share it
         self.reset(0)
+
+    def _new_renderer(self) -> Renderer:
+        return Renderer(self._model, self._data, samples=self._samples)
 
     def varied(self, variation: Variation | None) -> EmbeddedWorld:
         """Return the same scene under a source variation, which every reset applies.
@@ -160,11 +182,13 @@ class EmbeddedSubstrate:
 
     Args:
         scenes: Largest number of compiled scenes kept; each takes some 20 MB, and 0.2 s to build anew.
+        images: Version of the images, see :data:`SAMPLES`.
     """
 
     name = NAME
 
-    def __init__(self, scenes: int = SCENES) -> None:
+    def __init__(self, scenes: int = SCENES, *, images: str = SubstrateOptions.images) -> None:
+        self._images = images
         self._limit = max(scenes, 2)  # a remodelled scene and the one that it takes its starts from
         self._worlds: dict[tuple[str, int, Remodel], EmbeddedWorld] = {}
         self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
@@ -188,15 +212,17 @@ class EmbeddedSubstrate:
             return self._worlds[key]
         scene = _scene(suite, index)
         if plan == _AS_IT_IS:
-            world = EmbeddedWorld(scene)
+            world = EmbeddedWorld(scene, images=self._images)
         else:
             starts = partial(self._start, suite, index)
             starts(0)  # now, so that the unmodified scene is not built in the middle of building this one
-            world = EmbeddedWorld(remodelled(scene, plan), plan, starts)
+            world = EmbeddedWorld(remodelled(scene, plan), plan, starts, images=self._images)
         world.open_task = self._task_world
         self._worlds[key] = world
-        while len(self._worlds) > self._limit:
-            self._worlds.pop(next(iter(self._worlds))).close()
+        if len(self._worlds) > self._limit:
+            while len(self._worlds) > self._limit:
+                self._worlds.pop(next(iter(self._worlds))).close()
+            return_free_memory()
         return world
 
     def _task_world(self, suite: str, index: int) -> EmbeddedWorld:
@@ -212,9 +238,11 @@ class EmbeddedSubstrate:
         """Return the versions of the packages that compute results, the GL backend and the BLAS.
 
         Args:
-            images: See :func:`~pytest_libero_max.worlds.rendering.context.fingerprint`.
+            images: True to return the version of the images as well, and
+                :func:`what draws them <pytest_libero_max.worlds.rendering.context.fingerprint>`.
         """
-        return {"substrate": NAME, **self._packages, **context.fingerprint(images), **self._blas}
+        drawn = {**context.fingerprint(images), **({IMAGES: self._images} if images else {})}
+        return {"substrate": NAME, **self._packages, **drawn, **self._blas}
 
     @cached_property
     def _packages(self) -> Mapping[str, str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.substrates.libero.installation import (
     ASSETS_INSTALL,
@@ -22,6 +21,7 @@ from pytest_libero_max.substrates.libero.lacking import (
 )
 from pytest_libero_max.substrates.libero.pro_config import SECTIONS
 from pytest_libero_max.substrates.libero.tasks import task_names, task_of
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 _TASKS = 10
 
@@ -57,11 +57,11 @@ def coverage(installations: Sequence[Installation]) -> Iterator[Coverage]:
 
 
 def _libero(installation: Installation | None) -> Coverage:
-    total = len(SUITE_BUDGETS) * _TASKS
+    total = len(LIBERO_SUITES) * _TASKS
     if installation is None:
         return Coverage("LIBERO", 0, total, f"Install it: `{INSTALL}` and `{ASSETS_INSTALL}`")
     playable = sum(
-        _has_task(installation, suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)
+        _has_task(installation, suite, index) for suite in LIBERO_SUITES for index in range(_TASKS)
     )
     return Coverage("LIBERO", playable, total, "" if playable == total else "Restore its files")
 
@@ -75,10 +75,10 @@ def _has_task(installation: Installation, suite: str, index: int) -> bool:
 
 
 def _pro(installation: Installation | None, category: str) -> Coverage:
-    source, total = f"LIBERO-PRO {category}", len(SUITE_BUDGETS) * _TASKS
+    source, total = f"LIBERO-PRO {category}", len(LIBERO_SUITES) * _TASKS
     if installation is None:
         return Coverage(source, 0, total, f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
-    tasks = [(suite, index) for suite in SUITE_BUDGETS for index in range(_TASKS)]
+    tasks = [(suite, index) for suite in LIBERO_SUITES for index in range(_TASKS)]
     lacks = [
         pro_lacks(installation, category, suite, index)
         if _has_task(installation, suite, index)
@@ -95,7 +95,7 @@ def _plus(installation: Installation | None) -> Iterator[Coverage]:
         return
     needs = PlusNeeds.of(installation)
     lacks: dict[str, list[str]] = {category: [] for category, _ in PLUS_NAMES}
-    for name in (name for suite in SUITE_BUDGETS for name in task_names(installation, suite)):
+    for name in (name for suite in LIBERO_SUITES for name in task_names(installation, suite)):
         found_category = plus_category(name)
         if found_category is not None:
             lacks[found_category].append(needs.lacking(name))

@@ -13,6 +13,7 @@ from pytest_libero_max.substrates.contract import (
     SubstrateOptions,
     Tracks,
 )
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
@@ -90,6 +91,7 @@ KIND = SubstrateKind(
     _describe,
     _lacking,
     _catalogue,
+    suites=LIBERO_SUITES,
     tracks=_tracks,
     reads=frozenset({"installations", "assets", "semantics", "instruction", "variations"}),
     comparable_with_published=None,

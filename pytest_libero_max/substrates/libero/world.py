@@ -48,7 +48,7 @@ import mujoco  # isort: skip - the rooms above have settled its backend
 _LINEAR = 1
 """``mjCOLORSPACE_LINEAR``: textures as they are, which is how MuJoCo before 3.3.3 showed all of them."""
 
-_SEEN = MappingProxyType(PANDA.proprioception)
+_SEEN = MappingProxyType(PANDA.state)
 
 _RUNNERS_LOOKS = 3
 """Fresh observations that the authors' runner asks for between ``set_init_state`` and the first step: two

@@ -19,7 +19,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 from pytest_libero_max.worlds.rendering import context, gl
-from pytest_libero_max.worlds.robot import GRIPPER, PANDA, Robot
+from pytest_libero_max.worlds.robot import GRIPPER, PANDA, MujocoRobot
 
 gl.prepare()
 
@@ -139,8 +139,9 @@ _ENTITIES = MappingProxyType(
     }
 )
 
-_HAND = Robot(
-    name="hand",
+_HAND = MujocoRobot(
+    name=PANDA.name,  # it takes the actions of LIBERO's arm, and shows its state
+    state=PANDA.state,
     arm_joints=("hand_x", "hand_y", "hand_z"),
     finger_joints=("finger_1", "finger_2"),
     hand_body=f"{GRIPPER}_hand",
@@ -200,7 +201,7 @@ class TinyWorld(MujocoWorld):
         return False
 
     def _proprioception(self) -> dict[str, Array]:
-        joints, velocities = np.zeros((2, len(PANDA.arm_joints)))  # policies expect those of LIBERO's arm
+        joints, velocities = np.zeros((2, self._robot.state[self._robot.joints_key]))
         joints[:3], velocities[:3] = self._data.qpos[self._hand], self._data.qvel[self._hand_dofs]
         values = (
             self.end_effector(),
@@ -210,7 +211,7 @@ class TinyWorld(MujocoWorld):
             joints,
             velocities,
         )
-        return dict(zip(PANDA.proprioception, values, strict=True))
+        return dict(zip(self._robot.state, values, strict=True))
 
     def end_effector(self) -> Array:
         position: Array = self._data.site_xpos[self._site].copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from weakref import WeakSet
 
@@ -21,9 +21,8 @@ gl.prepare()
 import mujoco  # noqa: E402
 
 OFFSAMPLES = 4
-"""Samples per pixel, as in LIBERO. In software, 4 take twice the time of none (7 instead of 4 ms for a
-256 pixel image of a tabletop scene, on one core) and keep fingers, rims and lettering from fraying; 2
-take as long as 4."""
+"""Samples per pixel, as in LIBERO. In software, 4 take twice the time of none (12 instead of 6 ms for a
+256 pixel image of a tabletop scene, on one core), and 2 as long as 4."""
 
 MAX_GEOMS = 2000
 MAX_SIZE = 4096
@@ -66,6 +65,7 @@ class Renderer:
         reflections: True to let a reflective surface reflect, the first of them, as MuJoCo does.
         thrifty: True to leave out geoms that are out of view, and to draw reflections only around the mirror.
             No pixel depends on it. To find those geoms takes longer than to draw a small scene.
+        samples: Samples per pixel; 0 for none beside the pixel's own.
 
     Attributes:
         thrifty: The same, for the next image.
@@ -78,11 +78,13 @@ class Renderer:
         reflections: bool = False,
         *,
         thrifty: bool = False,
+        samples: int = OFFSAMPLES,
     ) -> None:
         self._model = model
         self._data = data
         self._reflections = reflections
         self.thrifty = thrifty
+        self._samples = samples
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
         self._close: tuple[NDArray[np.object_], Pieces] | None = None  # found when they are needed
@@ -270,7 +272,7 @@ class Renderer:
     def _prepare(self, size: int) -> None:
         shared_context().make_current()
         shadows = bool(self._model.light_castshadow.any())
-        if self._uploaded is not None and not self._uploaded.suits(size, shadows):
+        if self._uploaded is not None and not self._uploaded.suits(_Target(size, shadows, self._samples)):
             self.close()
         if self._uploaded is None:
             self._open(max(size, 256), shadows)
@@ -278,7 +280,7 @@ class Renderer:
         self._uploaded.use_for(self._model)
 
     def _open(self, side: int, shadows: bool) -> None:
-        self._uploaded = _uploaded_for(self._model, side, shadows)
+        self._uploaded = _uploaded_for(self._model, _Target(side, shadows, self._samples))
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         self._option = mujoco.MjvOption()
@@ -307,6 +309,22 @@ def _seen(boxes: Boxes, screens: Boxes, part: Part, camera: Camera) -> NDArray[n
     return seen
 
 
+@dataclass(frozen=True)
+class _Target:
+    """Buffers that images are drawn into."""
+
+    side: int
+    """Of the largest image, pixels."""
+    shadows: bool
+    """True if some light casts them."""
+    samples: int
+    """Samples per pixel."""
+
+    def holds(self, other: _Target) -> bool:
+        """Return True if what another target is for can be drawn into this one."""
+        return other.side <= self.side and replace(other, side=self.side) == self
+
+
 class _Uploaded:
     """Buffers to draw into, and the textures and meshes of a model, in the memory of the renderer.
 
@@ -318,15 +336,14 @@ class _Uploaded:
         freed: True if it cannot be used any more.
 
     Args:
-        side: Of the largest image, pixels.
-        shadows: True if some light casts them.
+        target: The buffers.
 
     Raises:
         SimulatorError: The driver refuses.
     """
 
-    def __init__(self, model: mujoco.MjModel, side: int, shadows: bool) -> None:
-        self.model, self._side, self._shadows = model, side, shadows
+    def __init__(self, model: mujoco.MjModel, target: _Target) -> None:
+        self.model, self._target = model, target
         self._shapes = _shapes(model)
         self.users = 0
         self.resting = self.freed = False
@@ -337,9 +354,9 @@ class _Uploaded:
                 f"MuJoCo cannot draw with {gl.VARIABLE}={gl.require()!r}: {error}."
             ) from error
 
-    def suits(self, size: int, shadows: bool) -> bool:
-        """Return True if images of this size can be drawn, with shadows or without."""
-        return not self.freed and size <= self._side and shadows == self._shadows
+    def suits(self, target: _Target) -> bool:
+        """Return True if images of this size can be drawn, with these shadows and samples."""
+        return not self.freed and self._target.holds(target)
 
     def holds(self, model: mujoco.MjModel) -> bool:
         """Return True if a model has these very textures, meshes and other shapes."""
@@ -408,18 +425,18 @@ def _shapes(model: mujoco.MjModel) -> tuple[object, ...]:
 _in_use: WeakSet[_Uploaded] = WeakSet()  # a world that nobody closes takes what it has uploaded with it
 
 
-def _uploaded_for(model: mujoco.MjModel, side: int, shadows: bool) -> _Uploaded:
+def _uploaded_for(model: mujoco.MjModel, target: _Target) -> _Uploaded:
     """Return the upload of another renderer if it serves this model as well, else a new one."""
-    model.vis.global_.offwidth = model.vis.global_.offheight = side
-    model.vis.quality.offsamples = OFFSAMPLES
-    model.vis.quality.shadowsize = SHADOW_MAP if shadows else 0
+    model.vis.global_.offwidth = model.vis.global_.offheight = target.side
+    model.vis.quality.offsamples = target.samples
+    model.vis.quality.shadowsize = SHADOW_MAP if target.shadows else 0
     model.vis.map.shadowclip = SHADOW_REACH
-    known = (resting for resting in _in_use if resting.suits(side, shadows) and resting.holds(model))
+    known = (resting for resting in _in_use if resting.suits(target) and resting.holds(model))
     upload = next(known, None)
     if upload is None:
         for resting in [resting for resting in _in_use if resting.resting]:
             resting.free()
-        upload = _Uploaded(model, side, shadows)
+        upload = _Uploaded(model, target)
         _in_use.add(upload)
     upload.model = model
     upload.users += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from msgspec import structs
 
 from pytest_libero_max.lab.sections.continuation import TITLE
 from pytest_libero_max.report.build import build_report
@@ -92,6 +93,8 @@ def test_a_gate_asks_for_the_numbers_of_a_controller(report: Report) -> None:
     assert evaluate_gate(parse_gate("continue.quick.over_run > 0"), report).passed
     assert not evaluate_gate(parse_gate("continue.slow.event.lower >= -20%"), report).passed
     assert evaluate_gate(parse_gate("continue.quick.p_over_slow <= 0.1"), report).passed
+    assert evaluate_gate(parse_gate("continue.quick.over_run.lower > -50%"), report).verdict == "passed"
+    assert evaluate_gate(parse_gate("continue.quick.over_slow.lower > -50%"), report).verdict == "passed"
     absent = evaluate_gate(parse_gate("continue.nobody.event >= 0"), report)
     assert absent.verdict == "undecidable"
 
@@ -107,6 +110,26 @@ def test_each_table_has_a_row_for_each_controller(report: Report) -> None:
     assert len(handover.head) == 6
     assert [row[0] for row in contrasts.texts()] == ["quick - slow"]
     assert "another policy produced" in markdown(report)
+
+
+def test_pairs_without_an_event_are_left_out_and_counted() -> None:
+    """There no controller takes over: its arm is Base of another policy, beside an own Base that succeeds."""
+    planned, records, provenance = study_of(CELLS, HEADER)
+    quiet = []
+    for record in records[:3]:
+        base = record.arms["base"]
+        arms = {
+            name: arm if name.startswith(("base", "own")) and name in ("base", "own_base_quick") else base
+            for name, arm in record.arms.items()
+        }
+        shared = {name: structs.replace(arm, shares="base") for name, arm in arms.items() if arm is base}
+        quiet.append(structs.replace(record, arms={**arms, **shared, "base": base}))
+    report = build_report([*quiet, *records[3:]], [], planned, provenance)
+    measures = measures_of(report.sections)
+    assert measures["continue.pairs"].value == 13
+    assert measures["continue.quick.success"].of == 13
+    assert measures["continue.quick.own_base"].of == 13
+    assert "Over the 13 of 16 pairs in which the event happened" in markdown(report)
 
 
 def test_without_own_bases_there_is_no_number_of_them() -> None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+import re
 
+import pytest
 from msgspec.structs import replace
 
 from pytest_libero_max.lab.sections.repeats import NOTE, TITLE, RepeatedCases
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.measures import Rows, rows_without_intervals
+from pytest_libero_max.report.measures import Rows, measures_of, rows_without_intervals
 from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.writers.markdown import markdown
-from tests.report.made_up import PROVENANCE, plan, record_of, texts_of
+from pytest_libero_max.stats.blocks import Measure
+from tests.report.made_up import PROVENANCE, plan, record_of
 
 PAIRS = plan(per_cell=2)
 PLAYED = {**PROVENANCE, "protocol": {"prefix": "fork", "study": {"name": "repeats"}}}
@@ -35,53 +37,55 @@ def rows(records: list[PairRecord]) -> Rows:
     return RepeatedCases().tables(PlayedPairs(records, tasks, PLAYED["protocol"]))[TITLE]
 
 
-def texts(records: list[PairRecord]) -> dict[str, Any]:
-    return texts_of(rows(records))
+def measures(records: list[PairRecord]) -> dict[str, Measure]:
+    """The numbers by the ends of their keys, after ``repeats.``."""
+    return {key.removeprefix("repeats."): one for key, one in measures_of({TITLE: rows(records)}).items()}
 
 
 KEPT, LOST, GAINED, FAILED = (True, True), (True, False), (False, True), (False, False)
 
 
 def test_a_case_is_one_unit_with_a_probability_of_a_regression() -> None:
-    table = texts(
-        [repeated(0, LOST, KEPT, LOST), repeated(1, KEPT, KEPT, KEPT), repeated(2, FAILED, GAINED, KEPT)]
-    )
+    records = [
+        repeated(0, LOST, KEPT, LOST),
+        repeated(1, KEPT, KEPT, KEPT),
+        repeated(2, FAILED, GAINED, KEPT),
+    ]
+    table, found = rows(records), measures(records)
     assert (table["Cases"], table["Plays of each"]) == (3, 3)
-    assert table["Paired change, mean over plays"] == "-11.1 pp [n/a: 2 of 10 needed cases change]"
-    assert table["Probability of a regression, mean over cases"] == "22.2%"
+    assert found["change"].value == pytest.approx(-1 / 9)
+    assert re.findall(r"\d+", found["change"].lack) == ["2", "10"]
+    assert found["regression"].value == pytest.approx(2 / 9)
     assert table[f"... {PAIRS[0].item_id}"] == "2/3 plays"
     assert f"... {PAIRS[2].item_id}" not in table
-    assert table["Plays of which Base and Dynamic end differently"] == "33.3%"
-    assert table["... beyond what seeds alone make"] == "+11.1 pp"  # (2 / 6 + 0 + 0) / 3
+    assert found["flips"].value == pytest.approx(1 / 3)
+    assert found["flips_beyond_seeds"].value == pytest.approx((2 / 6 + 0 + 0) / 3)
 
 
 def test_more_plays_of_the_same_ends_narrow_nothing() -> None:
     ends = [LOST, KEPT, KEPT, GAINED, LOST, KEPT] * 5
-    twice, often = (texts([repeated(n, *[end] * k) for n, end in enumerate(ends)]) for k in (2, 8))
-    change = "Paired change, mean over plays"
-    assert twice[change] == often[change]
-    assert "pp [" in twice[change]
-    assert twice["Variance between plays of a case"] == "0.0000"
-    assert (
-        often["Standard error of the paired change of these plays"]
-        == often["Standard error of the paired change with twice the plays"]
-    )
+    twice, often = (measures([repeated(n, *[end] * k) for n, end in enumerate(ends)]) for k in (2, 8))
+    assert twice["change"] == often["change"]
+    assert twice["change"].lower is not None
+    assert twice["variance.plays"].value == 0
+    assert often["error"].value == often["error.twice_the_plays"].value
     stopped = rows_without_intervals(rows([repeated(n, end, end) for n, end in enumerate(ends)]))
-    assert "[" not in texts_of(stopped)[change]
+    assert measures_of({TITLE: stopped})["repeats.change"].lower is None
 
 
 def test_plays_that_all_change_alike_say_nothing_of_variance() -> None:
     for end in (KEPT, LOST):
-        table = texts([repeated(n, end, end) for n in range(20)])
-        assert table["Variances"] == "n/a: all plays of all cases change alike"
-        assert not any(name.startswith(("Variance between", "Standard error")) for name in table)
+        records = [repeated(n, end, end) for n in range(20)]
+        assert "alike" in str(rows(records)["Variances"])
+        assert not any(key.startswith(("variance", "error")) for key in measures(records))
 
 
 def test_a_policy_that_ignores_its_seeds_is_told_so() -> None:
-    table = texts([repeated(n, LOST, LOST, LOST, alike=True) for n in range(4)])
-    assert table["Rollouts that differ from the first play"] == "0.0%  0/16"
-    assert table["What the repeats bought"].startswith("nothing")
-    assert "Paired change, mean over plays" not in table
+    records = [repeated(n, LOST, LOST, LOST, alike=True) for n in range(4)]
+    found = measures(records)
+    assert (found["differing"].count, found["differing"].of) == (0, 16)
+    assert "What the repeats bought" in rows(records)
+    assert "change" not in found
 
 
 def test_it_is_a_section_of_the_study_and_the_headline_stays_that_of_pairs() -> None:

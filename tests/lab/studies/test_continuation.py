@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,13 +22,20 @@ from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.adapter_digest import require_separate_helpers
 from pytest_libero_max.policies.contract import Handover
 from pytest_libero_max.policies.loading import forget_adapter, load_policy
+from pytest_libero_max.runs import plan
 from pytest_libero_max.runs.agreement import Agreement
-from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.replay_command import Places, replay_of
 from pytest_libero_max.studies.registry import study_from_dict
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.pairing.actors import BUDGET, Approaching, make_case
+from tests.plugin.conftest import REACHER, results, run, short_sessions, tiny_manifest
 from tests.report.made_up import PROVENANCE
+
+__all__ = ["results", "run", "short_sessions"]  # fixtures
+
+Run = Callable[..., pytest.RunResult]
+Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
 
 CASE = make_case(distance_m=0.25)
 
@@ -95,7 +102,7 @@ def test_where_the_event_never_happens_no_controller_goes_on(world: TinyWorld) -
     assert PairRecord.from_dict(json.loads(json.dumps(record.to_dict()))) == record
     fired = play(world, Continue.of("other,own_base"), Approaching(wait=BUDGET)).record
     planned = [PlannedPair.of(make_case(case_id=name, distance_m=1e-6)) for name in ("one", "two")]
-    agreement = Agreement(Run(tuple(planned), {**PROVENANCE, "policy": {}}))
+    agreement = Agreement(plan.Run(tuple(planned), {**PROVENANCE, "policy": {}}))
     for pair, played in zip(planned, (record, structs.replace(record, arms=fired.arms)), strict=True):
         names = {"case_id": pair.case_id, "item_id": pair.item_id, "case_digest": pair.case_digest}
         agreement.add(structs.replace(played, **names), pair.case_id)
@@ -253,3 +260,27 @@ def test_a_handover_is_a_public_name() -> None:
     import pytest_libero_max
 
     assert pytest_libero_max.Handover is Handover
+
+
+def test_files_continue_in_a_session_and_are_played_again(
+    run: Run, results: Results, pytester: pytest.Pytester
+) -> None:
+    (pytester.path / "other.py").write_text(REACHER)
+    manifest = json.dumps(tiny_manifest(events=("camera_shift",)))
+    pytester.path.joinpath("tiny.json").write_text(manifest)
+    done = run(
+        "--libero-max-study=continue:other.py,mine=other.py:policy",
+        "--libero-max-verify=1",
+        "--libero-max-gate=continue.other.over_mine == 0",
+    )
+    done.stdout.fnmatch_lines(["*Played again: 1 of 1 pair alike*"])
+    records, _ = results()
+    arm = records[0]["arms"]["dynamic_mine"]["policy"]
+    assert (arm["reference"], arm["at_once"], len(arm["code"])) == ("other.py:policy", True, 64)
+    header = json.loads((pytester.path / "libero-max-results" / "pairs.jsonl").read_text().splitlines()[0])
+    assert header["provenance"]["protocol"]["study"] == {"name": "continue", "settings": "other,mine"}
+    assert header["provenance"]["case_set"]["study"] == "continue:other=other.py,mine=other.py:policy"
+    missing = run("--libero-max-study=continue:nowhere.py")
+    assert missing.ret == pytest.ExitCode.USAGE_ERROR
+    unknown = run("--libero-max-study=continue:nobody")
+    assert unknown.ret == pytest.ExitCode.USAGE_ERROR

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.cli import main
 from pytest_libero_max.errors import SimulatorError
@@ -13,6 +12,7 @@ from pytest_libero_max.makers.bench.pair_runner import Hovering, case_of, final_
 from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 from tests.pairing.actors import shorten
 
 
@@ -36,7 +36,7 @@ def test_the_final_state_is_that_of_the_last_arm_wherever_the_runner_left_the_wo
 def test_every_scene_has_a_case_to_time_and_the_original_one_where_there_is_one() -> None:
     frozen = {case.item_id for case in load_track("original").cases}
     assert case_of("libero_spatial", 0).item_id in frozen
-    for suite in SUITE_BUDGETS:
+    for suite in LIBERO_SUITES:
         for task_index in range(10):
             case = case_of(suite, task_index)
             assert (case.suite, case.task_index, case.event.name) == (suite, task_index, "camera_shift")

@@ -112,13 +112,18 @@ def forwarded(
 ) -> AbstractContextManager[int]:
     """A balancer before a server: at another address, with TLS, or silent at first."""
 
-    def forward(connection: socket.socket) -> None:
+    def talk(connection: socket.socket) -> None:
         time.sleep(silent_s)
-        with socket.create_connection(("127.0.0.1", port)) as inner:
-            threading.Thread(target=_pump, args=(inner, connection), daemon=True).start()
-            _pump(connection, inner)
+        forward(connection, port)
 
-    return accepting(forward, host, tls)
+    return accepting(talk, host, tls)
+
+
+def forward(connection: socket.socket, port: int) -> None:
+    """Carry bytes between a connection and a port of this machine until one of them ends."""
+    with socket.create_connection(("127.0.0.1", port)) as inner:
+        threading.Thread(target=_pump, args=(inner, connection), daemon=True).start()
+        _pump(connection, inner)
 
 
 def _pump(source: socket.socket, target: socket.socket) -> None:

@@ -144,7 +144,7 @@ def test_tickets_of_tls_are_no_end_of_a_connection(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(http, "connect", connect)
     with each.serve() as port, forwarded(port, tls=True) as outer:
         policy = each.open(f"https://127.0.0.1:{outer}")
-        sock = policy.client._link._connection.sock  # type: ignore[attr-defined]
+        sock = policy.client.link._connection.sock  # type: ignore[attr-defined]
         assert select.select([sock], [], [], 10.0)[0]
         assert ask(policy).shape[1] == ask(policy, 1).shape[1] == 7
         policy.client.close()

@@ -470,7 +470,7 @@ def test_a_policy_that_plays_a_part_of_the_suites_is_said_to_do_so_everywhere() 
 
 def test_runs_that_differ_in_more_than_their_policy_are_warned_of() -> None:
     other = run_of(
-        MIXED, substrate={"name": "embedded", "semantics": "corrected"}, versions={"mujoco": "3.4.0"}
+        MIXED, substrate={**PROVENANCE["substrate"], "semantics": "corrected"}, versions={"mujoco": "3.4.0"}
     )
     runs = {"old": run_of(ALWAYS, versions={"mujoco": "3.3.7"}), "new": other}
     comparison = compare_runs(runs)

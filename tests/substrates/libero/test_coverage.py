@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.benchmark.cases import SUITE_BUDGETS
 from pytest_libero_max.substrates.libero import lacking as module
 from pytest_libero_max.substrates.libero.coverage import Coverage, coverage
 from pytest_libero_max.substrates.libero.installation import Installation, find_installations
+from pytest_libero_max.tasks.suites import LIBERO_SUITES
 from tests.substrates.libero.test_installation import site_packages
 
 PLUS_NAMES = {
@@ -25,7 +25,7 @@ PLUS_NAMES = {
 
 
 def write_tasks(package: Path, names: list[str]) -> None:
-    table = dict.fromkeys(SUITE_BUDGETS, names)
+    table = dict.fromkeys(LIBERO_SUITES, names)
     (package / "benchmark").mkdir(exist_ok=True)
     (package / "benchmark" / "libero_suite_task_map.py").write_text(f"libero_task_map = {table!r}")
 
@@ -44,7 +44,7 @@ def installations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Inst
     package = root / "libero" / "libero"
     names = [f"pick_{index}" for index in range(10)]
     write_tasks(package, names)
-    for suite in SUITE_BUDGETS:
+    for suite in LIBERO_SUITES:
         for name in names:
             write_files(package, suite, name)
     for name in names[1:]:

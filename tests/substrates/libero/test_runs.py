@@ -138,7 +138,7 @@ def test_options_of_the_substrate_need_the_substrate(pytester: pytest.Pytester) 
         "no:cacheprovider",
     )
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*the embedded substrate takes no options, but libero does*"])
+    result.stderr.fnmatch_lines(["*semantics is unknown. Known: images*"])
 
 
 def test_a_folder_without_libero_is_refused_before_anything_is_played(pytester: pytest.Pytester) -> None:

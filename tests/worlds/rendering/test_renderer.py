@@ -95,6 +95,14 @@ CHEQUERED = """<mujoco><asset>
 </worldbody></mujoco>"""
 
 
+TWO_COLOURS = """<mujoco><visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>
+<worldbody>
+  <camera name="eye" pos="0 0 2"/>
+  <geom type="plane" size="5 5 0.1" rgba="1 0 0 1" group="1"/>
+  <geom type="box" size="0.3 0.3 0.1" euler="0 0 20" rgba="0 0 1 1" group="1"/>
+</worldbody></mujoco>"""
+
+
 def drawer(**values: float) -> tuple[Renderer, mujoco.MjModel]:
     """A small scene: how red and how wide its floor is, how high its one object, and where that stands."""
     model = mujoco.MjModel.from_xml_string(
@@ -118,6 +126,20 @@ def alone(**values: float) -> Image:
     drawn.close()
     renderer._in_use.update(known)
     return image
+
+
+def test_without_samples_a_pixel_is_of_one_surface_and_the_buffers_are_others() -> None:
+    before = uploads()
+    model = mujoco.MjModel.from_xml_string(TWO_COLOURS)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    sampled, plain = Renderer(model, data), Renderer(model, data, samples=0)
+    colours = [len(np.unique(each.render("eye", 64).reshape(-1, 3), axis=0)) for each in (sampled, plain)]
+    assert uploads() == before + 2
+    assert colours[0] > colours[1] == 2
+    sampled.close()
+    plain.close()
+    assert uploads() == before
 
 
 def test_scenes_with_the_same_textures_and_meshes_share_them() -> None:

@@ -41,11 +41,16 @@ class Gr00tLink:
 
     Args:
         dialect: A key of :data:`DIALECTS`.
+
+    Attributes:
+        dialect: Its encoding of arrays.
+        message: The last message, as it came.
     """
 
     def __init__(self, address: Address, dialect: str) -> None:
         self._address = address
-        self._dialect = DIALECTS[dialect]
+        self.dialect = DIALECTS[dialect]
+        self.message = b""
         self._bare = dialect == "n1.5"
         self._socket: Any = None
         self._losses: Any = None
@@ -108,13 +113,13 @@ class Gr00tLink:
         if self._losses.poll(0):
             raise StaleConnection("the server has closed the connection since its last answer")
         try:
-            self._socket.send(pack(request, self._dialect))
+            self._socket.send(pack(request, self.dialect))
             content = self._received()
         except zmq.Again:
             raise late(self._address.timeout_s) from None
         except zmq.ZMQError as error:
             raise Unreachable(f"the connection was lost ({error})") from error
-        reply = unpack(content, self._dialect)
+        self.message, reply = content, unpack(content, self.dialect)
         if isinstance(reply, dict) and "error" in reply:
             raise reported(reply["error"])
         return reply

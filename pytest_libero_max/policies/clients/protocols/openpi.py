@@ -6,11 +6,12 @@ An error of the server comes as text, before it closes the connection. There is 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from threading import Event
 from typing import Any, ClassVar
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients.address import Address
-from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
+from pytest_libero_max.policies.clients.codecs import OPENPI, Dialect, pack, unpack
 from pytest_libero_max.policies.clients.declared import (
     DeclaredPolicy,
     RememberingPolicy,
@@ -38,6 +39,10 @@ class OpenpiLink:
     fits: ClassVar[tuple[Speech, ...]] = (SERVED,)
     """Kinds of servers that a greeting may declare."""
 
+    dialect: ClassVar[Dialect] = OPENPI
+    message: bytes = b""
+    """The last message, as it came."""
+
     def __init__(self, address: Address) -> None:
         self._address = address
         self._socket = Socket(address)
@@ -64,6 +69,10 @@ class OpenpiLink:
             raise other_protocol(STARVLA, self._address, self._address.protocol)
         return reply
 
+    def ping(self) -> Event:
+        """Send a ping; return the event of its answer."""
+        return self._socket.ping()
+
     def close(self) -> None:
         self._socket.close()
 
@@ -76,7 +85,7 @@ class OpenpiLink:
         if isinstance(message, str):
             lines = message.strip().splitlines()
             raise reported(lines[-1] if lines else "")
-        reply = unpack(message, OPENPI)
+        self.message, reply = message, unpack(message, OPENPI)
         if not isinstance(reply, dict):
             raise ServerError(f"a message is a {type(reply).__name__}, but openpi's are maps")
         return reply

@@ -11,14 +11,15 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from threading import Event
+from typing import Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.address import Address
-from pytest_libero_max.policies.clients.codecs import VLA_EVAL, pack, shortened, unpack
+from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
 from pytest_libero_max.policies.clients.transport import reported
@@ -31,6 +32,10 @@ PROTOCOL_VERSION = 1
 
 class VlaEvalLink:
     """A connection to a model server of vla-eval."""
+
+    dialect: ClassVar[Dialect] = VLA_EVAL
+    message: bytes | str = b""
+    """The last message, as it came."""
 
     def __init__(self, address: Address) -> None:
         self._socket = Socket(address)
@@ -71,6 +76,10 @@ class VlaEvalLink:
             rows.append(actions)
         return {"actions": np.stack(rows), "singly": True}
 
+    def ping(self) -> Event:
+        """Send a ping; return the event of its answer."""
+        return self._socket.ping()
+
     def close(self) -> None:
         self._socket.close()
 
@@ -81,7 +90,8 @@ class VlaEvalLink:
         return self._seq
 
     def _read(self, kind: str, seq: int, awaited: str = "") -> dict[Any, Any]:
-        message = unpack(self._socket.receive(awaited), VLA_EVAL)
+        self.message = self._socket.receive(awaited)
+        message = unpack(self.message, VLA_EVAL)
         if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
             raise ServerError("a message is no map with a map as 'payload'")
         payload: dict[Any, Any] = message["payload"]

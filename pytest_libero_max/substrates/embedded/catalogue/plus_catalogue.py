@@ -31,7 +31,7 @@ from pytest_libero_max.changes.instruction import SetInstruction
 from pytest_libero_max.changes.light import SetLamps
 from pytest_libero_max.changes.material import SetTexture
 from pytest_libero_max.changes.pixels import CorruptPicture
-from pytest_libero_max.changes.robot import ARM_DOF, OffsetArm
+from pytest_libero_max.changes.robot import OffsetArm
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.substrates.embedded.catalogue import object_layouts as layouts
 from pytest_libero_max.substrates.embedded.catalogue import wording
@@ -42,6 +42,7 @@ from pytest_libero_max.tasks.libero_tasks import Task
 from pytest_libero_max.tasks.libero_tasks import task as task_of
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.robot import PANDA
 
 CAMERA = "agentview"
 
@@ -308,7 +309,7 @@ def start_offset(number: int) -> tuple[float, ...]:
 
 @cache
 def _directions() -> np.ndarray:
-    drawn = np.random.RandomState(_POSE_SEED).randn(_POSES, ARM_DOF)
+    drawn = np.random.RandomState(_POSE_SEED).randn(_POSES, len(PANDA.arm_joints))
     directions: np.ndarray = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
     return directions
 

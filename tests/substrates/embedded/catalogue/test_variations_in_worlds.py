@@ -17,7 +17,7 @@ from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.remodel import Remodel
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.variation import Variation
-from pytest_libero_max.worlds.contract import NOOP_ACTION, AlterableWorld
+from pytest_libero_max.worlds.contract import NOOP_ACTION, OnMujoco
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
 
 LIGHTS = ("light_ambient", "light_castshadow", "light_diffuse", "light_dir", "light_pos", "light_specular")
@@ -38,7 +38,7 @@ def bare(variation: Variation) -> Variation:
     return replace(variation, scene={}, changes=())
 
 
-def materials(world: AlterableWorld) -> dict[str, tuple[bytes, str]]:
+def materials(world: OnMujoco) -> dict[str, tuple[bytes, str]]:
     """What each material looks like, by name."""
     model = world.model
     looks = {}
@@ -49,17 +49,17 @@ def materials(world: AlterableWorld) -> dict[str, tuple[bytes, str]]:
     return looks
 
 
-def arm(world: AlterableWorld) -> bytes:
+def arm(world: OnMujoco) -> bytes:
     return world.observe(cameras=())["robot0_joint_pos"].tobytes()
 
 
-def cameras(world: AlterableWorld) -> dict[str, list[bytes]]:
+def cameras(world: OnMujoco) -> dict[str, list[bytes]]:
     model = world.model
     fields = (model.cam_pos, model.cam_quat, model.cam_fovy)
     return {model.camera(n).name: [field[n].tobytes() for field in fields] for n in range(model.ncam)}
 
 
-def lights(world: AlterableWorld) -> list[bytes]:
+def lights(world: OnMujoco) -> list[bytes]:
     return [getattr(world.model, field).tobytes() for field in LIGHTS]
 
 

@@ -1,0 +1,130 @@
+"""Rules for episodes: they are begun, played to their end and no further, and their success is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pytest_libero_max.conformance.loop.spies import Asked, Executed, PolicyReset
+from pytest_libero_max.conformance.loop.subject import LoopSubject, PlayedEpisode
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule
+from pytest_libero_max.errors import counted
+
+PLAYS = "loop/contract/plays"
+WHOLE = "loop/episodes/whole"
+
+
+@rule(PLAYS, "must")
+def plays(subject: LoopSubject) -> Iterator[Finding]:
+    """Play an episode of an environment with a policy, and return its success."""
+    for episode in subject.episodes.values():
+        lacking = "asked the policy nothing" if not episode.queries else ""
+        lacking = lacking or ("executed nothing" if not episode.executed else "")
+        if not lacking and episode.success is None:
+            lacking = f"returned {episode.result!r}"
+        if lacking:
+            yield broken(
+                f"{episode.name}: the loop {lacking}",
+                "queries, actions, and True or False, or a mapping with 'success'",
+                "The loop is called with an environment and a policy, and plays one episode: "
+                "def loop(env, policy) -> bool.",
+            )
+            return
+    yield kept(f"{counted(len(subject.episodes), 'episode was', 'episodes were')} played")
+
+
+@rule("loop/episodes/environment", "must", needs=PLAYS)
+def environment_reset(subject: LoopSubject) -> Iterator[Finding]:
+    """Begin an episode by one reset of the environment, and leave it until its end."""
+    for episode in subject.episodes.values():
+        late = [reset.at_step for reset in episode.resets[1:] if reset.at_step]
+        if late:
+            yield broken(
+                f"{episode.name}: the environment was reset after {counted(late[0], 'step')}, before its end",
+                "no reset before terminated or truncated",
+                "Reset the environment once, before the first step.",
+            )
+            return
+    yield kept("an episode is begun by a reset and left until its end")
+
+
+@rule("loop/episodes/policy", "must", needs=PLAYS)
+def policy_reset(subject: LoopSubject) -> Iterator[Finding]:
+    """Reset the policy before the first query of each episode, and not within it."""
+    for episode in subject.episodes.values():
+        resets = [_queries_before(episode, place) for place in _places(episode)]
+        if 0 not in resets:
+            yield broken(
+                f"{episode.name}: the policy was not reset before its first query",
+                "policy.reset() when an episode begins",
+                "A policy keeps queues and histories: call policy.reset() at each episode's start.",
+            )
+            return
+        if within := [count for count in resets if 0 < count < len(episode.queries)]:
+            yield broken(
+                f"{episode.name}: the policy was reset after {counted(within[0], 'query', 'queries')}",
+                "policy.reset() when an episode begins, and not within it",
+                "Call policy.reset() once, before the first query.",
+            )
+            return
+    yield kept("the policy is reset before the first query of each episode")
+
+
+def _places(episode: PlayedEpisode) -> list[int]:
+    return [place for place, entry in enumerate(episode.entries) if isinstance(entry, PolicyReset)]
+
+
+def _queries_before(episode: PlayedEpisode, place: int) -> int:
+    return sum(isinstance(entry, Asked) for entry in episode.entries[:place])
+
+
+@rule(WHOLE, "must", needs=PLAYS)
+def whole_budget(subject: LoopSubject) -> Iterator[Finding]:
+    """Play on until the environment says that the episode has ended."""
+    for episode in subject.episodes.values():
+        steps = len(episode.executed)
+        least = episode.script.success_at or episode.script.budget
+        if steps < least:
+            yield broken(
+                f"{episode.name}: the loop stopped after {counted(steps, 'step')}",
+                f"{counted(least, 'step')}, where terminated or truncated is True",
+                "Stop by terminated or truncated, or count single steps to env.max_steps.",
+            )
+            return
+    yield kept("episodes are played to their end")
+
+
+@rule("loop/episodes/after", "must", needs=PLAYS)
+def nothing_after(subject: LoopSubject) -> Iterator[Finding]:
+    """Execute nothing after the end of an episode."""
+    for episode in subject.episodes.values():
+        late = sum(isinstance(entry, Executed) and entry.ended for entry in episode.entries)
+        if late:
+            yield broken(
+                f"{episode.name}: {counted(late, 'action')} were executed after its end",
+                "none",
+                "Look at terminated and truncated after each action, also within a chunk.",
+            )
+            return
+    yield kept("nothing is executed after the end of an episode")
+
+
+@rule("loop/episodes/success", "must", needs=WHOLE)
+def success(subject: LoopSubject) -> Iterator[Finding]:
+    """Return the success of the step that ended the episode."""
+    for episode in subject.episodes.values():
+        right = episode.script.success_at is not None
+        if episode.success is not right:
+            end = (
+                f"terminated at step {episode.script.success_at} of {episode.script.budget}"
+                if right
+                else f"truncated after {counted(episode.script.budget, 'step')}"
+            )
+            words = {True: "a success", False: "a failure"}
+            yield broken(
+                f"{episode.name}, which was {end}, counts as {words[bool(episode.success)]}",
+                words[right],
+                "Take terminated (or info['is_success']) of the step that ended the episode: after it, an "
+                "environment may begin the next one by itself.",
+            )
+            return
+    yield kept("success and failure are read where the episode ends, also at the last step")

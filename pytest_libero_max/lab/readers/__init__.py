@@ -1,0 +1,1 @@
+"""Readers of results that other runners wrote; ``pyproject.toml`` declares them."""
