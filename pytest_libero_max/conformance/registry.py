@@ -27,6 +27,14 @@ _MODULES = (
     "substrate.contract",
     "substrate.states",
     "substrate.images",
+    "environment.contract",
+    "environment.starts",
+    "environment.images",
+    "environment.clock",
+    "environment.actions",
+    "environment.states",
+    "environment.task",
+    "environment.repeats",
 )
 """Modules with rules, in the order in which rules are examined."""
 

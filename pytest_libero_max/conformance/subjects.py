@@ -15,6 +15,7 @@ KINDS = {
     "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
     "server": "the address of a policy server, with --libero-max-profile",
     "substrate": "a substrate, as for --libero-max-substrate",
+    "env": "the factory of an environment, PACKAGE:FACTORY or FILE.py:FACTORY, with :ARGUMENTS",
     "loop": "the function of an evaluation loop, PACKAGE:FUNCTION or FILE.py:FUNCTION",
 }
 """Kinds of subjects, and what follows the colon."""
@@ -42,6 +43,10 @@ class Subject:
             chosen_substrate(subject.name)
         elif subject.kind == "loop":
             PythonName.read(subject.kind, subject.name)
+        elif subject.kind == "env":
+            from pytest_libero_max.conformance.environment.declared import FactoryName
+
+            FactoryName.read(subject.name)
         return subject
 
     def __str__(self) -> str:
@@ -61,6 +66,10 @@ class Subject:
             from pytest_libero_max.policies.clients.opening import require_profile
 
             require_profile(self.name, profile)
+        elif self.kind == "env":
+            from pytest_libero_max.conformance.environment.declared import FactoryName
+
+            FactoryName.read(self.name).place.check()
         elif self.kind == "loop":
             PythonName.read(self.kind, self.name).check()
 
@@ -106,6 +115,12 @@ def examination(
 
         def opens() -> object:
             return open_loop(subject.name)
+
+    elif subject.kind == "env":
+        from pytest_libero_max.conformance.environment.subject import open_environment
+
+        def opens() -> object:
+            return open_environment(subject.name)
 
     else:
         from pytest_libero_max.conformance.substrate.subject import open_subject

@@ -241,6 +241,7 @@ class ConformanceController:
 
     def _write(self, document: Conformance) -> list[Path]:
         from pytest_libero_max.conformance.results import CONFORMANCE_NAME, conformance_json
+        from pytest_libero_max.report.page.conformance_page import CONFORMANCE_PAGE_NAME, conformance_html
         from pytest_libero_max.report.writers.badge import CONFORMANCE_BADGE_NAME, conformance_badge_json
         from pytest_libero_max.report.writers.report_files import make_folder, write_text
 
@@ -248,6 +249,7 @@ class ConformanceController:
         make_folder(folder)
         files = {
             folder / CONFORMANCE_NAME: conformance_json(document),
+            folder / CONFORMANCE_PAGE_NAME: conformance_html(document),
             folder / CONFORMANCE_BADGE_NAME: conformance_badge_json(document),
         }
         for path, text in files.items():

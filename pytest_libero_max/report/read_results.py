@@ -17,13 +17,13 @@ from pytest_libero_max.report.build import (
     outcome_groups,
     substrate_of,
 )
+from pytest_libero_max.report.gate_rows import gate_rows
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate
 from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.readers import ReadResults
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.statements import statements_of
-from pytest_libero_max.report.writers.gate_text import gate_rows
 from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import (
     HTML_NAME,

@@ -203,9 +203,3 @@ def test_what_is_needed_every_day_fits_on_a_screen_and_all_in_a_hand() -> None:
     assert by_group["everyday"] <= 14
     assert len(OPTIONS) <= 40
     assert {option.group for option in OPTIONS if option.recorded} == {"protocol"}
-
-
-def test_wrappers_are_put_on_in_one_order_whatever_that_of_the_option() -> None:
-    (wrap,) = (option for option in OPTIONS if option.field == "wrap")
-    both = [wrap.read(text, "") for text in ("restore:gated,adaptive:image", "adaptive:image,restore:gated")]
-    assert [[*wrappers.items()] for wrappers in both] == [[("restore", "gated"), ("adaptive", "image")]] * 2

@@ -16,7 +16,7 @@ CONTENT = {
     "records": "Every field of `pairs.jsonl`",
     "report": "Every field of `report.json` and of a comparison",
     "probes": "Columns of probes and what they cost; monitors",
-    "rules": "Rules that a policy and a substrate must keep, and every field of `conformance.json`",
+    "rules": "Rules that policies, servers and worlds must keep, and every field of `conformance.json`",
     "worlds": "Observations, actions, budgets, constants of the protocol",
     "api": "The public names of the Python package, and its entry points",
     "glossary": "The words of this project",

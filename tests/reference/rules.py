@@ -9,6 +9,8 @@ from pytest_libero_max.conformance.subjects import KINDS
 from tests.reference.markdown import code, table
 from tests.reference.schemas import fields_of, written_schema
 
+NAMES = {"env": "an environment"}
+
 
 def schema() -> Json:
     """The JSON Schema of ``conformance.json``."""
@@ -17,7 +19,7 @@ def schema() -> Json:
 
 def page() -> str:
     """The text."""
-    kinds = "\n\n".join(f"## Of a {kind}\n\n{_table(kind)}" for kind in KINDS)
+    kinds = "\n\n".join(f"## Of {NAMES.get(kind, f'a {kind}')}\n\n{_table(kind)}" for kind in KINDS)
     document = schema()
     parts = "\n\n".join(
         f"### {name}\n\n{_fields(name)}"

@@ -70,7 +70,7 @@ def train(output: str) -> dict[str, Any]:
 
 def main(folder: str) -> None:
     os.chdir(folder)
-    cases.SUITE_BUDGETS = dict.fromkeys(cases.SUITE_BUDGETS, BUDGET)
+    cases.step_budget = lambda suite: BUDGET
     write_data()
     with evaluated_training(
         every=EVERY, manifest="tiny.json", substrate="tiny", limit=2, folder="runs"

@@ -107,3 +107,9 @@ def test_an_unknown_mode_is_refused(run: Run) -> None:
     result.stderr.fnmatch_lines(
         ["*--libero-max-wrap='restore:sometimes': 'restore:sometimes': unknown value. Known: always, gated.*"]
     )
+
+
+def test_wrappers_are_put_on_in_one_order_whatever_that_of_the_option() -> None:
+    (wrap,) = (option for option in OPTIONS if option.field == "wrap")
+    both = [wrap.read(text, "") for text in ("restore:gated,adaptive:image", "adaptive:image,restore:gated")]
+    assert [[*wrappers.items()] for wrappers in both] == [[("restore", "gated"), ("adaptive", "image")]] * 2

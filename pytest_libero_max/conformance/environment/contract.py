@@ -1,0 +1,169 @@
+"""Rules of the contract of environments: opening, observations, steps, closing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pytest_libero_max.conformance.environment.measures import copied, settled
+from pytest_libero_max.conformance.environment.observing import Reading, differing, images_of
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
+from pytest_libero_max.conformance.rules import Finding, broken, kept, rule
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
+
+OPENS = "env/contract/opens"
+KEYS = "env/contract/keys"
+SAME = "env/repeats/same"
+GRIPPER = "env/actions/gripper"
+QUATERNION = "env/states/quaternion"
+RESTS = "env/actions/rest"
+
+_SHAPES = {"position": (3,), "quaternion": (4,), "gripper": (2,), "state": (8,)}
+
+
+@rule(OPENS, "must")
+def opens(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Open, begin an episode, and play a step."""
+    reading = subject.start()
+    subject.step(NOOP_ACTION)
+    kind = "a vector of environments" if subject.is_vector else type(subject.environment).__name__
+    yield kept(f"{kind} as {subject.reference.task}, with {', '.join(reading) or 'nothing that is known'}")
+
+
+@rule(KEYS, "must", needs=OPENS)
+def keys(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Observe both cameras' images, and the hand's position, orientation and fingers."""
+    reading = subject.start()
+    wrong = [*_wrong_images(reading), *_wrong_values(reading)]
+    if wrong:
+        yield broken(
+            ", ".join(wrong),
+            "images (H, W, 3) uint8; position (3,), quaternion (4,), gripper (2,) or state (8,)",
+            "Declare where they are: DeclaredEnvironment(keys={ROLE: KEY}), with / between levels.",
+        )
+        return
+    sizes = ", ".join(f"{camera} {image.shape}" for camera, image in images_of(reading).items())
+    yield kept(f"{sizes}, and the robot's state")
+
+
+def _wrong_images(reading: Reading) -> Iterator[str]:
+    for camera in CAMERAS:
+        image = reading.get(camera)
+        if image is None:
+            yield f"no image of {camera}"
+        elif image.ndim != 3 or image.shape[2] != 3 or min(image.shape[:2]) < 32 or image.dtype != np.uint8:
+            yield f"{camera} {image.shape} {image.dtype}"
+
+
+def _wrong_values(reading: Reading) -> Iterator[str]:
+    roles = ("state",) if "state" in reading else ("position", "quaternion", "gripper")
+    for role in dict.fromkeys((*roles, *(role for role in _SHAPES if role in reading))):
+        value = reading.get(role)
+        if value is None:
+            yield f"no {role}"
+        elif np.shape(value) != _SHAPES[role] or not np.isfinite(value).all():
+            yield f"{role} {np.shape(value)}{'' if np.isfinite(value).all() else ' not finite'}"
+
+
+@rule("env/contract/steps", "must", needs=OPENS)
+def steps(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Return from a step a number as reward, and flags that are true or false."""
+    subject.start()
+    played = subject.step(NOOP_ACTION)
+    try:
+        reward = float(played.reward)
+    except (TypeError, ValueError):
+        yield broken(f"reward={played.reward!r}", "a number", "Return a float.")
+        return
+    yield kept(f"{played.fields} values, reward {reward:g}")
+
+
+@rule("env/contract/aliases", "must", needs=KEYS)
+def aliases(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Return observations that later steps leave as they are."""
+    reading = subject.start()
+    before = copied(reading)
+    for _ in range(3):
+        subject.step((0.5, 0.5, -0.5, 0.0, 0.0, 0.0, -1.0))
+    changed = [role for role, value in before.items() if not np.array_equal(value, reading[role])]
+    if not changed:
+        yield kept("an observation stays as it was while the episode goes on")
+        return
+    yield broken(
+        f"{', '.join(changed)} of an observation changed with later steps",
+        "copies",
+        "Copy what step() returns.",
+    )
+
+
+@rule("env/contract/close", "should", needs=OPENS)
+def closes(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Close in the middle of an episode, and be closed twice."""
+    other = subject.another()
+    other.start()
+    other.step(NOOP_ACTION)
+    environment = other.environment
+    try:
+        for _ in range(2):
+            environment.close()
+    except Exception as error:  # an environment of others may raise anything
+        yield broken(
+            f"the second close() raised {type(error).__name__}: {error}",
+            "nothing to happen",
+            "Return where it is closed already: a cleanup after an error closes twice.",
+        )
+    else:
+        yield kept("close() may be called twice, in the middle of an episode")
+    finally:
+        subject.abandon()  # closing may have taken the renderer of the others with it
+
+
+@rule("env/contract/reopens", "must", needs=SAME)
+def reopens(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Begin as before in an environment that is opened after another was closed."""
+    first = subject.once(settled)
+    subject.abandon()
+    parts = differing(first, subject.begin(drawn=True))
+    if not parts:
+        yield kept("an environment that is opened again begins in the same bits")
+        return
+    yield broken(
+        f"opened again, it begins with another {', '.join(parts)}",
+        "the same observation of the same initial state",
+        "Seed before each reset: LIBERO draws its fixtures' places from numpy's global generator.",
+    )
+
+
+@rule("env/contract/company", "must", needs=SAME)
+def company(subject: EnvironmentSubject) -> Iterator[Finding]:
+    """Show the same images while another environment of the process is opened, played and closed."""
+    alone = _episode(subject)
+    shown = _episode(subject, subject.another())
+    subject.abandon()
+    for when, (first, second) in zip(("open", "closed"), zip(alone, shown, strict=True), strict=True):
+        parts = [part for part in differing(images_of(first), images_of(second)) if part]
+        if parts:
+            yield broken(
+                f"while another is {when}: {', '.join(parts)}",
+                "the images of an environment alone",
+                "Make its own GL context current before drawing, or open one environment a process.",
+            )
+            return
+    yield kept("another environment of the same process leaves the images as they are")
+
+
+def _episode(subject: EnvironmentSubject, other: EnvironmentSubject | None = None) -> tuple[Reading, Reading]:
+    """Return an observation while the other is open, and one after it was closed."""
+    subject.begin(drawn=True)
+    if other is not None:
+        other.start()
+        other.step((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))
+    first = copied(subject.step(NOOP_ACTION).reading)
+    if other is not None:
+        other.abandon()
+    try:
+        return first, subject.step(NOOP_ACTION).reading
+    except SubstrateError:
+        return first, {}

@@ -1,0 +1,243 @@
+"""An environment of others as the subject of rules: episodes begun, actions played, simulator looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pytest_libero_max.conformance.environment.declared import DeclaredEnvironment, FactoryName
+from pytest_libero_max.conformance.environment.observing import Reading, read_observation
+from pytest_libero_max.conformance.environment.reference import TaskReference
+from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.contract import NOOP_ACTION
+
+T = TypeVar("T")
+Array = NDArray[np.float64]
+
+_LEVELS = 5
+"""Most wrappers around a simulator."""
+
+
+class Played(NamedTuple):
+    """What a step returned."""
+
+    reading: Reading
+    reward: Any
+    done: bool
+    """True if the episode has ended, in success or not."""
+    truncated: bool
+    """True if it ended at a limit of steps; False where the environment cannot say so."""
+    success: bool
+    """True if the task is solved, as the environment says."""
+    fields: int
+    """Length of the tuple."""
+
+
+@dataclass
+class EnvironmentSubject:
+    """An environment that is declared; it is opened when a rule first needs it."""
+
+    declared: DeclaredEnvironment
+    name: str = ""
+    """Name by which another process opens it; empty where it is an object of this one."""
+    _opened: Any = field(init=False, default=None, repr=False)
+    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
+
+    @cached_property
+    def reference(self) -> TaskReference:
+        """What genuine LIBERO does."""
+        return self.declared.expects()
+
+    def once(self, measure: Callable[[EnvironmentSubject], T]) -> T:
+        """Return what a function makes of this subject; it is called once for all rules."""
+        if measure not in self._measured:
+            self._measured[measure] = measure(self)
+        result: T = self._measured[measure]
+        return result
+
+    @property
+    def environment(self) -> Any:
+        """The environment; opened on first use."""
+        if self._opened is None:
+            self._opened = called("the factory", self.declared.make)
+        return self._opened
+
+    def another(self) -> EnvironmentSubject:
+        """Return the same environment opened once more, beside this one."""
+        return EnvironmentSubject(self.declared, self.name)
+
+    def close(self) -> None:
+        """Close the environment; the next rule opens another one."""
+        environment, self._opened = self._opened, None
+        if environment is not None and hasattr(environment, "close"):
+            called("close()", environment.close)
+
+    def abandon(self) -> None:
+        """Close the environment, whatever happens."""
+        with suppress(SubstrateError):
+            self.close()
+
+    @cached_property
+    def is_vector(self) -> bool:
+        """True for a vector of environments."""
+        return getattr(self.environment, "num_envs", None) is not None
+
+    def start(self, init: int | None = None) -> Reading:
+        """Begin an episode as the environment does it, and return its first observation.
+
+        Args:
+            init: Index of the initial state; None for the reference's.
+        """
+        init = self.reference.init if init is None else init
+        self.draw(True)
+        return self._read(called("beginning an episode", self._begin, init))
+
+    def begin(self, init: int | None = None, *, drawn: bool = False) -> Reading:
+        """Begin an episode, and play the settle steps that the environment leaves to others.
+
+        Args:
+            init: As of :meth:`start`.
+            drawn: True for an observation with its images, and for all that follow.
+        """
+        reading = self.start(init)
+        steps = self.reference.settle_steps - self.declared.settle_steps
+        self.draw(drawn and steps <= 0)
+        for left in range(steps, 0, -1):
+            self.draw(drawn and left == 1)
+            reading = self.step(NOOP_ACTION).reading
+        return reading
+
+    def draw(self, on: bool) -> None:
+        """Switch the drawing of images on or off, where that can be."""
+        if self.declared.drawing is not None:
+            called("drawing=", self.declared.drawing, self.environment, on)
+
+    def restart(self, seed: int) -> Reading:
+        """Begin an episode by ``reset(seed=...)`` alone, whatever is declared."""
+        return self._read(called("reset()", lambda: self.environment.reset(seed=seed)))
+
+    @property
+    def chooses(self) -> bool:
+        """True if an initial state can be chosen by its index."""
+        return self.declared.begin is not None or self.declared.initial_states is not None
+
+    def _begin(self, init: int) -> Any:
+        environment, states = self.environment, self.declared.initial_states
+        if self.declared.begin is not None:
+            return self.declared.begin(environment, init)
+        if states is None:
+            return environment.reset(seed=0)
+        environment.seed(0)
+        environment.reset()
+        return environment.set_init_state(states[init])
+
+    def _read(self, result: Any) -> Reading:
+        raw = result[0] if isinstance(result, tuple) else result
+        return read_observation(raw, self.declared.keys, self.is_vector)
+
+    def step(self, action: Sequence[float] | Array) -> Played:
+        """Play an action.
+
+        Raises:
+            SubstrateError: The environment raised an error, or did not return four or five values.
+        """
+        array = np.asarray(action, dtype=np.float64)
+        if self.is_vector:
+            array = np.tile(array, (self.environment.num_envs, 1))
+        result = called("step()", self.environment.step, array)
+        if not isinstance(result, tuple) or len(result) not in (4, 5):
+            raise SubstrateError(
+                f"step() returned {type(result).__name__}, but a step of an environment returns observation, "
+                "reward, terminated, truncated and info (Gymnasium), or observation, reward, done and info "
+                "(LIBERO)."
+            )
+        reward, *ends, info = (self._first(value) for value in result[1:])
+        done = any(bool(end) for end in ends)
+        truncated = len(ends) == 2 and bool(ends[1])
+        return Played(
+            self._read(result),
+            reward,
+            done,
+            truncated,
+            self._success(info, done and not truncated),
+            len(result),
+        )
+
+    def _first(self, value: Any) -> Any:
+        if not self.is_vector or isinstance(value, dict):
+            return value
+        return value[0]
+
+    def _success(self, info: Any, ended: bool) -> bool:
+        for key in ("is_success", "success"):
+            if isinstance(info, dict) and key in info:
+                return bool(np.ravel(info[key])[0])
+        return ended
+
+    def attribute(self, *names: str) -> Any:
+        """Return the first attribute of one of these names, of it or of what it wraps; None for none."""
+        for part in self._parts():
+            for name in names:
+                value = getattr(part, name, None)
+                if value is not None:
+                    return value
+        return None
+
+    def _parts(self) -> list[Any]:
+        parts, seen = [self.environment], set[int]()
+        for _ in range(_LEVELS):
+            for part in [*parts]:
+                if id(part) in seen:
+                    continue
+                seen.add(id(part))
+                inner = [getattr(part, name, None) for name in ("env", "_env", "unwrapped")]
+                inner += list(getattr(part, "envs", None) or ())[:1]
+                parts += [
+                    each for each in inner if each is not None and all(each is not part for part in parts)
+                ]
+        return parts
+
+    @property
+    def clock_s(self) -> float | None:
+        """Simulated time, s; None where no simulator of MuJoCo is found."""
+        simulator = self.attribute("sim", "data")
+        time = getattr(getattr(simulator, "data", simulator), "time", None)
+        return None if time is None else float(time)
+
+    @property
+    def fixtures(self) -> Array | None:
+        """(N, 3) m: positions of all bodies in their parents, which no initial state holds; None likewise."""
+        simulator = self.attribute("sim", "model")
+        places = getattr(getattr(simulator, "model", simulator), "body_pos", None)
+        return None if places is None else np.array(places)
+
+
+def called(what: str, function: Callable[..., T], *arguments: Any) -> T:
+    """Return what a function of the environment returns.
+
+    Raises:
+        SubstrateError: It raised something.
+    """
+    try:
+        return function(*arguments)
+    except Exception as error:  # an environment of others may raise anything
+        raise SubstrateError(f"{what} raised {type(error).__name__}: {error}") from error
+
+
+def open_environment(text: str) -> EnvironmentSubject:
+    """Return the environment that ``PACKAGE:FACTORY:ARGUMENTS`` names; it is not opened yet.
+
+    Raises:
+        OptionError: It cannot be imported, or has no such factory.
+    """
+    from pytest_libero_max.worlds.threads import use_one_blas_thread
+
+    use_one_blas_thread()  # as in every process that plays: its threads change last bits
+    name = FactoryName.read(text)
+    return EnvironmentSubject(name.load(), str(name.absolute()))
