@@ -1,4 +1,4 @@
-"""Conformance: rules that a subject must keep, each of which is one test.
+"""Conformance: rules that policies, servers, loops, environments and substrates must keep, each one test.
 
 A :class:`Rule` examines one property of a *subject* and yields findings.
 ``pytest --libero-max-conform=SUBJECT`` makes each rule an item, and ``libero-max check`` prints the findings

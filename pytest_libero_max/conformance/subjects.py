@@ -15,8 +15,8 @@ KINDS = {
     "policy": "a policy, as for --libero-max-policy; the kind of a subject that names none",
     "server": "the address of a policy server, with --libero-max-profile",
     "substrate": "a substrate, as for --libero-max-substrate",
-    "loop": "the function of an evaluation loop, PACKAGE:FUNCTION or FILE.py:FUNCTION",
     "env": "the factory of an environment, PACKAGE:FACTORY or FILE.py:FACTORY, with :ARGUMENTS",
+    "loop": "the function of an evaluation loop, PACKAGE:FUNCTION or FILE.py:FUNCTION",
 }
 """Kinds of subjects, and what follows the colon."""
 
@@ -43,6 +43,10 @@ class Subject:
             chosen_substrate(subject.name)
         elif subject.kind == "loop":
             PythonName.read(subject.kind, subject.name)
+        elif subject.kind == "env":
+            from pytest_libero_max.conformance.environment.declared import FactoryName
+
+            FactoryName.read(subject.name)
         return subject
 
     def __str__(self) -> str:
@@ -62,12 +66,12 @@ class Subject:
             from pytest_libero_max.policies.clients.opening import require_profile
 
             require_profile(self.name, profile)
-        elif self.kind == "loop":
-            PythonName.read(self.kind, self.name).check()
         elif self.kind == "env":
             from pytest_libero_max.conformance.environment.declared import FactoryName
 
-            FactoryName.read(self.name).check()
+            FactoryName.read(self.name).place.check()
+        elif self.kind == "loop":
+            PythonName.read(self.kind, self.name).check()
 
 
 def examination(
