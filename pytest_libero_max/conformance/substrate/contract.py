@@ -100,10 +100,10 @@ def control_rate(subject: SubstrateSubject) -> Iterator[Finding]:
         world.step(world.robot.noop)
     seconds = world.data.time - before
     if abs(seconds - 1.0) < 1e-6:
-        yield kept(f"{hz} steps take {seconds:.3f} s of simulated time")
+        yield kept(f"{counted(hz, 'step')} take {seconds:.3f} s of simulated time")
         return
     yield broken(
-        f"{hz} steps take {seconds:.3f} s of simulated time",
+        f"{counted(hz, 'step')} take {seconds:.3f} s of simulated time",
         "1 s",
         f"The control rate of robot {world.robot.name!r} is {hz} Hz: budgets of steps are times.",
     )

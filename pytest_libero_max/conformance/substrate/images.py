@@ -10,6 +10,7 @@ from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, une
 from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.states import RESTORE
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
+from pytest_libero_max.errors import counted
 from pytest_libero_max.worlds.contract import AlterableWorld, Array, alterable
 from pytest_libero_max.worlds.rotations import matrix, quaternion
 
@@ -71,7 +72,7 @@ def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
                 return
         if np.array_equal(first[key], moved[key]):
             yield broken(
-                f"{key} is the same after {len(actions_for(world))} steps",
+                f"{key} is the same after {counted(len(actions_for(world)), 'step')}",
                 "another image",
                 "An old image is returned.",
             )
