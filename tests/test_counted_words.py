@@ -34,7 +34,6 @@ OF_MANY = {
     "done.queries",
     "times.total()",  # of all pairs
     "-(-fleet.workers // most)",  # two or more
-    "len(ACTIONS)",  # of a check
     "len(first)",
     "len(onward)",
 }

@@ -9,9 +9,9 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.latency import CHANGED_BY, Latency
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import Inference
-from pytest_libero_max.worlds.contract import CONTROL_HZ
 
 _NAMED = 4
 """Most late arms that the line names."""
@@ -34,7 +34,8 @@ def inference_of(records: Sequence[PairRecord], protocol: Json) -> Inference:
     arms = {name: [*texts] for name, texts in late.items() if texts}
     whole = len({tuple(texts) for texts in late.values()}) == 1
     world: Literal["paused", "goes on"] = "goes on" if arms.keys() & {BASE, DYNAMIC} else "paused"
-    return Inference(world=world, late=arms, text=_text(arms, whole))
+    hz = records[0].control_hz if records else CONTROL_HZ
+    return Inference(world=world, late=arms, text=_text(arms, whole, hz))
 
 
 def _latencies(arm: ArmRecord) -> Iterator[str]:
@@ -47,24 +48,25 @@ def _latencies(arm: ArmRecord) -> Iterator[str]:
             yield f"{change['latency']} from a change on"
 
 
-def _text(arms: Json, whole: bool) -> str:
+def _text(arms: Json, whole: bool, hz: int) -> str:
     if not arms:
         return "Protocol class: world paused during inference (each answer is there at once)."
     if whole:
-        return f"Protocol class: latency as an arm; the world goes on during inference, {_words(arms[BASE])}."
-    named = [f"{name} ({_words(texts)})" for name, texts in [*arms.items()][:_NAMED]]
+        words = _words(arms[BASE], hz)
+        return f"Protocol class: latency as an arm; the world goes on during inference, {words}."
+    named = [f"{name} ({_words(texts, hz)})" for name, texts in [*arms.items()][:_NAMED]]
     more = [counted(len(arms) - _NAMED, "more arm")] if len(arms) > _NAMED else []
     return f"Protocol class: latency as an arm in {', '.join([*named, *more])}; world paused in all others."
 
 
-def _words(texts: Sequence[str]) -> str:
+def _words(texts: Sequence[str], hz: int) -> str:
     """Return latencies in words, for example ``4 steps (200 ms) late, asynchronous``."""
-    return " or ".join(_latency_words(text) for text in texts)
+    return " or ".join(_latency_words(text, hz) for text in texts)
 
 
-def _latency_words(text: str) -> str:
+def _latency_words(text: str, hz: int) -> str:
     amount, _, begin = text.partition(" ")
     latency = Latency.parse(amount)
     steps = ("up to " if latency.drawn else "") + counted(latency.steps, "step")
     how = "the robot waits" if latency.runner == "sync" else "asynchronous"
-    return f"{steps} ({1000 * latency.steps // CONTROL_HZ} ms) late{' ' * bool(begin)}{begin}, {how}"
+    return f"{steps} ({1000 * latency.steps // hz} ms) late{' ' * bool(begin)}{begin}, {how}"

@@ -63,7 +63,7 @@ class TaskReference(Document, frozen=True, kw_only=True):
     task: Text
     """Suite and number, for example ``libero_spatial/0``."""
     instruction: Text
-    """The instruction of its BDDL file."""
+    """The instruction that LIBERO's benchmark gives."""
     versions: dict[str, str]
     """Packages of the simulator that it was recorded with."""
     budget: Positive

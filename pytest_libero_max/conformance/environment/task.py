@@ -55,7 +55,7 @@ def episode(subject: EnvironmentSubject) -> Episode:
 
 @rule("env/task/instruction", "should", needs=KEYS)
 def instruction(subject: EnvironmentSubject) -> Iterator[Finding]:
-    """Give the instruction of the task's BDDL file, and nothing with it."""
+    """Give the instruction that LIBERO's benchmark gives, which is that of the task's name."""
     value = subject.once(settled).get("instruction") or subject.attribute(
         "task_description", "language_instruction", "instruction"
     )
@@ -68,7 +68,8 @@ def instruction(subject: EnvironmentSubject) -> Iterator[Finding]:
         yield broken(
             repr(value),
             repr(meant),
-            "An instruction that is made of the file's name has parts that describe the variation.",
+            "Take task.language of the benchmark: the BDDL file has another sentence, and the name of a "
+            "variation has more in it.",
         )
 
 
