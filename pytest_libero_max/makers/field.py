@@ -52,6 +52,8 @@ class About(Stored, frozen=True, kw_only=True):
     """Paragraphs below all results."""
     implementations: dict[str, Implementation]
     """In the order of the page."""
+    pictures: dict[str, Text] = msgspec.field(default_factory=dict)
+    """Captions of pictures beside the page, by the name of their file."""
 
 
 def read_about(path: Path) -> About:
@@ -91,7 +93,9 @@ def field_page(field: Field, about: About) -> str:
         items = [f"{each.title}: {' '.join(each.notes)}" for each in absent]
         sections.append(Section("Not examined", items=items))
     sections.append(Section("How it was measured", texts=about.method))
-    return document_markdown(Document(about.title, texts=about.lead, sections=sections))
+    page = document_markdown(Document(about.title, texts=about.lead, sections=sections))
+    pictures = (f"\n![{caption}]({file})\n\n{caption}\n" for file, caption in about.pictures.items())
+    return page + "".join(pictures)
 
 
 _LEGEND = (

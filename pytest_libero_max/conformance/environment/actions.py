@@ -14,7 +14,7 @@ from pytest_libero_max.conformance.environment.observing import hand_of
 from pytest_libero_max.conformance.environment.recording import OPENING_STEPS, SIGNS
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.contract import NOOP_ACTION
 
 Array = NDArray[np.float64]
@@ -59,7 +59,8 @@ def directions(subject: EnvironmentSubject) -> Iterator[Finding]:
         way = movements[component].way
         if _cosine(way, move.way) < _ALIKE:
             yield broken(
-                f"{move.steps} actions of +1 in {names[component]} move the hand by {_millimetres(way)}",
+                f"{counted(move.steps, 'action')} of +1 in {names[component]} move the hand by "
+                f"{_millimetres(way)}",
                 f"about {_millimetres(move.way)}",
                 "The order, the sign or the frame of the action differs.",
             )
@@ -99,7 +100,8 @@ def rotation(subject: EnvironmentSubject) -> Iterator[Finding]:
         ratio = float(np.linalg.norm(turn) / np.linalg.norm(move.turn))
         if _cosine(turn, move.turn) < _ALIKE or not _TIMES[0] <= ratio <= _TIMES[1]:
             yield broken(
-                f"{move.steps} actions of +1 about {'xyz'[component]} turn the hand by {_degrees(turn)}",
+                f"{counted(move.steps, 'action')} of +1 about {'xyz'[component]} turn the hand by "
+                f"{_degrees(turn)}",
                 f"about {_degrees(move.turn)}",
                 "The order, sign, unit (0.5 rad) or frame differs: LIBERO turns about the world's axes.",
             )

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pytest_libero_max.conformance.environment.contract import KEYS
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.contract import NOOP_ACTION
 
 RATE = "env/clock/rate"
@@ -77,6 +77,6 @@ def limit(subject: EnvironmentSubject) -> Iterator[Finding]:
     else:
         yield broken(
             f"{steps} steps",
-            f"{budget} steps, as the benchmark's protocol has it",
+            f"{counted(budget, 'step')}, as the benchmark's protocol has it",
             "A longer episode solves more: say the limit beside each number.",
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, step_budget
 from pytest_libero_max.conformance.environment.reference import Move, RobotState, TaskReference, encoded
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION, Array, Observation, World
 from pytest_libero_max.worlds.rotations import inverse, multiply, quaternion, vector_of
 
@@ -145,5 +145,6 @@ def _episode(
         if world.succeeded():
             return states, number
     raise SubstrateError(
-        f"{len(states)} actions do not solve the task from initial state {init}: record an episode that does."
+        f"{counted(len(states), 'action')} did not solve the task from initial state {init}: "
+        "record an episode that does."
     )

@@ -17,6 +17,7 @@ from pytest_libero_max.conformance.environment.starts import INDEX
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.errors import counted
 from pytest_libero_max.worlds.contract import CAMERAS
 
 _STEPS = 20
@@ -34,12 +35,13 @@ def same_again(subject: EnvironmentSubject) -> Iterator[Finding]:
         parts = differing(before, after)
         if parts:
             yield broken(
-                f"the second time, the observation after {step} steps has another {', '.join(parts)}",
+                f"the second time, the observation after {counted(step, 'step')} has another "
+                f"{', '.join(parts)}",
                 "the same observation",
                 "Something outlives a reset: random numbers, a controller, fixtures that are placed anew.",
             )
             return
-    yield kept(f"{len(first) - 1} steps, played twice, have the same observations")
+    yield kept(f"{counted(len(first) - 1, 'step')}, played twice, gave the same observations")
 
 
 def _observations(subject: EnvironmentSubject) -> list[Reading]:
@@ -91,7 +93,7 @@ def _compared(here: dict[str, Any], there: dict[str, Any]) -> Finding:
     for step, (first, second) in enumerate(zip(here["steps"], there["steps"], strict=True)):
         differ = [role for role in first if first[role] != second.get(role)]
         if differ:
-            parts.append(f"after {step} steps {', '.join(differ)} differ")
+            parts.append(f"after {counted(step, 'step')} {', '.join(differ)} differ")
             break
     if not parts:
         return kept("another process has the same observations after each step")

@@ -11,6 +11,7 @@ from pytest_libero_max.conformance.environment.measures import settled
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.environment.task import FOLLOWS, episode
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.errors import counted
 from pytest_libero_max.policies.transforms.states import axis_angle, axis_angle_antipodal
 
 _CLOSE = 0.03
@@ -90,11 +91,11 @@ def vector(subject: EnvironmentSubject) -> Iterator[Finding]:
     }
     libero, antipodal = wrong
     if not wrong[libero]:
-        yield kept(f"{libero}, in all of {len(states)} steps")
+        yield kept(f"{libero}, in all of {counted(len(states), 'step')}")
         return
     observed = antipodal if not wrong[antipodal] else "another rotation"
     yield broken(
-        f"{observed}: {wrong[libero]} of {len(states)} steps differ from LIBERO's",
+        f"{observed}: {wrong[libero]} of {counted(len(states), 'step')} differ from LIBERO's",
         f"{libero}, as robosuite's quat2axisangle",
         "A model was trained on one of the two, and fails on the other: let users choose, and say which.",
     )

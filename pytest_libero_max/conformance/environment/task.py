@@ -13,6 +13,7 @@ from pytest_libero_max.conformance.environment.measures import settled
 from pytest_libero_max.conformance.environment.observing import hand_of
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, Played
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.errors import counted
 
 FOLLOWS = "env/task/follows"
 
@@ -87,7 +88,7 @@ def follows(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield broken(
         f"{text}, and more than {1000 * _CLOSE_M:.0f} mm from step {first + 1} on"
         if played.apart_m[worst] > _CLOSE_M
-        else f"the episode ended after {steps} of {total} steps",
+        else f"the episode ended after {steps} of {counted(total, 'step')}",
         f"at most {1000 * _CLOSE_M:.0f} mm",
         "The controller, its gains, the scene or the simulator differs: compare the versions.",
     )
@@ -103,7 +104,7 @@ def success(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield broken(
         "success is not reported"
         if observed is None
-        else f"success is reported after step {observed}, {abs(observed - meant)} steps "
+        else f"success is reported after step {observed}, {counted(abs(observed - meant), 'step')} "
         f"{'early' if observed < meant else 'late'}",
         f"success after step {meant}",
         "Ask check_success() after each step, and return it as info['is_success'] or as done.",

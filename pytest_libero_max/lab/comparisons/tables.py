@@ -1,4 +1,4 @@
-"""``libero-max compare --tables``: the tables and figures that the paper prints, for any runs."""
+"""``libero-max compare --tables FOLDER``: the tables and figures that the paper prints, for any runs."""
 
 from __future__ import annotations
 

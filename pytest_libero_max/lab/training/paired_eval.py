@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.errors import LiberoMaxError, OptionError
+from pytest_libero_max.errors import LiberoMaxError, OptionError, counted
 from pytest_libero_max.evaluation.evaluate import Evaluation, evaluate
 from pytest_libero_max.lab.training.undisturbed import undisturbed
 from pytest_libero_max.policies.contract import PolicySpec
@@ -225,7 +225,7 @@ def _text_of(evaluated: Evaluated) -> str:
         stopped = report.pairs.stopped
         parts.append(f"stopped at pair {stopped.at} of {stopped.of} by {stopped.rule}: {stopped.reason}")
     else:
-        parts.append(f"{report.pairs.played} pairs")
+        parts.append(counted(report.pairs.played, "pair"))
     return "; ".join(filter(None, parts))
 
 

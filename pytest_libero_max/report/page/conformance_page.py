@@ -41,9 +41,9 @@ def _sections(document: Conformance) -> Iterator[Section]:
     for state, title in (("unexamined", "Not examined"), ("kept", "Kept")):
         rules = [rule for rule in document.rules if rule.state == state]
         if rules:
-            head = ("Rule", "Reason" if state == "unexamined" else "Observed")
+            columns = ("Rule", "Reason" if state == "unexamined" else "Observed")
             rows = [row[:2] for row in _rows(rules, state)]
-            yield Section(f"{title}: {counted(len(rules), 'rule')}", [Table("", head, rows)], folded=True)
+            yield Section(f"{title}: {counted(len(rules), 'rule')}", [Table("", columns, rows)], folded=True)
     if document.not_run:
         yield Section(
             f"Not run: {counted(len(document.not_run), 'rule')}", items=document.not_run, folded=True

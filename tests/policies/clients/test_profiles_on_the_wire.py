@@ -360,7 +360,7 @@ UNKNOWN = ("himem_wam",)
 POSING: dict[str, Look] = {"xvla": check_xvla, "vla_eval_xvla": check_vla_eval}
 ELSEWHERE = ("served", "mimic_video")
 """Tested in ``test_sockets.py`` and ``test_every_step.py``, with their real server."""
-TABLES_THAT_DIFFER = {"policy", "native", "sources"}
+TABLES_THAT_DIFFER = {"policy", "native", "published", "sources"}
 """Of the profiles that extend ``vla_eval``: they ask the same."""
 
 
