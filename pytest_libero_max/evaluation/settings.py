@@ -48,8 +48,8 @@ class Settings(ProtocolSettings):
     conform: Subject | None = setting(
         "SUBJECT",
         "Examine a subject instead of playing pairs: one test for each rule that it must keep. SUBJECT is "
-        "policy:ADAPTER, with ADAPTER as for --libero-max-policy, server:ADDRESS, substrate:NAME, or "
-        "loop:PACKAGE:FUNCTION",
+        "policy:ADAPTER, with ADAPTER as for --libero-max-policy, server:ADDRESS, substrate:NAME, "
+        "loop:PACKAGE:FUNCTION, or env:PACKAGE:FACTORY",
         Subject.read,
         session=True,
     )

@@ -20,8 +20,11 @@ FOLLOWS = "env/task/follows"
 _CLOSE_M = 0.005
 """Largest distance of the hand from the recorded one, m."""
 
+_EXACT_M = 1e-4
+"""Distance of the hand from the recorded one up to which objects move as recorded too, m."""
+
 _LATER = 5
-"""Steps after the recorded success in which the environment may still find it."""
+"""Steps around the recorded success in which the environment may find it where the hand is not exact."""
 
 
 @dataclass
@@ -97,8 +100,10 @@ def follows(subject: EnvironmentSubject) -> Iterator[Finding]:
 @rule("env/task/success", "must", needs=FOLLOWS)
 def success(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Report success in the step in which LIBERO's predicates first hold, and not before."""
-    observed, meant = subject.once(episode).success_step, subject.reference.success_step
-    if observed is not None and abs(observed - meant) <= 1:
+    played = subject.once(episode)
+    observed, meant = played.success_step, subject.reference.success_step
+    allowed = 1 if max(played.apart_m) <= _EXACT_M else _LATER
+    if observed is not None and abs(observed - meant) <= allowed:
         yield kept(f"success is reported after step {observed} of the recorded episode")
         return
     yield broken(
@@ -106,6 +111,6 @@ def success(subject: EnvironmentSubject) -> Iterator[Finding]:
         if observed is None
         else f"success is reported after step {observed}, {counted(abs(observed - meant), 'step')} "
         f"{'early' if observed < meant else 'late'}",
-        f"success after step {meant}",
+        f"success after step {meant}, give or take {counted(allowed, 'step')}",
         "Ask check_success() after each step, and return it as info['is_success'] or as done.",
     )
