@@ -63,7 +63,8 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.tiny.world import TinyWorld
     from pytest_libero_max.tasks.contents import TaskMetadata
     from pytest_libero_max.worlds.base import WorldBase
-    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, Robot, World, WorldState
+    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, World, WorldState
+    from pytest_libero_max.worlds.robot import Robot
     from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 
 __all__ = [
@@ -192,7 +193,8 @@ _TO_EXTEND = {
     "runs.plan": ("PlannedPair",),
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "benchmark.suites": ("Suite",),
-    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld", "Robot"),
+    "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
+    "worlds.robot": ("Robot",),
     "worlds.base": ("WorldBase",),
     "worlds.scenery": ("CameraView", "Lights", "Surfaces"),
     "policies.clients.protocol": ("ServerProtocol", "Opening"),

@@ -52,7 +52,8 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.tasks.suites import LIBERO_SUITES
-from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import ACTION_DIM
 
 if TYPE_CHECKING:
     from pytest_libero_max.substrates.variation import Variation

@@ -23,7 +23,8 @@ from pytest_libero_max.changes.factors import Factor
 from pytest_libero_max.changes.fields import Seed, Share, between, strength_of
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.errors import ChangeError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, AlterableWorld, Image
+from pytest_libero_max.worlds.contract import AlterableWorld, Image
+from pytest_libero_max.worlds.robot import CAMERAS
 
 
 @dataclass(frozen=True)

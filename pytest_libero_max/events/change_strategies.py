@@ -24,7 +24,8 @@ from pytest_libero_max.changes import (
     ShiftCamera,
 )
 from pytest_libero_max.errors import OptionError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Entity
+from pytest_libero_max.worlds.contract import Entity
+from pytest_libero_max.worlds.robot import CAMERAS
 
 Entities = Mapping[str, Entity]
 

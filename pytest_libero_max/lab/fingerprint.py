@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, read_content
 from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.worlds.contract import (
-    CAMERAS,
     AlterableWorld,
     Observation,
     OnMujoco,
@@ -30,6 +29,7 @@ from pytest_libero_max.worlds.contract import (
     on_mujoco,
 )
 from pytest_libero_max.worlds.rendering.context import RENDERING
+from pytest_libero_max.worlds.robot import CAMERAS
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case

@@ -25,8 +25,9 @@ from pytest_libero_max.films.replay import Look, Tick, View, opening_m, play_aga
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.runs.media import distinct_arms
-from pytest_libero_max.worlds.contract import CAMERAS, Image, OnMujoco, World
+from pytest_libero_max.worlds.contract import Image, OnMujoco, World
 from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
+from pytest_libero_max.worlds.robot import CAMERAS
 
 if TYPE_CHECKING:
     import rerun

@@ -28,7 +28,8 @@ from pytest_libero_max.pairing.trajectory import Firing, QueryResult, Step, Traj
 from pytest_libero_max.policies.check import check_actions, sees
 from pytest_libero_max.policies.contract import BatchItem, Query
 from pytest_libero_max.policies.transforms.states import axis_angle, grip_site_quaternion
-from pytest_libero_max.worlds.contract import Array, Observation, Robot, WorldState
+from pytest_libero_max.worlds.contract import Array, Observation, WorldState
+from pytest_libero_max.worlds.robot import Robot
 
 
 @dataclass(frozen=True)

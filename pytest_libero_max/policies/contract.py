@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.structs import Name, fits
 from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.worlds.contract import CAMERAS, Control, ImageSize, Observation, Robot, World
-from pytest_libero_max.worlds.robot import PANDA, ROBOTS
+from pytest_libero_max.worlds.contract import Control, ImageSize, Observation, World
+from pytest_libero_max.worlds.robot import CAMERAS, PANDA, ROBOTS, Robot
 
 Arm = Literal["base", "dynamic"]
 

@@ -50,6 +50,8 @@ _CODE = (".pyc", ".pyi", ".so")
 _CLOCK_NS = 20_000_000  # the clock of the times of files stands still for some milliseconds
 _MADE = ("__pycache__", ".git", ".locks", ".no_exist")
 _HUB = "blobs"
+_METADATA = (".dist-info", ".egg-info")
+"""Endings of the folders that describe an installed package, which whoever looks for entry points reads."""
 
 
 class FilesRead:
@@ -208,6 +210,8 @@ def _counts(path: Path, folder: Path | None, begun_ns: int) -> bool:
     real = Path(os.path.realpath(path))
     status = real.stat()
     if not S_ISREG(status.st_mode) or real.suffix in _CODE or {*path.parts} & {*_MADE}:
+        return False
+    if path.parent.suffix in _METADATA:
         return False
     if _inside(real, _SYSTEM) or _inside(path, _python()):
         return False

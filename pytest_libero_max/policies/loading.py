@@ -225,19 +225,19 @@ class _BesideAdapter:
 
 
 _BESIDE = _BesideAdapter()
-_FURTHER: list[_BesideAdapter] = []
+_further_adapters: list[_BesideAdapter] = []
 
 
 def _further() -> _BesideAdapter:
     """Return a place for one more adapter file of this process."""
-    _FURTHER.append(_BesideAdapter())
-    return _FURTHER[-1]
+    _further_adapters.append(_BesideAdapter())
+    return _further_adapters[-1]
 
 
 def forget_adapter() -> None:
     """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter files that were loaded."""
-    while _FURTHER:
-        _FURTHER.pop().leave()
+    while _further_adapters:
+        _further_adapters.pop().leave()
     _BESIDE.leave()
 
 

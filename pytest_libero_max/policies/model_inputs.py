@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import Policy, Query
 from pytest_libero_max.policies.transforms import states
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
+from pytest_libero_max.worlds.contract import Image, Observation
+from pytest_libero_max.worlds.robot import CAMERAS
 
 _TURNS: Mapping[str, Callable[[Image], Image]] = MappingProxyType(
     {

@@ -21,8 +21,7 @@ from typing import Annotated, Any
 from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import Count, Flag, Positive, Text, Texts, fits, rule, shown, words
 from pytest_libero_max.errors import AdapterError, did_you_mean
-from pytest_libero_max.worlds.contract import Robot
-from pytest_libero_max.worlds.robot import PANDA, ROBOTS
+from pytest_libero_max.worlds.robot import PANDA, ROBOTS, Robot
 
 PROFILE_ALONE = "profile"
 """Begins the revision of a policy whose weights nobody has declared."""

@@ -24,11 +24,10 @@ from pytest_libero_max.worlds.contract import (
     Image,
     ImageSize,
     PixelFilter,
-    Robot,
     Semantics,
     World,
 )
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.robot import PANDA, Robot
 
 
 class WorldBase(ABC):

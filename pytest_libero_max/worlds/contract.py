@@ -10,13 +10,14 @@ what changes read and write: views, lights, surfaces, poses. A privileged policy
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.worlds.robot import CAMERAS, Robot
 
 if TYPE_CHECKING:
     import mujoco
@@ -32,16 +33,6 @@ Observation = Mapping[str, NDArray[Any]]
 order, so ``image[::-1]`` is upright), ``robot0_eef_pos`` (3, m, world), ``robot0_eef_quat`` (4, xyzw),
 ``robot0_gripper_qpos`` (2, m), ``robot0_gripper_qvel`` (2), ``robot0_joint_pos`` (7, rad) and
 ``robot0_joint_vel`` (7, rad/s)."""
-
-CONTROL_HZ = 20
-"""Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
-MOST_HZ = 1000
-ACTION_DIM = 7
-NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
-"""Hold the pose with the gripper open: LIBERO's settle action."""
-
-CAMERAS = ("agentview", "robot0_eye_in_hand")
-"""The two cameras a LIBERO policy sees, in the order in which LIBERO lists them."""
 
 EntityKind = Literal["object", "fixture", "surface"]
 
@@ -62,41 +53,6 @@ Goal = tuple[tuple[str, ...], ...]
 def height_and_width(size: ImageSize) -> tuple[int, int]:
     """Height and width of an image, pixels."""
     return (size, size) if isinstance(size, int) else size
-
-
-@dataclass(frozen=True, kw_only=True)
-class Robot:
-    """A robot as a policy knows it: the meaning and the number of what goes in and out.
-
-    Raises:
-        ValueError: A value breaks its rule.
-    """
-
-    name: str
-    """Name of the robot, by which policies and profiles name it."""
-    noop: tuple[float, ...] = NOOP_ACTION
-    """Action that holds the pose with the gripper open; its length is that of every action."""
-    control_hz: int = CONTROL_HZ
-    """Control steps in a second of simulated time."""
-    cameras: tuple[str, ...] = CAMERAS
-    """Cameras of a policy, the main one first, then that at the hand if there is one."""
-    state: Mapping[str, int] = field(default_factory=dict)
-    """Keys of an observation besides the images, with the sizes of their arrays."""
-    joints_key: str = "robot0_joint_pos"
-    """Key of the positions of the arm's joints, rad."""
-    fingers_key: str = "robot0_gripper_qpos"
-    """Key of the positions of the fingers, m."""
-
-    def __post_init__(self) -> None:
-        if not self.name or not self.noop or not self.cameras:
-            raise ValueError(f"{self!r}: a robot has a name, components of an action and a camera")
-        if not isinstance(self.control_hz, int) or not 1 <= self.control_hz <= MOST_HZ:
-            raise ValueError(f"control_hz={self.control_hz!r} of {self.name!r}, but must be 1 to {MOST_HZ}")
-
-    @property
-    def components(self) -> int:
-        """Number of components of an action."""
-        return len(self.noop)
 
 
 @dataclass(frozen=True)

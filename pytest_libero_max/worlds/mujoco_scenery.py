@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,13 +55,15 @@ _COLOUR_ROLE = 1
 _COLLIDING_GROUP, _DRAWN_GROUP = 0, 1
 _BOX = 6  # mjGEOM_BOX
 
-_LIGHTS = {
-    "ambient": "light_ambient",
-    "diffuse": "light_diffuse",
-    "specular": "light_specular",
-    "direction": "light_dir",
-    "casts_shadow": "light_castshadow",
-}
+_LIGHTS = MappingProxyType(
+    {
+        "ambient": "light_ambient",
+        "diffuse": "light_diffuse",
+        "specular": "light_specular",
+        "direction": "light_dir",
+        "casts_shadow": "light_castshadow",
+    }
+)
 """Model fields by the names that :class:`.scenery.Lights` gives them."""
 
 

@@ -1,7 +1,7 @@
 """Robots: what actions and observations mean, and the names that the parts of one have in a compiled model.
 
 A policy names its robot (:attr:`.PolicySpec.robot`), a world has one (:attr:`.World.robot`), and both must be
-the same. Another package adds its own, a :class:`.contract.Robot`, by an entry point
+the same. Another package adds its own :class:`Robot` by an entry point
 (``pytest_libero_max.robots``).
 
 On MuJoCo and robosuite a :class:`MujocoRobot` also names joints and bodies. What still follows from the
@@ -24,7 +24,6 @@ from types import MappingProxyType
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.registry import Registry, given
-from pytest_libero_max.worlds.contract import Robot
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
@@ -32,6 +31,51 @@ begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as
 
 OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER})
 """Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
+
+CONTROL_HZ = 20
+"""Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
+MOST_HZ = 1000
+ACTION_DIM = 7
+NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+"""Hold the pose with the gripper open: LIBERO's settle action."""
+
+CAMERAS = ("agentview", "robot0_eye_in_hand")
+"""The two cameras a LIBERO policy sees, in the order in which LIBERO lists them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A robot as a policy knows it: the meaning and the number of what goes in and out.
+
+    Raises:
+        ValueError: A value breaks its rule.
+    """
+
+    name: str
+    """Name of the robot, by which policies and profiles name it."""
+    noop: tuple[float, ...] = NOOP_ACTION
+    """Action that holds the pose with the gripper open; its length is that of every action."""
+    control_hz: int = CONTROL_HZ
+    """Control steps in a second of simulated time."""
+    cameras: tuple[str, ...] = CAMERAS
+    """Cameras of a policy, the main one first, then that at the hand if there is one."""
+    state: Mapping[str, int] = field(default_factory=dict)
+    """Keys of an observation besides the images, with the sizes of their arrays."""
+    joints_key: str = "robot0_joint_pos"
+    """Key of the positions of the arm's joints, rad."""
+    fingers_key: str = "robot0_gripper_qpos"
+    """Key of the positions of the fingers, m."""
+
+    def __post_init__(self) -> None:
+        if not self.name or not self.noop or not self.cameras:
+            raise ValueError(f"{self!r}: a robot has a name, components of an action and a camera")
+        if not isinstance(self.control_hz, int) or not 1 <= self.control_hz <= MOST_HZ:
+            raise ValueError(f"control_hz={self.control_hz!r} of {self.name!r}, but must be 1 to {MOST_HZ}")
+
+    @property
+    def components(self) -> int:
+        """Number of components of an action."""
+        return len(self.noop)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +127,7 @@ PANDA = MujocoRobot(
 
 def _accept(name: str, candidate: object) -> Robot:
     if not isinstance(candidate, Robot):
-        raise ValueError(f"{candidate!r} is no pytest_libero_max.worlds.contract.Robot")
+        raise ValueError(f"{candidate!r} is no pytest_libero_max.Robot")
     return candidate
 
 

@@ -35,9 +35,9 @@ from scipy.linalg import lapack
 
 from pytest_libero_max.errors import SimulatorError, SubstrateError
 from pytest_libero_max.worlds.compiling import compiled
-from pytest_libero_max.worlds.contract import ACTION_DIM, Array, Control
+from pytest_libero_max.worlds.contract import Array, Control
 from pytest_libero_max.worlds.rendering import gl
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.robot import ACTION_DIM, PANDA
 
 gl.import_robosuite()
 

@@ -9,7 +9,7 @@ from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.changes.world_comparison import (
     differing,
     full_state,

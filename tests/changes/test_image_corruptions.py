@@ -8,7 +8,8 @@ from scipy.ndimage import gaussian_filter
 
 from pytest_libero_max.changes import Glare, PictureCorruption, image_corruptions, image_loops
 from pytest_libero_max.changes.pixels import PublishedSensorCorruption
-from pytest_libero_max.worlds.contract import CAMERAS, Image
+from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.robot import CAMERAS
 
 KINDS = sorted(image_corruptions.KINDS)
 rows, columns = np.mgrid[0:64, 0:64]

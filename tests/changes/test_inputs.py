@@ -9,7 +9,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.pairing.changing import begin_world
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.changes.world_comparison import differing, full_state
 from tests.substrates.libero.made_up import case_of
 

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from pytest_libero_max.changes import Brightness, SensorCorruption, SetSensorCorruption
 from pytest_libero_max.changes.pixels import PublishedSensorCorruption
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, Image
+from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.robot import CAMERAS
 
 EVENT = (24.0, 0.08, 2342431568)
 GREY = np.full((64, 64, 3), 128, dtype=np.uint8)

@@ -28,7 +28,8 @@ from pytest_libero_max.substrates.embedded.remodel import Remodel, remodelled
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Array
+from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
 
 PIVOT = (0.0, 0.0, 0.8)

@@ -15,7 +15,8 @@ from pytest_libero_max.conformance.environment.recording import record
 from pytest_libero_max.conformance.environment.reference import TaskReference
 from pytest_libero_max.policies.transforms.states import axis_angle, axis_angle_antipodal
 from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Array, Image
+from pytest_libero_max.worlds.contract import Array, Image
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 from pytest_libero_max.worlds.rotations import about, multiply
 
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -12,7 +12,7 @@ from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination, Outcome
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.conformance import environments
 
 RULES = rules_for("env")

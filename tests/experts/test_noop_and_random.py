@@ -10,7 +10,7 @@ import pytest
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 
 EPISODE = Episode("libero_spatial", 0, "do it", 195, 220)
 

@@ -20,7 +20,8 @@ from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.palette import EVENT
 from pytest_libero_max.runs.media import distinct_arms
-from pytest_libero_max.worlds.contract import CONTROL_HZ, Image
+from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.robot import CONTROL_HZ
 
 from .short_run import BUDGET, SIZE, Played, play
 

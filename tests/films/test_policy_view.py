@@ -14,7 +14,8 @@ from pytest_libero_max.films.policy_view import fitted, policy_look, shown_by
 from pytest_libero_max.films.replay import Tick, play_again
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.profile import load_profile
-from pytest_libero_max.worlds.contract import CAMERAS, Image
+from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.pairing.actors import Approaching
 
 from .short_run import BUDGET, SIZE, Played, play, store

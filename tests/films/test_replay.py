@@ -15,7 +15,8 @@ from pytest_libero_max.events.triggers import StepsAfter
 from pytest_libero_max.films.replay import Tick, View, play_again, through_cameras
 from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, Observation
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.pairing.actors import Posing
 
 from .short_run import BUDGET, SIZE, Played, play

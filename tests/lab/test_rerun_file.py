@@ -14,7 +14,7 @@ from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.films.recorded import Drawn
 from pytest_libero_max.films.replay import Tick, play_again
 from pytest_libero_max.lab.rerun_file import Scene, record_pair, scenes, write_recording
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.films.conftest import played, short
 from tests.films.short_run import BUDGET, SIZE, Played, store
 

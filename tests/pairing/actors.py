@@ -16,7 +16,8 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, ImageSize, Observation
+from pytest_libero_max.worlds.contract import ImageSize, Observation
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 
 BUDGET = 24
 """Policy steps of an episode here: everything that these tests want to see happens before."""

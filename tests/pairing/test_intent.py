@@ -20,7 +20,8 @@ from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.policies.contract import Query
 from pytest_libero_max.report.diagnosis import diagnose
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Observation
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 from tests.pairing import actors
 from tests.pairing.actors import Approaching, ShortCase, Solvable, make_case, policy_steps
 

@@ -5,7 +5,7 @@ import pytest
 
 from pytest_libero_max.pairing import kept_images
 from pytest_libero_max.pairing.kept_images import KeptImages
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 from tests.pairing.actors import Looking
 
 KEYS = [f"{camera}_image" for camera in CAMERAS]

@@ -30,7 +30,7 @@ from pytest_libero_max.pairing.runner import (
 )
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 from .actors import BUDGET, Approaching, Posing, make_case
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.pairing.probes.motion import Motion
-from pytest_libero_max.worlds.contract import CONTROL_HZ
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.robot import CONTROL_HZ, PANDA
 
 
 def seen(hand: Any) -> Any:

@@ -29,7 +29,8 @@ from pytest_libero_max.pairing.runner import (
 )
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, alterable, on_mujoco
+from pytest_libero_max.worlds.contract import alterable, on_mujoco
+from pytest_libero_max.worlds.robot import CAMERAS
 
 from .actors import BUDGET, Approaching, Looking, Posing, Solvable, make_case, policy_steps, shorten
 

@@ -7,7 +7,7 @@ import inspect
 from pytest_libero_max import worlds
 from pytest_libero_max.benchmark import cases
 from pytest_libero_max.tasks.suites import LIBERO
-from pytest_libero_max.worlds import contract, scenery
+from pytest_libero_max.worlds import contract, robot, scenery
 from tests.reference.docstrings import constants, description, section, summary
 from tests.reference.markdown import code, one_line, prose, table
 
@@ -75,7 +75,7 @@ def page() -> str:
         ("Constant", "Value", "Meaning"),
         (
             (code(item.name), code(item.value), one_line(item.text))
-            for module in (cases, contract)
+            for module in (cases, robot)
             for item in constants(module)
             if item.value.isdigit() or item.value.startswith("(")
         ),
@@ -130,7 +130,7 @@ Policy steps an episode of a suite of LIBERO may take after the settle steps.
 
 ## Robots
 
-{_fields(contract.Robot)}
+{_fields(robot.Robot)}
 
 ## What changes use
 

@@ -22,7 +22,8 @@ from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.report.diagnosis import CAUSES, Diagnosis, diagnose
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Observation
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 from tests.short_episodes import shorten_here
 
 Actions = NDArray[np.float64]

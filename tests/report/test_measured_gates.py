@@ -130,7 +130,7 @@ def test_every_number_of_a_section_has_a_name_for_gates() -> None:
     assert keys
     assert keys <= {*section_quantities()}
     for key in section_quantities():
-        assert parse_gate(f"{key} == 0.5").name == key
+        assert parse_gate(f"{key} == 1").name == key
 
 
 def test_a_number_of_a_section_is_in_csv_for_the_run_alone() -> None:

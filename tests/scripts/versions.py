@@ -37,8 +37,8 @@ from pytest_libero_max.substrates.libero.package_env import Built, build
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import Task, task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
-from pytest_libero_max.worlds.contract import CAMERAS
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.scripts.measure import blind, make_case
 
 import mujoco  # isort: skip - the rooms above have settled its backend

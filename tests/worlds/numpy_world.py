@@ -27,11 +27,10 @@ from pytest_libero_max.worlds.contract import (
     Goal,
     Image,
     ImageSize,
-    Robot,
     WorldState,
     height_and_width,
 )
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.robot import PANDA, Robot
 from pytest_libero_max.worlds.scene_digest import value_digest
 from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ActionError, EntityError, SimulatorError, SubstrateError
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Image, World
+from pytest_libero_max.worlds.contract import Image, World
 from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 from tests.worlds.states import differing, every_array, integration_state, random_actions
 
 AWAY = (-2.0, 0.0, -5.0)

@@ -12,8 +12,8 @@ from pytest_libero_max.errors import EntityError, SubstrateError
 from pytest_libero_max.substrates.embedded.panda import outline
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, EmbeddedWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION, World
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.robot import NOOP_ACTION, PANDA
 from tests.worlds.reference import twin
 from tests.worlds.states import differing, every_array, random_actions
 

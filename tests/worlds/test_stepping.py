@@ -13,7 +13,8 @@ from pytest_libero_max.policies.transforms.states import grip_site_quaternion, r
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.tasks.libero_tasks import SUITES, tasks
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Array, Control
+from pytest_libero_max.worlds.contract import Array, Control
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 from pytest_libero_max.worlds.stepping import Stepper
 from tests.worlds.reference import twin
 from tests.worlds.states import integration_state, random_actions, random_poses

@@ -8,7 +8,7 @@ from pytest_libero_max.conformance.environment.contract import KEYS
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import SubstrateError, counted
-from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 RATE = "env/clock/rate"
 

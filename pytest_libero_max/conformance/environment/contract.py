@@ -11,7 +11,7 @@ from pytest_libero_max.conformance.environment.observing import Reading, differi
 from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 
 OPENS = "env/contract/opens"
 KEYS = "env/contract/keys"

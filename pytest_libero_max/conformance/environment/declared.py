@@ -7,11 +7,13 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from pytest_libero_max.conformance.environment.reference import TaskReference, read_reference
 from pytest_libero_max.conformance.python_name import PythonName
 from pytest_libero_max.errors import OptionError
+
+if TYPE_CHECKING:
+    from pytest_libero_max.conformance.environment.reference import TaskReference
 
 DEFAULT_REFERENCE = "libero_spatial-0"
 """Name of the reference of an environment that declares none."""
@@ -54,7 +56,10 @@ class DeclaredEnvironment:
         Raises:
             OptionError: There is none of its name.
         """
-        return self.reference if isinstance(self.reference, TaskReference) else read_reference(self.reference)
+        from pytest_libero_max.conformance.environment.reference import read_reference
+
+        given = self.reference
+        return read_reference(given) if isinstance(given, str | Path) else given
 
 
 @dataclass(frozen=True)

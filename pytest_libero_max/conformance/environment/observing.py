@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 
 ROLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

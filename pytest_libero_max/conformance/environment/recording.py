@@ -9,7 +9,8 @@ import numpy as np
 from pytest_libero_max.benchmark.cases import SETTLE_STEPS, step_budget
 from pytest_libero_max.conformance.environment.reference import Move, RobotState, TaskReference, encoded
 from pytest_libero_max.errors import SubstrateError, counted
-from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ, NOOP_ACTION, Array, Observation, World
+from pytest_libero_max.worlds.contract import Array, Observation, World
+from pytest_libero_max.worlds.robot import CAMERAS, CONTROL_HZ, NOOP_ACTION
 from pytest_libero_max.worlds.rotations import inverse, multiply, quaternion, vector_of
 
 STARTS = 10

@@ -18,7 +18,7 @@ from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import counted
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 
 _STEPS = 20
 """Steps of the recorded episode that are played again."""

@@ -15,7 +15,7 @@ from pytest_libero_max.conformance.environment.declared import DeclaredEnvironme
 from pytest_libero_max.conformance.environment.observing import Reading, read_observation
 from pytest_libero_max.conformance.environment.reference import TaskReference
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.worlds.contract import NOOP_ACTION
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 T = TypeVar("T")
 Array = NDArray[np.float64]

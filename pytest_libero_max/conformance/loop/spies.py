@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.errors import ProtocolError
-from pytest_libero_max.worlds.contract import ACTION_DIM, Observation
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import ACTION_DIM
 
 H, Q = 8, 5
 """Chunk size and execution horizon of the spy policy."""

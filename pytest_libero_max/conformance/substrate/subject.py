@@ -12,7 +12,8 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.pairing.changing import begin_world
 from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
-from pytest_libero_max.worlds.contract import ACTION_DIM, Array, World
+from pytest_libero_max.worlds.contract import Array, World
+from pytest_libero_max.worlds.robot import ACTION_DIM
 
 
 def actions_for(world: World) -> Array:

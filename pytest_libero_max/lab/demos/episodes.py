@@ -20,7 +20,8 @@ from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.tasks.libero_tasks import tasks
-from pytest_libero_max.worlds.contract import CAMERAS, World
+from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.robot import CAMERAS
 
 _WITHOUT_SETUP = "illumination_switch"
 """The event of the cases whose Base is recorded: it needs nothing of the scene and prepares nothing in it."""

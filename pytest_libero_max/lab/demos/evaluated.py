@@ -20,7 +20,8 @@ from pytest_libero_max.lab.demos.folder import EPISODES, Settings, begin_folder,
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace, trace_name
 from pytest_libero_max.runs.media import TRACES_NAME, distinct_arms
-from pytest_libero_max.worlds.contract import CAMERAS, Observation, World
+from pytest_libero_max.worlds.contract import Observation, World
+from pytest_libero_max.worlds.robot import CAMERAS
 
 
 @dataclass(frozen=True, eq=False)

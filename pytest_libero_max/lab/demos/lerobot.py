@@ -26,7 +26,7 @@ from pytest_libero_max.lab.demos.episodes import Demonstration
 from pytest_libero_max.lab.demos.folder import load
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.policies.transforms.states import axis_angle
-from pytest_libero_max.worlds.contract import CAMERAS, CONTROL_HZ
+from pytest_libero_max.worlds.robot import CAMERAS, CONTROL_HZ
 
 VERSION = "v3.0"
 CHUNK = "chunk-{0:03d}/file-{1:03d}.parquet"

@@ -25,7 +25,8 @@ from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
-from pytest_libero_max.worlds.contract import ACTION_DIM, NOOP_ACTION, Array
+from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.robot import ACTION_DIM, NOOP_ACTION
 
 WARM_UP = 5
 

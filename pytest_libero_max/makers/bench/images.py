@@ -13,9 +13,10 @@ from pytest_libero_max.makers.bench.clock import in_processes, wait_for_others
 from pytest_libero_max.makers.bench.scenes import scenes_of
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import open_substrate
-from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, Image, World
+from pytest_libero_max.worlds.contract import Image, World
 from pytest_libero_max.worlds.rendering import egl, gl
 from pytest_libero_max.worlds.rendering.renderer import Renderer
+from pytest_libero_max.worlds.robot import ACTION_DIM, CAMERAS
 
 _WARM_UP = 6
 _LOOKS, _STEPS = 6, 5

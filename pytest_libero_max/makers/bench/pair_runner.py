@@ -23,7 +23,8 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.substrates.embedded.env import SceneEnv
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Observation
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 
 QUERY_INTERVAL = 10
 IMAGE_SIZE = 256

@@ -16,7 +16,8 @@ from pytest_libero_max.makers.bench.clock import processor_seconds
 from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.tasks.libero_tasks import tasks
 from pytest_libero_max.tasks.suites import LIBERO_SUITES
-from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, World
+from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.robot import ACTION_DIM, CAMERAS
 
 OpenScene = Callable[[str, int], AbstractContextManager[World]]
 """Makes the world of a task, by suite and number, and closes it."""

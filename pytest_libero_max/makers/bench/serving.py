@@ -16,7 +16,8 @@ from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
 from pytest_libero_max.policies.server.sockets import serving
-from pytest_libero_max.worlds.contract import ACTION_DIM, Observation, height_and_width
+from pytest_libero_max.worlds.contract import Observation, height_and_width
+from pytest_libero_max.worlds.robot import ACTION_DIM
 
 _WARM_UP = 5
 _EPISODE = Episode("libero_spatial", 0, "pick up the bowl", 7, 220)

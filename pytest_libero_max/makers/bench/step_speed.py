@@ -18,8 +18,8 @@ from pytest_libero_max.errors import SimulatorError, counted
 from pytest_libero_max.makers.bench.clock import processor_seconds
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
-from pytest_libero_max.worlds.contract import ACTION_DIM, CAMERAS, CONTROL_HZ
 from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.robot import ACTION_DIM, CAMERAS, CONTROL_HZ
 
 gl.prepare()
 

@@ -12,9 +12,10 @@ from pytest_libero_max.cli.case_text import event_pictures
 from pytest_libero_max.events.approach import approach
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.substrates.contract import Substrate
-from pytest_libero_max.worlds.contract import CAMERAS, Image, World
+from pytest_libero_max.worlds.contract import Image, World
 from pytest_libero_max.worlds.rendering.appearance import MOVED_M, Points, outlines, places_of
 from pytest_libero_max.worlds.rendering.contact_sheets import captioned, write_sheet
+from pytest_libero_max.worlds.robot import CAMERAS
 
 ORIGINAL = "original"
 """The track on LIBERO's own tasks."""

@@ -30,16 +30,8 @@ from pytest_libero_max.makers.construction.visibility import (
     pixels_of,
     sights,
 )
-from pytest_libero_max.worlds.contract import (
-    CAMERAS,
-    CONTROL_HZ,
-    Image,
-    OnMujoco,
-    World,
-    alterable,
-    on_mujoco,
-)
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.contract import Image, OnMujoco, World, alterable, on_mujoco
+from pytest_libero_max.worlds.robot import CAMERAS, CONTROL_HZ, PANDA
 
 MAX_SHIFT_M = 0.02
 """Largest drift, m, beyond that without the event, while the world is held still."""

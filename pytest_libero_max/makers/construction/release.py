@@ -29,7 +29,7 @@ from pytest_libero_max.makers.construction.original import select_original
 from pytest_libero_max.makers.construction.preflight import Check, Preflight, Problem
 from pytest_libero_max.makers.construction.splits import SPLITS, full
 from pytest_libero_max.makers.construction.visibility import Sight
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 
 REJECTED, SIGHTS = "rejected.tsv.gz", "visibility.tsv.gz"
 """Only there if some cases of the tracks could not be examined."""

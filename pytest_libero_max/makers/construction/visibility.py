@@ -11,8 +11,9 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.substrates.variation import variation_metadata
 from pytest_libero_max.tasks.contents import owner, task_metadata
-from pytest_libero_max.worlds.contract import CAMERAS, World
+from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.privileged import PrivilegedWorld
+from pytest_libero_max.worlds.robot import CAMERAS
 
 IMAGE_SIZE = 256
 """Side of the images in which pixels are counted."""

@@ -15,7 +15,8 @@ from pytest_libero_max.policies.contract import Episode, Query, published_seed
 from pytest_libero_max.policies.profile import Profile
 from pytest_libero_max.policies.transforms.images import side_by_side
 from pytest_libero_max.policies.transforms.steps import INPUT_STEPS, TEXT_STEPS, Step, parse_steps
-from pytest_libero_max.worlds.contract import Observation, Robot
+from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import Robot
 
 
 @dataclass(frozen=True)

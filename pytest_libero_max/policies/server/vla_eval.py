@@ -31,7 +31,8 @@ from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query
 from pytest_libero_max.policies.server.host import Host, InferenceRequest
 from pytest_libero_max.policies.server.memories import Place
 from pytest_libero_max.policies.transforms.images import rotate_180
-from pytest_libero_max.worlds.contract import CAMERAS, height_and_width
+from pytest_libero_max.worlds.contract import height_and_width
+from pytest_libero_max.worlds.robot import CAMERAS
 
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection

@@ -16,9 +16,9 @@ from pytest_libero_max.substrates.embedded.panda import add_robot
 from pytest_libero_max.substrates.embedded.predicates import all_hold
 from pytest_libero_max.substrates.embedded.scene import Scene
 from pytest_libero_max.substrates.embedded.textures import upload
-from pytest_libero_max.worlds.contract import CONTROL_HZ, WorldState
+from pytest_libero_max.worlds.contract import WorldState
 from pytest_libero_max.worlds.rendering import gl
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.robot import CONTROL_HZ, PANDA
 
 gl.import_robosuite()
 

@@ -13,8 +13,9 @@ from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate, E
 from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.tasks.libero_tasks import SUITES, Task, tasks
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
+from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.rendering.contact_sheets import captioned, resized, wrapped, write_sheet
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 PLUS_LEVELS = (1, 3, 5)
 

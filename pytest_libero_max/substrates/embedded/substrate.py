@@ -6,6 +6,7 @@ import copy
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache, partial
 from importlib.metadata import version
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.machine import return_free_memory
@@ -45,7 +46,7 @@ IMAGES = "images"
 SCENES = 12
 """Number of compiled scenes that a substrate keeps."""
 
-SAMPLES = {"1": OFFSAMPLES, "2": 0}
+SAMPLES = MappingProxyType({"1": OFFSAMPLES, "2": 0})
 """Samples per pixel by version of the images: half of the time of an image is a software renderer's work on
 samples, and without them only edges look otherwise."""
 

@@ -33,7 +33,8 @@ from pytest_libero_max.substrates.libero.placing import (
     shifts,
 )
 from pytest_libero_max.substrates.libero.pro_config import Config, Section
-from pytest_libero_max.worlds.contract import CAMERAS, Array, Image
+from pytest_libero_max.worlds.contract import Array, Image
+from pytest_libero_max.worlds.robot import CAMERAS
 
 import mujoco  # isort: skip - the rooms above have settled its backend
 

@@ -11,7 +11,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.lab.demos.episodes import Planned, planned, record
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.pairing.actors import ShortCase, Solvable, make_case, policy_steps
 
 

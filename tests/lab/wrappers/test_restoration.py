@@ -19,7 +19,8 @@ from pytest_libero_max.policies.check import check_policy, notes_of, remembers
 from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS, Image, Observation
+from pytest_libero_max.worlds.contract import Image, Observation
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.pairing.actors import Approaching, make_case
 
 SETTINGS = [(24.0, 0.08), (36.0, 0.16)]

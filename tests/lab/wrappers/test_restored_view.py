@@ -8,7 +8,7 @@ from msgspec import structs
 
 from pytest_libero_max.films.policy_view import caption, shown_by
 from pytest_libero_max.lab.wrappers.restoration import RestoringPolicy
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.films.conftest import short
 from tests.films.short_run import play
 from tests.films.test_policy_view import ADAPTER, _image, _ticks

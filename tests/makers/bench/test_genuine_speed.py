@@ -12,7 +12,7 @@ from pytest_libero_max.makers.bench.genuine_speed import (
 )
 from pytest_libero_max.substrates.libero.installation import find_installation
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-from pytest_libero_max.worlds.contract import ACTION_DIM
+from pytest_libero_max.worlds.robot import ACTION_DIM
 from tests.substrates.libero.data import DATA, needs_package
 
 

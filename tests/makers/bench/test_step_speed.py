@@ -9,7 +9,7 @@ from pytest_libero_max.makers.bench.step_speed import StepTimes, measure_steppin
 from pytest_libero_max.substrates.embedded.env import SceneEnv
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 
 
 def times(**changed: float | None) -> StepTimes:

@@ -15,8 +15,9 @@ from pytest_libero_max.experts.expert import ExpertPolicy, plan, subgoals
 from pytest_libero_max.experts.motion import follow
 from pytest_libero_max.experts.scene_view import owner_of, read_hand
 from pytest_libero_max.policies.contract import Episode, Query
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Observation
+from pytest_libero_max.worlds.contract import Observation
 from pytest_libero_max.worlds.privileged import Fact
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 Array = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ import pytest
 
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.registry import open_substrate
-from pytest_libero_max.worlds.contract import CAMERAS
 from pytest_libero_max.worlds.rendering.renderer import OFFSAMPLES, Renderer
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.scripts.measure import make_case
 
 CASE = make_case("libero_spatial", 0, 0)

@@ -16,7 +16,7 @@ from pytest_libero_max.pairing.changing import apply_change, begin_world
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.world import LiberoWorld
 from pytest_libero_max.tasks.contents import task_metadata
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 
 LOOKED_THROUGH = (*CAMERAS, "frontview")
 BEFORE, AFTER = "before", "after"

@@ -33,8 +33,8 @@ from pytest_libero_max.substrates.libero.installation import importable, install
 from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
 from pytest_libero_max.substrates.libero.lacking import lacking
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION
 from pytest_libero_max.worlds.rendering.renderer import Renderer
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 from tests.makers.construction.test_official import MANIFEST, OFFICIAL
 from tests.scripts.measure_memory import resident_bytes
 from tests.substrates.libero import drawn_twice

@@ -14,7 +14,8 @@ from pytest_libero_max.substrates.libero.pro_tasks import pro_task
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import Task
 from pytest_libero_max.substrates.libero.world import LiberoWorld
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Array
+from pytest_libero_max.worlds.contract import Array
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 from tests.substrates.libero.data import needs_package
 from tests.substrates.libero.made_up import pro_case
 from tests.substrates.libero.reference import Reference, assert_same

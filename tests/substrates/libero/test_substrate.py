@@ -15,7 +15,7 @@ from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.substrates.variation import Variation
-from pytest_libero_max.worlds.contract import CAMERAS
+from pytest_libero_max.worlds.robot import CAMERAS
 from tests.substrates.libero.checkouts import SUITE, plus_checkout, pro_checkout
 from tests.substrates.libero.data import DATA, needs_package
 from tests.substrates.libero.made_up import case_of, pro_case

@@ -14,9 +14,10 @@ from pytest_libero_max.substrates.libero.installation import Installation
 from pytest_libero_max.substrates.libero.package_env import build
 from pytest_libero_max.substrates.libero.tasks import task_of
 from pytest_libero_max.substrates.libero.world import LiberoWorld
-from pytest_libero_max.worlds.contract import CAMERAS, NOOP_ACTION, Semantics, World
+from pytest_libero_max.worlds.contract import Semantics, World
 from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
 from pytest_libero_max.worlds.rendering.renderer import Renderer
+from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION
 from tests.substrates.libero.data import DATA, TASKS, needs_package
 from tests.substrates.libero.reference import Reference, assert_same
 from tests.worlds.states import differing, every_array, random_actions, random_poses

@@ -11,10 +11,11 @@ from pytest_libero_max.errors import SimulatorError, SubstrateError
 from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedWorld
 from pytest_libero_max.substrates.tiny.world import TinyWorld
-from pytest_libero_max.worlds.contract import NOOP_ACTION, Image
+from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
 from pytest_libero_max.worlds.rendering import renderer
 from pytest_libero_max.worlds.rendering.renderer import Renderer, require_images
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 RED = 0
 

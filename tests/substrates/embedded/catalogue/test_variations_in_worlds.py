@@ -17,7 +17,8 @@ from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.remodel import Remodel
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.variation import Variation
-from pytest_libero_max.worlds.contract import NOOP_ACTION, OnMujoco
+from pytest_libero_max.worlds.contract import OnMujoco
+from pytest_libero_max.worlds.robot import NOOP_ACTION
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
 
 LIGHTS = ("light_ambient", "light_castshadow", "light_diffuse", "light_dir", "light_pos", "light_specular")
