@@ -1,7 +1,7 @@
 """A copy of this repository without the lab: ``python -m tests.core_alone [ARGUMENT OF PYTEST ...]``.
 
 It plays the tests of everything else there, which have to pass as they do here. ``.ci/run`` plays the quick
-ones of ``tests/report``, ``tests/cli`` and ``tests/runs``.
+ones of ``tests/cli`` and ``tests/runs``; before a release play them all.
 """
 
 from __future__ import annotations
