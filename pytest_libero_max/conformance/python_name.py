@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.policies.references import find_spec
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PythonName:
         Raises:
             OptionError: It is not.
         """
-        if not (Path(self.module).is_file() if self._is_file else _is_importable(self.module)):
+        if not (Path(self.module).is_file() if self._is_file else find_spec(self.module)):
             raise OptionError.seen(
                 self.kind,
                 self.module,
@@ -79,22 +79,11 @@ class PythonName:
         return self.module.endswith(".py")
 
 
-def _is_importable(name: str) -> bool:
-    try:
-        return importlib.util.find_spec(name) is not None
-    except (ImportError, ValueError):
-        return False
-
-
 def _executed(path: Path) -> ModuleType:
     """Return the module of a file, whose folder then stands on the import path for its neighbours."""
+    from pytest_libero_max.policies.loading import execute_file
+
     folder = str(path.absolute().parent)
     if folder not in sys.path:
         sys.path.append(folder)  # last: a file called random.py must not hide the standard library's
-    spec = importlib.util.spec_from_file_location(f"_libero_max_subject_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look a class's module up here
-    spec.loader.exec_module(module)
-    return module
+    return execute_file(f"_libero_max_subject_{path.stem}", path)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from pytest_libero_max.conformance.environment.declared import FactoryName
 from pytest_libero_max.conformance.python_name import PythonName
 from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
@@ -44,8 +45,6 @@ class Subject:
         elif subject.kind == "loop":
             PythonName.read(subject.kind, subject.name)
         elif subject.kind == "env":
-            from pytest_libero_max.conformance.environment.declared import FactoryName
-
             FactoryName.read(subject.name)
         return subject
 
@@ -67,8 +66,6 @@ class Subject:
 
             require_profile(self.name, profile)
         elif self.kind == "env":
-            from pytest_libero_max.conformance.environment.declared import FactoryName
-
             FactoryName.read(self.name).place.check()
         elif self.kind == "loop":
             PythonName.read(self.kind, self.name).check()

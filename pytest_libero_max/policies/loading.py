@@ -270,16 +270,20 @@ def _found_elsewhere(name: str) -> bool:
 
 
 def _execute(path: Path, reference: Reference) -> ModuleType:
-    name = _module_name(path)
+    try:
+        return execute_file(_module_name(path), path)
+    except (Exception, SystemExit) as error:
+        raise _failed(error, reference, path, "importing it") from error
+
+
+def execute_file(name: str, path: Path) -> ModuleType:
+    """Execute a file as the module of a name, and return it; what it raises is passed on."""
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses and pickle look a class's module up here
-    try:
-        spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
-        raise _failed(error, reference, path, "importing it") from error
+    spec.loader.exec_module(module)
     return module
 
 

@@ -212,7 +212,7 @@ def submodule_file(folders: Iterable[str], parts: Iterable[str]) -> Path | None:
 
 
 def find_spec(name: str) -> ModuleSpec | None:
-    """Return the spec of a top-level module, which is not imported; None where there is none."""
+    """Return the spec of a module, which is not imported (its packages are); None where there is none."""
     try:
         return importlib.util.find_spec(name)
     except (ImportError, ValueError):

@@ -12,7 +12,6 @@ Panda:
 - absolute control, and a robot that waits for an answer under it, have LIBERO's seven components
   (``policies/check``, ``pairing/rollout``); ``policies/transforms/states`` has the quarter turn from the
   observed hand to the grip site;
-- times of latency are steps of 50 ms (``runs/protocol``, ``runs/query_times``);
 - ``policies/model_inputs`` guesses the inputs of a model from LIBERO's two cameras.
 """
 

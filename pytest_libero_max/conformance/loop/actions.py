@@ -26,8 +26,8 @@ def no_waiting(subject: LoopSubject) -> Iterator[Finding]:
         count, _ = _before_first_query(subject, episode)
         if count:
             yield broken(
-                f"{episode.name}: {counted(count, 'action')} that no query answered were executed before the "
-                "first query",
+                f"{episode.name}: {counted(count, 'action was', 'actions were')} executed that no query "
+                "answered, before the first query",
                 "the first query before the first action",
                 "The world has settled when reset() returns: leave waiting steps out, or put LiberoLoop "
                 "around the environment, which does not execute them.",
@@ -135,7 +135,8 @@ def interval(subject: LoopSubject) -> Iterator[Finding]:
         wrong = [count for count, _ in pairwise(counts) if count != Q] + [n for n in counts[-1:] if n > Q]
         if wrong:
             yield broken(
-                f"{episode.name}: {counted(wrong[0], 'action')} were executed before the next query",
+                f"{episode.name}: {counted(wrong[0], 'action was', 'actions were')} executed before the next "
+                "query",
                 f"query_interval={Q}",
                 f"Execute actions[:{Q}], the policy's query_interval, and then ask again.",
             )

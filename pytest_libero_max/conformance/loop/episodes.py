@@ -100,7 +100,7 @@ def nothing_after(subject: LoopSubject) -> Iterator[Finding]:
         late = sum(isinstance(entry, Executed) and entry.ended for entry in episode.entries)
         if late:
             yield broken(
-                f"{episode.name}: {counted(late, 'action')} were executed after its end",
+                f"{episode.name}: {counted(late, 'action was', 'actions were')} executed after its end",
                 "none",
                 "Look at terminated and truncated after each action, also within a chunk.",
             )

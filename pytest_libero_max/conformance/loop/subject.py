@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -23,6 +21,7 @@ from pytest_libero_max.conformance.loop.spies import (
 )
 from pytest_libero_max.conformance.python_name import PythonName
 from pytest_libero_max.errors import LiberoMaxError
+from pytest_libero_max.worlds.global_generators import global_generators_restored
 
 BUDGET = 23
 """Steps of an episode: no multiple of Q, so that its end lies within a chunk."""
@@ -105,7 +104,7 @@ class LoopSubject:
             LoopError: The loop raised an error.
         """
         scripts = (("Base", BASE), ("Dynamic", DYNAMIC), ("the third episode", LAST_STEP))
-        with _generators_left_alone():
+        with global_generators_restored():  # the spy policy draws from them, and a loop may seed them
             return {name: self._played(name, script) for name, script in scripts}
 
     @cached_property
@@ -115,7 +114,7 @@ class LoopSubject:
         Raises:
             LoopError: The loop raised an error.
         """
-        with _generators_left_alone():
+        with global_generators_restored():
             return self._played("an episode with movements beyond 1", BEYOND)
 
     @property
@@ -142,17 +141,6 @@ class LoopSubject:
         except (Exception, SystemExit) as error:  # a loop of others may raise anything
             raise LoopError(f"{name}: the loop raised {type(error).__name__}: {error}") from error
         return PlayedEpisode(name, script, tuple(spies.entries), result)
-
-
-@contextmanager
-def _generators_left_alone() -> Iterator[None]:
-    """Restore the global generators, from which the spy policy draws, and which a loop may seed."""
-    plain, numpy = random.getstate(), np.random.get_state()  # noqa: NPY002
-    try:
-        yield
-    finally:
-        random.setstate(plain)
-        np.random.set_state(numpy)  # noqa: NPY002
 
 
 def _source(action: Array, queries: list[Asked]) -> Source | None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import random
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any
 
-import numpy as np
+from pytest_libero_max.worlds.global_generators import global_generators_restored
 
 
 @contextmanager
@@ -23,9 +22,9 @@ def undisturbed(model: Any = None) -> Iterator[None]:
         model: The PyTorch module that is trained; None where the policy takes care of its mode.
     """
     torch: Any = sys.modules.get("torch")  # a training with PyTorch has imported it
-    of_python, of_numpy = random.getstate(), np.random.get_state()  # noqa: NPY002 - nothing is drawn from it
     modes = {} if model is None else {module: module.training for module in model.modules()}
     with ExitStack() as stack:
+        stack.enter_context(global_generators_restored())
         if torch is not None:
             devices = range(torch.cuda.device_count()) if torch.cuda.is_initialized() else ()
             stack.enter_context(torch.random.fork_rng(devices))
@@ -35,7 +34,5 @@ def undisturbed(model: Any = None) -> Iterator[None]:
                 model.eval()
             yield
         finally:
-            random.setstate(of_python)
-            np.random.set_state(of_numpy)  # noqa: NPY002
             for module, training in modes.items():
                 module.training = training

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import importlib
 import pdb
-import random
 import re
 import sys
 from collections.abc import Callable, Iterator
@@ -23,6 +22,7 @@ import numpy as np
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.installation import Installation
+from pytest_libero_max.worlds.global_generators import global_generators_restored
 
 _NO_MEMORY = "Could not allocate memory"
 """MuJoCo's words where the memory of the process is at its limit."""
@@ -64,7 +64,7 @@ def build(installation: Installation, bddl: Path | str, seed: int, *, rebuild: b
         MemoryError: There is no memory for it.
     """
     _keep_assets()
-    with _forgetting_the_document(), imported(installation), own_randomness(), _no_debugger():
+    with _forgetting_the_document(), imported(installation), global_generators_restored(), _no_debugger():
         wrappers = importlib.import_module(f"{installation.inner}.envs.env_wrapper")
         randomization_error = importlib.import_module("robosuite.utils.errors").RandomizationError
         try:
@@ -141,17 +141,6 @@ def _retried(action: Callable[[], Any], randomization_error: type[Exception]) ->
         with contextlib.suppress(randomization_error):
             return action()
     return action()
-
-
-@contextlib.contextmanager
-def own_randomness() -> Iterator[None]:
-    """Restore the global random generators after the block."""
-    numpy_state, python_state = np.random.get_state(), random.getstate()  # noqa: NPY002 - the package's own
-    try:
-        yield
-    finally:
-        np.random.set_state(numpy_state)  # noqa: NPY002
-        random.setstate(python_state)
 
 
 @contextlib.contextmanager

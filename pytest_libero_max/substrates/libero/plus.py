@@ -18,7 +18,7 @@ import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.libero.installation import Installation
-from pytest_libero_max.substrates.libero.package_env import Built, own_randomness
+from pytest_libero_max.substrates.libero.package_env import Built
 from pytest_libero_max.substrates.libero.tasks import (
     Task,
     check_name,
@@ -28,6 +28,7 @@ from pytest_libero_max.substrates.libero.tasks import (
     words_of,
 )
 from pytest_libero_max.worlds.contract import Image
+from pytest_libero_max.worlds.global_generators import global_generators_restored
 
 _LAYOUT = re.compile(r"_(?:add_\d+|(?:moved_)?level\d+_sample\d+)$")
 _SUFFIX = re.compile(
@@ -139,7 +140,7 @@ class _Noise:
         from PIL import Image as Pictures
 
         key = hashlib.sha256(f"libero-max-plus-noise|{self.scene}|{steps}".encode()).digest()
-        with own_randomness():
+        with global_generators_restored():
             np.random.seed(int.from_bytes(key[:4], "little"))  # noqa: NPY002 - the wrapper's generator
             try:
                 noisy = self.function(Pictures.fromarray(image), severity=self.level)
