@@ -15,6 +15,12 @@ from pytest_libero_max.runs.fresh_place import fresh_place
 
 _FILE = "result.json"
 
+_HASH_SEED = "20"
+"""Seed of the hashes of the process, which differ from those of this one."""
+
+_SECOND_HASH_SEED = "21"
+"""The same, where this process has the first."""
+
 
 def result_elsewhere(
     module: str,
@@ -27,7 +33,8 @@ def result_elsewhere(
 ) -> Any | Finding:
     """Run a module with an argument and a file to write, and return what it wrote as JSON.
 
-    The process has the import path of this one, for modules beside tests or in the working folder.
+    It has other hashes of texts than this process, and its import path, for modules beside tests or in the
+    working folder.
 
     Args:
         module: Its dotted name.
@@ -41,6 +48,8 @@ def result_elsewhere(
         The result, or a finding where there is none.
     """
     with fresh_place() as (folder, fresh):
+        shared = os.environ.get("PYTHONHASHSEED") == _HASH_SEED
+        fresh["PYTHONHASHSEED"] = _SECOND_HASH_SEED if shared else _HASH_SEED
         fresh["PYTHONPATH"] = os.pathsep.join(str(Path(path).absolute()) for path in sys.path)
         try:
             ended = subprocess.run(

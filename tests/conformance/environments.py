@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from functools import cache
 from types import SimpleNamespace
@@ -510,7 +511,7 @@ class Hashed(LiberoShaped):
 
     def observation(self) -> dict[str, Any]:
         flat = super().observation()
-        return flat | {"robot0_eef_pos": flat["robot0_eef_pos"] + 1e-12 * (hash("hand") % 1000)}
+        return flat | {"robot0_eef_pos": flat["robot0_eef_pos"] + 1e-9 * (hash("hand") / sys.maxsize)}
 
 
 def by_hash() -> DeclaredEnvironment:

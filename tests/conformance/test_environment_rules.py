@@ -117,6 +117,7 @@ def test_another_process_finds_what_hashes_decide() -> None:
     rules = [rule for rule in RULES if rule.area in ("contract", "starts", "repeats")]
     outcomes = {outcome.rule.id: outcome for outcome in Examination(lambda: subject, rules).outcomes()}
     subject.abandon()
+    assert outcomes["env/repeats/process"].broken, outcomes["env/repeats/process"]
     (finding,) = outcomes["env/repeats/process"].broken
     assert "after 0 steps position differ" in finding.observed
     assert outcomes["env/repeats/same"].state == "kept"

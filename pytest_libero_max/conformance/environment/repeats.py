@@ -80,7 +80,7 @@ def fresh_process(subject: EnvironmentSubject) -> Iterator[Finding]:
         _FRESH_S,
         expected="the same episode",
         cure="The environment needs something of this process or its home.",
-        environment={"PYTHONHASHSEED": "20", "HOME": str(Path.home())},  # LIBERO keeps its paths there
+        environment={"HOME": str(Path.home())},  # LIBERO keeps its paths there
     )
     yield there if isinstance(there, Finding) else _compared(here, there)
 

@@ -92,7 +92,6 @@ def fresh_process(subject: SubstrateSubject) -> Iterator[Finding]:
         FRESH_S,
         expected="the same scene",
         cure="The substrate needs something of this process or its home.",
-        environment={"PYTHONHASHSEED": "20"},
     )
     yield there if isinstance(there, Finding) else _compared(json.loads(json.dumps(here)), there)
 
