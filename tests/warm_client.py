@@ -83,8 +83,13 @@ def read(connection: socket.socket) -> int:
 
 
 def be_python(address: str, python: str) -> None:
-    """Do what an interpreter does with the arguments of this process, and end as it ends."""
-    request = requested(sys.argv[1:], os.environ, os.getcwd())
+    """Do what an interpreter does with the arguments of this process, and end as it ends.
+
+    Args:
+        address: Path of the server's socket; empty where there is none.
+        python: Path of the interpreter.
+    """
+    request = requested(sys.argv[1:], os.environ, os.getcwd()) if address else None
     started = None if request is None else start(address, request, (0, 1, 2))
     if started is None:
         os.execv(python, [python, *sys.argv[1:]])

@@ -130,13 +130,8 @@ def _server() -> str:
 
 
 def python_program(path: Path) -> str:
-    """Write a program that shells may start for an interpreter, and return its path.
-
-    Where there is no server it is the interpreter itself.
-    """
+    """Write a program that shells may start for the interpreter, and return its path."""
     server = address or _server()
-    if not server:
-        return PYTHON
     lines = (
         f"#!{PYTHON} -IS",
         "import sys",
