@@ -39,9 +39,9 @@ EntityKind = Literal["object", "fixture", "surface"]
 Semantics = Literal["published", "corrected"]
 
 Control = Literal["delta", "absolute"]
-"""Meaning of the first six components of an action. ``delta``, LIBERO's default: a movement relative to where
-the hand is, in units of the controller. ``absolute``: a pose of the grip site in the world, position in m and
-axis times angle in rad. The seventh is the gripper in both."""
+"""Meaning of the components of an action before the last, which is the gripper. ``delta``, LIBERO's default: a
+movement relative to where the hand is, in units of the controller. ``absolute``: a pose of the grip site in the
+world, position in m and, where the robot's actions turn the hand, axis times angle in rad."""
 
 FARTHEST_M = 3.0
 """Largest distance of an absolute action's position from the world's origin, m; out of the arm's reach."""

@@ -53,7 +53,7 @@ def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
     """Draw the same pixels in the same state: twice, and after steps that restore() took back."""
     world = subject.begin()
     first = world.observe(world.robot.cameras, _SIDE)
-    again = world.observe(world.robot.cameras, _SIDE)
+    repeated = world.observe(world.robot.cameras, _SIDE)
     state = world.snapshot()
     for action in actions_for(world):
         world.step(action)
@@ -62,10 +62,10 @@ def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
     after = world.observe(world.robot.cameras, _SIDE)
     for camera in world.robot.cameras:
         key = f"{camera}_image"
-        for what, other in (("drawn twice", again), ("drawn after restore()", after)):
-            if not np.array_equal(first[key], other[key]):
+        for what, later in (("drawn twice", repeated), ("drawn after restore()", after)):
+            if not np.array_equal(first[key], later[key]):
                 yield broken(
-                    f"{key} {what} differs in {int((first[key] != other[key]).any(axis=2).sum())} pixels",
+                    f"{key} {what} differs in {int((first[key] != later[key]).any(axis=2).sum())} pixels",
                     "the same pixels",
                     "Something that is drawn is not part of the state.",
                 )
@@ -74,7 +74,7 @@ def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
             yield broken(
                 f"{key} is the same after {counted(len(actions_for(world)), 'step')}",
                 "another image",
-                "An old image is returned.",
+                "An old image is returned, or what moves is not drawn: MuJoCo's geoms of groups 1 and 2 are.",
             )
             return
     yield kept("the same state has the same pixels, another one has others")
@@ -139,7 +139,7 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
 
 def _what_only_this_shows(images: list[Array], number: int) -> tuple[float, float]:
     """Return the row and the column around which an image differs from each of the others: the hand."""
-    others = [image for other, image in enumerate(images) if other != number]
+    others = [image for index, image in enumerate(images) if index != number]
     weights = np.min([np.abs(images[number] - image).sum(axis=2) for image in others], axis=0)
     rows, columns = np.indices(weights.shape)
     total = max(float(weights.sum()), 1e-9)
