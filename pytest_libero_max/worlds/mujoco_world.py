@@ -132,7 +132,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
 
     @abstractmethod
     def _control_step(self, action: Array) -> bool:
-        """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent.
+        """Play one control step of a float64 action, ending with :meth:`_settle` or its equivalent.
 
         ``_control`` is the meaning of the action.
 
