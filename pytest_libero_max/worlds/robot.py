@@ -25,7 +25,8 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.registry import Registry, given
 
 if TYPE_CHECKING:
-    from pytest_libero_max.worlds.contract import Array
+    import numpy as np
+    from numpy.typing import NDArray
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
@@ -86,7 +87,7 @@ class Robot:
         """Sign of the last component of an action that opens the gripper: that of the no-op; -1 on LIBERO."""
         return 1.0 if self.noop[-1] > 0 else -1.0
 
-    def closes(self, action: Sequence[float] | Array) -> bool:
+    def closes(self, action: Sequence[float] | NDArray[np.float64]) -> bool:
         """Return True if an action closes the gripper."""
         return bool(action[-1] * self.opening < 0)
 

@@ -11,7 +11,7 @@ from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.states import RESTORE
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
 from pytest_libero_max.errors import counted
-from pytest_libero_max.worlds.contract import AlterableWorld, Array, alterable
+from pytest_libero_max.worlds.contract import AlterableWorld, Array, OnMujoco, World, alterable
 from pytest_libero_max.worlds.rotations import matrix, quaternion
 
 KEYS = "substrate/images/keys"
@@ -107,10 +107,9 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
         action[axis] = sign
         for _ in range(4):
             world.step(action)
-        view = alterable(world).view(camera)  # the main camera stands in the world
-        turn = matrix(quaternion(view.quaternion_wxyz))
-        x, y, z = (np.asarray(world.end_effector()) - view.position_m) @ turn
-        focal = 0.5 * _SIDE / np.tan(0.5 * np.deg2rad(view.fovy_deg))
+        position, turn, fovy_rad = _pose_of_camera(world, camera)
+        x, y, z = (np.asarray(world.end_effector()) - position) @ turn
+        focal = 0.5 * _SIDE / np.tan(0.5 * fovy_rad)
         place = (_SIDE / 2 - focal * y / z, _SIDE / 2 - focal * x / z)
         if z < 0.0 and min(place) > 0.0 and max(place) < _SIDE:
             places.append(place)
@@ -135,6 +134,16 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
         "bottom row first, so that image[::-1] is upright",
         "Policies rotate images by 180 degrees: an image that is upright already arrives upside down.",
     )
+
+
+def _pose_of_camera(world: World, camera: str) -> tuple[Array, Array, float]:
+    """Return position (3,) m, rotation (3, 3) and vertical field of view, rad, of a camera in the world."""
+    if isinstance(world, OnMujoco):
+        from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
+
+        return pose_of_camera(world, camera)
+    view = alterable(world).view(camera)  # elsewhere the main camera is taken to stand in the world
+    return view.position_m, matrix(quaternion(view.quaternion_wxyz)), float(np.deg2rad(view.fovy_deg))
 
 
 def _what_only_this_shows(images: list[Array], number: int) -> tuple[float, float]:

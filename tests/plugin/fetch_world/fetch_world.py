@@ -124,7 +124,7 @@ KIND = SubstrateKind(
 class Scripted:
     """Picks the block up, or pushes it, by what an observation holds: it has no memory."""
 
-    spec = PolicySpec("fetch-scripted", horizon=2, query_interval=2, cameras=(), robot=FETCH.name)
+    spec = PolicySpec("fetch-scripted", horizon=4, query_interval=4, cameras=(), robot=FETCH.name)
 
     def reset(self, episode: Episode) -> None:
         self._pushes = TASKS[episode.task_index] == "push"
@@ -134,7 +134,7 @@ class Scripted:
         goal, opening_m = observation["desired_goal"], float(observation["fingers"].sum())
         place, grip = _push(hand, block, goal) if self._pushes else _pick(hand, block, goal, opening_m)
         way = np.clip(_GAIN * (place - hand), -1.0, 1.0)
-        return np.tile([*way, grip], (2, 1))
+        return np.tile([*way, grip], (4, 1))
 
 
 _GAIN = 10.0
