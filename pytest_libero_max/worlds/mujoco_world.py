@@ -36,9 +36,9 @@ from pytest_libero_max.worlds.contract import (
     WorldState,
 )
 from pytest_libero_max.worlds.guard import ModelGuard
-from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE, MujocoScenery
+from pytest_libero_max.worlds.mujoco_scenery import MujocoScenery
 from pytest_libero_max.worlds.rendering import gl
-from pytest_libero_max.worlds.robot import OWNERS, PANDA, MujocoRobot
+from pytest_libero_max.worlds.robot import PANDA, MujocoRobot
 from pytest_libero_max.worlds.scene_digest import model_fields, value_digest
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
@@ -101,7 +101,9 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._guard: ModelGuard | None = None
         self.open_task: Callable[[str, int], OnMujoco] | None = None
         # Made once: MuJoCo makes a new array of the same memory whenever it is asked for one.
-        self._alterable: dict[str, NDArray[Any]] = {field: getattr(model, field) for field in ALTERABLE}
+        self._alterable: dict[str, NDArray[Any]] = {
+            field: getattr(model, field) for field in self.alterable_fields
+        }
         self._hashed = [array.reshape(-1).data for array in self._alterable.values()]
         self._compiled = {field: array.copy() for field, array in self._alterable.items()}
         self._scene_fields: dict[str, str] = {}  # filled when they are asked for
@@ -109,7 +111,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._joint = {
             name: self._free_joint(name) for name, entity in self._entities.items() if entity.kind == "object"
         }
-        self._owner = self._geom_owners(OWNERS)
+        self._owner = self._geom_owners(robot.owners)
         self._finger = self._geom_fingers(robot.finger_joints)
 
     # What a subclass adds.
@@ -177,7 +179,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._reset_controller()
         self._after_step()
         if self._guard is None:  # the first reset of a scene ends its construction
-            self._guard = ModelGuard(self._model, ALTERABLE)
+            self._guard = ModelGuard(self._model, self.alterable_fields)
 
     def step(self, action: Sequence[float] | Array) -> None:
         sound = self._control_step(self._checked_action(action))
@@ -462,7 +464,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         owner_of_body = np.full(self._model.nbody, -1)
         for body in range(self._model.nbody):
             label = mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
-            robot = next((owner for prefix, owner in prefixes.items() if label.startswith(prefix)), None)
+            robot = next((owner for name, owner in prefixes.items() if _is_named(label, name)), None)
             parent = int(self._model.body_parentid[body])
             if robot is not None:
                 owner_of_body[body] = self._owner_names.index(robot)
@@ -482,6 +484,11 @@ class MujocoWorld(WorldBase, MujocoScenery):
             finger_of_body[body] = moved.get(body, parent)
         fingers: NDArray[np.int64] = finger_of_body[self._model.geom_bodyid]
         return fingers
+
+
+def _is_named(body: str, name: str) -> bool:
+    """Return True if a body has a name, or one that begins so where the name ends with an underscore."""
+    return body == name or (name.endswith("_") and body.startswith(name))
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

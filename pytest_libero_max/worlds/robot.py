@@ -29,7 +29,8 @@ ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as ``gripper0``."""
 
 OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER})
-"""Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
+"""Names under which contacts of the robot's bodies are reported, by the names of the bodies or, with an
+underscore at the end, by the beginning of their names."""
 
 CONTROL_HZ = 20
 """Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
@@ -92,6 +93,11 @@ class MujocoRobot(Robot):
     """Site between the fingers: the end effector."""
     base_body: str = f"{ROBOT}_base"
     """Body that the arm stands on."""
+    reach_m: float = 0.80
+    """Horizontal distance from that body within which an event may put a target or a receptacle, m; by
+    default about that of the farthest target in LIBERO's own tasks, with the tool pointing down."""
+    owners: Mapping[str, str] = field(default_factory=lambda: OWNERS)
+    """Names under which contacts of its bodies are reported, as in :data:`OWNERS`."""
     controller: str = "OSC_POSE"
     """Robosuite's name of its controller."""
     home_rad: tuple[float, ...] = ()

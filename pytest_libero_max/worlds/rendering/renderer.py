@@ -66,6 +66,7 @@ class Renderer:
         thrifty: True to leave out geoms that are out of view, and to draw reflections only around the mirror.
             No pixel depends on it. To find those geoms takes longer than to draw a small scene.
         samples: Samples per pixel; 0 for none beside the pixel's own.
+        groups: Geom groups that are drawn.
 
     Attributes:
         thrifty: The same, for the next image.
@@ -79,12 +80,14 @@ class Renderer:
         *,
         thrifty: bool = False,
         samples: int = OFFSAMPLES,
+        groups: tuple[int, ...] = DRAWN_GROUPS,
     ) -> None:
         self._model = model
         self._data = data
         self._reflections = reflections
         self.thrifty = thrifty
         self._samples = samples
+        self._groups = groups
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
         self._close: tuple[NDArray[np.object_], Pieces] | None = None  # found when they are needed
@@ -150,7 +153,7 @@ class Renderer:
         camera = Camera.of(mujoco.mjv_averageCamera(*self._scene.camera), height, width)
         if camera is None:
             return all_of_it
-        geoms = np.flatnonzero(np.isin(model.geom_group, DRAWN_GROUPS))
+        geoms = np.flatnonzero(np.isin(model.geom_group, self._groups))
         reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
         if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
             return all_of_it
@@ -284,7 +287,7 @@ class Renderer:
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
+        self._option.geomgroup[:] = [group in self._groups for group in range(6)]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
 
