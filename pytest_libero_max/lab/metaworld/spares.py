@@ -28,6 +28,16 @@ class Spare:
         """Name of its body in the model."""
         return f"{self.name}_main"
 
+    @property
+    def inertia_kg_m2(self) -> tuple[float, float, float]:
+        """Moments of inertia about its axes, of a solid."""
+        if self.shape == "box":
+            x, y, z = (_MASS_KG * half**2 / 3.0 for half in self.size_m)
+            return y + z, x + z, x + y
+        radius, half = self.size_m
+        across = _MASS_KG * (radius**2 / 4.0 + half**2 / 3.0)
+        return across, across, _MASS_KG * radius**2 / 2.0
+
 
 SPARES = (
     Spare("spare_1", "box", (0.02, 0.02, 0.035), (0.9, 0.55, 0.1), -0.62),
@@ -46,13 +56,18 @@ def add_to(spec: Any, names: Collection[str]) -> None:
     for spare in SPARES:
         if spare.name not in names:
             continue
-        body = spec.worldbody.add_body(name=spare.body, pos=(spare.x_m, _EDGE_Y_M, spare.size_m[-1]))
+        body = spec.worldbody.add_body(
+            name=spare.body,
+            pos=(spare.x_m, _EDGE_Y_M, spare.size_m[-1]),
+            explicitinertial=True,  # the scenes compute inertia from other geom groups alone
+            mass=_MASS_KG,
+            inertia=spare.inertia_kg_m2,
+        )
         body.add_freejoint()
         body.add_geom(
             type=getattr(mujoco.mjtGeom, f"mjGEOM_{spare.shape.upper()}"),
             size=(*spare.size_m, *[0.0] * (3 - len(spare.size_m))),
             rgba=(*spare.colour, 1.0),
-            mass=_MASS_KG,
             friction=_FRICTION,
             condim=4,
             solref=(0.01, 1.0),

@@ -152,6 +152,8 @@ def _fixed(row: Task, name: str | None, farthest_m: float, metadata: TaskMetadat
         return f"it never draws another place for its {name}."
     if not has_room(name, farthest_m, metadata):
         width, depth = thing.room[2] - thing.room[0], thing.room[3] - thing.room[1]
+        if width == depth == 0.0:
+            return f"it always puts its {name} at the same place."
         return (
             f"it draws the place of the thing from {100 * width:.0f} x {100 * depth:.0f} cm, too little "
             f"for a move by {100 * farthest_m:.0f} cm."

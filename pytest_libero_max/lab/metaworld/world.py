@@ -229,6 +229,16 @@ class MetaworldWorld(MujocoWorld):
             places += [self._model.site(mark).pos.copy() for mark in thing.marks]
         return dict(zip(self._home, places, strict=True))
 
+    def visible_pixels(self, camera: str, size: int = 256) -> dict[str, int]:
+        pixels = super().visible_pixels(camera, size)
+        marks = [thing for thing in self._task.things.values() if thing.site]
+        if marks:
+            assert self._renderer is not None  # it has counted the others
+            sites = self._renderer.segment(camera, size, mujoco.mjtObj.mjOBJ_SITE)
+            counts = {mark.name: int((sites == self._model.site(mark.site).id).sum()) for mark in marks}
+            pixels |= {name: count for name, count in counts.items() if count}
+        return pixels
+
     def _body_id(self, entity: Entity) -> int:
         return super()._body_id(entity) if entity.body else -1  # a mark
 

@@ -10,7 +10,7 @@ no policy, so no policy's skill decides which cases pass.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from math import dist, hypot
 from typing import Literal, get_args
 
@@ -169,12 +169,15 @@ def _try_here(
         name: touched[name] | (set() if name in world.parked else set(world.contacts(name)))
         for name in entities
     }
+    stood_near = {name: _stood_near(on_mujoco(world), name) for name in entities}
     here = world.snapshot()
     places = _positions(world)
     change.apply(alterable(world))
     moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
     problems = [
-        problem for name in entities for problem in _too_close(on_mujoco(world), name, touching[name])
+        problem
+        for name in entities
+        for problem in _too_close(on_mujoco(world), name, touching[name], stood_near[name])
     ]
     problems += _out_of_reach(on_mujoco(world), change)
     problems += _out_of_room(world, case, change)
@@ -296,32 +299,56 @@ def _overlaps(world: World, touching: Mapping[str, set[str]]) -> Iterable[Proble
             yield Problem("contact", f"{name} touches {', '.join(sorted(new))}")
 
 
-def _too_close(world: OnMujoco, name: str, touching: set[str]) -> Iterable[Problem]:
-    import mujoco
-
-    model = world.model
-    roots = model.body_rootid[model.geom_bodyid]
-    solid = (model.geom_contype | model.geom_conaffinity) != 0
-    bodies = {
-        other: mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, entity.body)
-        for other, entity in world.entities.items()
-    }
-    root_of = {other: int(model.body_rootid[body]) for other, body in bodies.items() if body >= 0}
-    if name not in root_of:
-        return  # a mark, which nothing can touch
-    mine = np.flatnonzero(solid & (roots == root_of[name]))
-    exempt = {root_of[other] for other in (*touching, world.entities[name].support) if other in root_of}
-    owners = {root: other for other, root in root_of.items()}
-    for root in sorted({int(root) for root in roots[solid]} - exempt - {0, root_of[name]}):
-        gaps = (
-            mujoco.mj_geomDistance(model, world.data, int(geom), int(other), MIN_CLEARANCE_M, None)
-            for geom in mine
-            for other in np.flatnonzero(solid & (roots == root))
-        )
-        gap = min(gaps)
-        if gap < MIN_CLEARANCE_M:
+def _too_close(
+    world: OnMujoco, name: str, touching: set[str], stood_near: Collection[int]
+) -> Iterable[Problem]:
+    roots = _roots(world)
+    owners = {root: other for other, root in roots.items()}
+    exempt = {roots[other] for other in (*touching, world.entities[name].support) if other in roots}
+    for root, gap in _neighbours(world, name).items():
+        if root not in exempt and root not in stood_near:
             detail = f"{name} is {gap * 1000:.0f} mm from {owners.get(root, 'the robot')}"
             yield Problem("clearance", detail)
+
+
+def _stood_near(world: OnMujoco, name: str) -> frozenset[int]:
+    """Return the roots that a fixture is built close to: it has no contact with them that would say so."""
+    return frozenset(_neighbours(world, name) if world.entities[name].kind == "fixture" else ())
+
+
+def _neighbours(world: OnMujoco, name: str) -> dict[int, float]:
+    """Return the root bodies closer to an entity than the least clearance, with their distances, m."""
+    import mujoco
+
+    model, own = world.model, _roots(world).get(name)
+    if own is None:
+        return {}  # a mark, which nothing can touch
+    roots = model.body_rootid[model.geom_bodyid]
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    mine = np.flatnonzero(solid & (roots == own))
+    gaps = {
+        root: min(
+            (
+                mujoco.mj_geomDistance(model, world.data, int(geom), int(other), MIN_CLEARANCE_M, None)
+                for geom in mine
+                for other in np.flatnonzero(solid & (roots == root))
+            ),
+            default=MIN_CLEARANCE_M,
+        )
+        for root in sorted({int(root) for root in roots[solid]} - {0, own})
+    }
+    return {root: gap for root, gap in gaps.items() if gap < MIN_CLEARANCE_M}
+
+
+def _roots(world: OnMujoco) -> dict[str, int]:
+    """Return the root body of each entity that has a body."""
+    import mujoco
+
+    bodies = {
+        name: mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_BODY, entity.body)
+        for name, entity in world.entities.items()
+    }
+    return {name: int(world.model.body_rootid[body]) for name, body in bodies.items() if body >= 0}
 
 
 def _out_of_reach(world: OnMujoco, change: Change) -> Iterable[Problem]:

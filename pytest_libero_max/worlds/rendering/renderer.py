@@ -110,11 +110,14 @@ class Renderer:
             image[bottom:top, left:right][shown] = self._draw(height, width, reflection, rectangle)[shown]
         return image
 
-    def segment(self, camera: str, size: int) -> NDArray[np.intp]:
+    def segment(self, camera: str, size: int, kind: Any = mujoco.mjtObj.mjOBJ_GEOM) -> NDArray[np.intp]:
         """Return the geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
 
         It is drawn without samples between pixels, so each shows one geom. The errors are those of
         :meth:`render`.
+
+        Args:
+            kind: Kind of the objects that are returned, geoms or sites, as MuJoCo calls it.
         """
         self._aim(camera, size, size)
         flags = self._scene.flags
@@ -124,7 +127,7 @@ class Renderer:
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         shown = np.full(self._scene.ngeom + 1, -1, dtype=np.intp)
         for geom in self._scene.geoms[: self._scene.ngeom]:
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+            if geom.objtype == kind:
                 shown[geom.segid + 1] = geom.objid
         geoms: NDArray[np.intp] = shown[codes]
         return geoms
