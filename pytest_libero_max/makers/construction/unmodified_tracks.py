@@ -3,8 +3,9 @@
 A track has equally many cases of each event, its variants by turns. Each case is the first configuration, a
 task with an initial state, in this order: the task that the cell (event and variant) has used least, the task
 that the track has used least, the initial state used least, then a hash. Cells that few tasks can host are
-filled first, so that the others make up for it. A case that fails the preflight is replaced in its own cell;
-one that has passed keeps its place. Where too few tasks can host an event, its cells have fewer cases.
+filled first, so that the others make up for it. A case that fails the preflight is replaced in its own cell
+and counts as a use of its task there; one that has passed keeps its place. Where too few tasks can host an
+event, its cells have fewer cases.
 """
 
 from __future__ import annotations
@@ -176,7 +177,8 @@ def propose(
     for cell, needed in population.cells(population.per_event[track]).items():
         here = [place for place in kept if place.cell == cell]
         used_here = Counter(place.task for place in here)
-        free = _by_task(population, track, cell, {*here}, failed)
+        free, rejected = _by_task(population, cell, {*here}, failed)
+        used_here.update(rejected)  # or a task that can hardly host an event would be tried again and again
         for _ in range(needed - len(here)):
             if not free:
                 break
@@ -193,16 +195,19 @@ def propose(
 
 
 def _by_task(
-    population: Population, track: str, cell: Cell, taken: Collection[Place], failed: Collection[str]
-) -> dict[Task, list[Place]]:
-    """Return the configurations that may still be used in a cell."""
+    population: Population, cell: Cell, taken: Collection[Place], failed: Collection[str]
+) -> tuple[dict[Task, list[Place]], Counter[Task]]:
+    """Return the configurations that may still be used in a cell, and how many were rejected, by task."""
     free: dict[Task, list[Place]] = {}
+    rejected: Counter[Task] = Counter()
     for task in population.hosts[cell.event]:
         for state in range(SUITES[task[0]].states):
             place = Place(cell, task, state)
-            if place not in taken and population.case_id(place) not in failed:
+            if population.case_id(place) in failed:
+                rejected[task] += 1
+            elif place not in taken:
                 free.setdefault(task, []).append(place)
-    return free
+    return free, rejected
 
 
 def _rank(track: str, place: Place) -> int:
@@ -214,8 +219,9 @@ def _manifest(population: Population, track: str, cases: Mapping[str, Case]) -> 
         raise ManifestError(f"{track}: no case of any task passes the preflight.")
     contract = (
         f"{population.per_event[track]} cases of each event, its variants by turns; scarcest event first, "
-        "least used task of the cell, least used task, least used initial state, then SHA-256 rank; physical "
-        "preflight with replacement in the cell; independent of policy outcomes"
+        "least used task of the cell, what was rejected in it counting as used, least used task, least used "
+        "initial state, then SHA-256 rank; physical preflight with replacement in the cell; independent of "
+        "policy outcomes"
     )
     (benchmark,) = {SUITES[suite].benchmark for suite in population.suites}
     ordered = tuple(cases[name] for name in sorted(cases))

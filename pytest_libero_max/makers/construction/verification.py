@@ -67,16 +67,16 @@ def verify(folder: Path) -> list[str]:
     """
     if (folder / COMMITMENT).exists():
         return list(_draw_checks(folder))
-    tracks = {name: load_track(name, folder) for name in track_names(folder)}
-    if "original" in tracks:
+    if "original" in track_names(folder):
         return list(_checks(folder))
+    _require_listed(folder)
+    tracks = {name: load_track(name, folder) for name in track_names(folder)}
     unmodified = all(case.unmodified for track in tracks.values() for case in track)
     return list(_unmodified_checks(folder, tracks) if unmodified else _genuine_checks(folder))
 
 
 def _unmodified_checks(folder: Path, tracks: Mapping[str, Manifest]) -> Iterator[str]:
     """Yield checks of tracks of unmodified tasks."""
-    _require_listed(folder)
     for name, track in tracks.items():
         yield from require_drawn(name, track)
     yield from _table_checks(folder, (case for track in tracks.values() for case in track))
@@ -149,7 +149,6 @@ def _table_checks(folder: Path, cases: Iterable[Case]) -> Iterator[str]:
 
 def _genuine_checks(folder: Path) -> Iterator[str]:
     """Yield checks that need none of the installations that the tracks were chosen from."""
-    _require_listed(folder)
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     for name, track in tracks.items():
         for case in track:
