@@ -1,83 +1,111 @@
-"""The expert's way with robosuite's door: turn its latch with the handle, and pull.
+"""The expert's way with robosuite's door: turn its latch by the handle, and pull.
 
-The handle is a flat bar, level while nobody holds it. The hand comes from above and straddles it: one finger
-between the bar and the door. Closed fingers hold the flat sides, about which the bar turns like a hinge, so
-the hand stays upright while it lifts the free end, until the latch is out of the frame, and then moves back
-along the arc of the door.
+The handle is a flat bar, level while nobody holds it. The hand comes from in front of the door and closes its
+fingers above and below the bar, as a person would; there is no room for a palm between bar and door. It then
+rolls with the bar until the latch is out of the frame, and moves back along the arc of the door.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.experts.motion import CLOSED, OPEN, Route, Waypoint
 from pytest_libero_max.experts.scene_view import Hand
 from pytest_libero_max.lab.robosuite.world import TaskWorld
 from pytest_libero_max.worlds.contract import Array
 
-_HOLD_M = 0.13  # distance from the latch's axis at which the bar is held: its end must fit under the palm
-_ABOVE_M = 0.1
+_HOLD_M = 0.1  # distance from the latch's axis at which the bar is held
+_BAR_M = -0.1  # of the bar from the middle of the latch, along the latch's axis
+_BEFORE_M = 0.12  # in front of the bar, where the hand turns towards it
 _TURNED_RAD, _OPEN_RAD = 1.25, 0.38
-_STEP_RAD = 0.2
+_LATCH_STEP_RAD, _HINGE_STEP_RAD = 0.15, 0.06
+_FREE_RAD = 0.04  # angle of the door from which the latch cannot fall back into the frame
 _CLOSE_STEPS = 13
 _AT_M = 0.012
 
 
+@dataclass(frozen=True)
+class _Door:
+    """The door as it is now, world frame."""
+
+    axis: Array
+    """(3,) m: the latch's axis at the depth of the bar."""
+    along: Array
+    """(3,) unit vector from there to the free end of the bar."""
+    into: Array
+    """(3,) unit vector into the door, the direction of the latch's axis."""
+    hinge: Array
+    """(3,) m: a point of the hinge."""
+    latch_rad: float
+    hinge_rad: float
+
+
 def open_door(world: TaskWorld, hand: Hand) -> Route:
     """Return the route to the open door."""
+    door = _read(world)
+    if world.fingers_on("Door") < len(world.arm.finger_joints):
+        return _take(door, hand)
+    if abs(door.latch_rad) < _TURNED_RAD and door.hinge_rad < _FREE_RAD:
+        return _turn(door, hand)
+    return _pull(door, hand)
+
+
+def _read(world: TaskWorld) -> _Door:
     hinge, latch = world.data.joint("Door_hinge"), world.data.joint("Door_latch_joint")
     bar = world.data.body("Door_latch")
     frame = bar.xmat.reshape(3, 3)
-    centre = bar.xpos + frame @ np.array([0.0, -0.1, 0.0])
-    along, normal = frame[:, 0], frame[:, 1]
-    angle = math.atan2(normal[1], normal[0])
-    angle = hand.angle + math.remainder(angle - hand.angle, math.pi)
-    place = centre + _HOLD_M * along
-    turned, opened = float(latch.qpos[0]), float(hinge.qpos[0])
-    held = world.fingers_on("Door") == len(world.arm.finger_joints)
-    if not held:
-        return _take(world, hand, place, angle)
-    out = float((hand.position - centre) @ along)
-    if abs(turned) < _TURNED_RAD and opened < 0.05:
-        return _lift(centre, world.data.body("Door_door").xmat.reshape(3, 3)[:, 0], along, out, hand)
-    return _pull(hand, np.array(hinge.xanchor), opened)
+    return _Door(
+        axis=bar.xpos + _BAR_M * frame[:, 1],
+        along=frame[:, 0].copy(),
+        into=frame[:, 1].copy(),
+        hinge=hinge.xanchor.copy(),
+        latch_rad=float(latch.qpos[0]),
+        hinge_rad=float(hinge.qpos[0]),
+    )
 
 
-def _take(world: TaskWorld, hand: Hand, place: Array, angle: float) -> Route:
-    close = Waypoint(place, angle, CLOSED, math.inf, _CLOSE_STEPS)
-    down = Waypoint(place, angle, OPEN, 0.004)
+def _around(into: Array, along: Array) -> Rotation:
+    """Return the orientation of a hand that points into the door, its fingers above and below the bar."""
+    fingers = np.cross(into, along)
+    return Rotation.from_matrix(np.column_stack([fingers, np.cross(into, fingers), into]))
+
+
+def _take(door: _Door, hand: Hand) -> Route:
+    place, turn = door.axis + _HOLD_M * door.along, _around(door.into, door.along)
+    close = Waypoint(place, 0.0, CLOSED, math.inf, _CLOSE_STEPS, exact=turn)
+    reach = Waypoint(place, 0.0, OPEN, 0.005, exact=turn)
+    before = Waypoint(place - _BEFORE_M * door.into, 0.0, OPEN, 0.015, exact=turn)
     off = hand.position - place
-    if np.linalg.norm(off) < _AT_M:
+    ahead = -float(off @ door.into)
+    aside = float(np.linalg.norm(off + ahead * door.into))
+    askew = (turn * hand.turn.inv()).magnitude()
+    if np.linalg.norm(off) < _AT_M and askew < 0.2:
         return (close,)
-    if np.linalg.norm(off[:2]) < 0.01 + 0.25 * max(0.0, off[2]):
-        return (down, close)
-    over = Waypoint(place + np.array([0.0, 0.0, _ABOVE_M]), angle, OPEN, 0.01)
-    if off[2] > 0.05:
-        return (over, down, close)
-    back = Waypoint(np.array([*hand.position[:2], place[2] + _ABOVE_M]), hand.angle, OPEN, 0.03)
-    return (back, over, down, close)
+    if askew < 0.3 and aside < 0.01 + 0.3 * max(0.0, ahead):
+        return (reach, close)
+    return (before, reach, close)
 
 
-def _lift(centre: Array, level: Array, along: Array, out: float, hand: Hand) -> Route:
-    """Turn the bar upwards about the latch's axis; ``level`` is its direction while nobody holds it."""
-    now = math.atan2(along[2], float(along @ level))
-    route = []
-    for step in range(1, 8):
-        ahead = min(now + step * _STEP_RAD, _TURNED_RAD + 0.2)
-        spot = centre + out * (math.cos(ahead) * level + math.sin(ahead) * np.array([0.0, 0.0, 1.0]))
-        route.append(Waypoint(spot, hand.angle, CLOSED, 0.02))
-    return tuple(route)
+def _turn(door: _Door, hand: Hand) -> Route:
+    """Roll with the bar about the latch's axis."""
+    return tuple(
+        _turned(hand, door.axis, door.into * step * _LATCH_STEP_RAD, hand.turn) for step in range(1, 5)
+    )
 
 
-def _pull(hand: Hand, hinge: Array, opened: float) -> Route:
-    """Move the hand along the arc of the door, turning with it."""
-    route = []
-    for step in range(1, 6):
-        turn = min(0.08 * step, max(0.02, _OPEN_RAD - opened))
-        c, s = math.cos(turn), math.sin(turn)
-        x, y, z = hand.position - hinge
-        spot = hinge + np.array([c * x - s * y, s * x + c * y, z])
-        route.append(Waypoint(spot, hand.angle + turn, CLOSED, 0.02))
-    return tuple(route)
+def _pull(door: _Door, hand: Hand) -> Route:
+    """Move along the arc of the door, turning with it."""
+    up = np.array([0.0, 0.0, 1.0])
+    left = max(0.02, _OPEN_RAD - door.hinge_rad)
+    turns = [min(step * _HINGE_STEP_RAD, left) for step in range(1, 6)]
+    return tuple(_turned(hand, door.hinge, up * turn, hand.turn) for turn in turns)
+
+
+def _turned(hand: Hand, about: Array, vector: Array, turn: Rotation) -> Waypoint:
+    """Return the pose of the closed hand after a rotation about a point."""
+    rotation = Rotation.from_rotvec(vector)
+    return Waypoint(about + rotation.apply(hand.position - about), 0.0, CLOSED, 0.02, exact=rotation * turn)
