@@ -8,7 +8,7 @@ after a step is over; robosuite judges with the positions of the step's last sub
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,11 @@ class TaskWorld(RobosuiteWorld):
         for number, entity in enumerate((*self._task.idle, *self._task.spares)):
             x, y, z = _WAITING_M
             self.park(entity.name, (x, y + 0.5 * number, z))
+
+    def park(self, entity: str, position: Sequence[float] | Array) -> None:
+        super().park(entity, position)
+        # In the order of the entities: of several, one that came and went again leaves no trace.
+        self._parked = {name: self._parked[name] for name in self._entities if name in self._parked}
 
     def succeeded(self) -> bool:
         return bool(self._env._check_success())
