@@ -37,8 +37,8 @@ from pytest_libero_max.worlds.contract import (
 )
 from pytest_libero_max.worlds.guard import ModelGuard
 from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE, MujocoScenery
-from pytest_libero_max.worlds.rendering import gl
-from pytest_libero_max.worlds.robot import OWNERS, PANDA, MujocoRobot
+from pytest_libero_max.worlds.rendering import context, gl
+from pytest_libero_max.worlds.robot import PANDA, MujocoRobot
 from pytest_libero_max.worlds.scene_digest import model_fields, value_digest
 
 gl.prepare()  # MuJoCo reads the backend while it is imported
@@ -109,7 +109,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._joint = {
             name: self._free_joint(name) for name, entity in self._entities.items() if entity.kind == "object"
         }
-        self._owner = self._geom_owners(OWNERS)
+        self._owner = self._geom_owners(robot.owners)
         self._finger = self._geom_fingers(robot.finger_joints)
 
     # What a subclass adds.
@@ -132,7 +132,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
 
     @abstractmethod
     def _control_step(self, action: Array) -> bool:
-        """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent.
+        """Play one control step of a float64 action, ending with :meth:`_settle` or its equivalent.
 
         ``_control`` is the meaning of the action.
 
@@ -156,6 +156,17 @@ class MujocoWorld(WorldBase, MujocoScenery):
 
     def _after_step(self) -> None:
         """Follow-up of a step or a reset that writes alterable fields, such as a burner's glow."""
+
+    # For a substrate.
+
+    @staticmethod
+    def versions(images: bool = False) -> dict[str, str]:
+        """Return the part of a fingerprint that substrates on MuJoCo share: its version, what draws images.
+
+        Args:
+            images: See :meth:`.Substrate.fingerprint`.
+        """
+        return {"mujoco": mujoco.__version__, **context.fingerprint(images)}
 
     # The contract.
 
