@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.identity import Identity
-from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
+from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.events.new_case import make_case
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.lab.robosuite.robots import ROBOTS
 from pytest_libero_max.lab.robosuite.tasks import TASKS, task_of
 
@@ -17,8 +16,7 @@ def robosuite_case(event: str, suite: str, index: int, init: int = 0, *, variant
         ManifestError: There is no such event or variant, or the task cannot host it.
         SubstrateError: There is no such task.
     """
-    task, identity = task_of(index).metadata, Identity("libero", suite, index, init)
-    return parse_case(case_record(identity, resolve_event(event, variant, task, identity), task.name))
+    return make_case(event, suite, index, init, variant=variant, task=task_of(index).metadata)
 
 
 def examples() -> tuple[Case, ...]:
