@@ -8,7 +8,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from fetch_world import FETCH, LANGUAGE, SPARES, Array
+from fetch_world import FETCH, LANGUAGE, SPARES, Array  # type: ignore[import-not-found]
 from gymnasium_robotics.envs.fetch.pick_and_place import MujocoFetchPickAndPlaceEnv
 from gymnasium_robotics.envs.fetch.push import MujocoFetchPushEnv
 
@@ -35,6 +35,11 @@ _ON_TABLE_M = 0.425
 class _WithBoxes:
     """A Fetch environment whose scene also has a ball to see at the goal, and five boxes."""
 
+    fullpath: str
+    initial_qpos: Any
+    _utils: Any
+    _env_setup: Any
+
     def _initialize_simulation(self) -> None:
         spec = mujoco.MjSpec.from_file(self.fullpath)
         for geom in spec.geoms:
@@ -57,14 +62,9 @@ class _WithBoxes:
         self.initial_qpos, self.initial_qvel = self.data.qpos.copy(), self.data.qvel.copy()
 
 
-class _Pick(_WithBoxes, MujocoFetchPickAndPlaceEnv):
-    pass
-
-
-class _Push(_WithBoxes, MujocoFetchPushEnv):
-    pass
-
-
+_ENVIRONMENTS: tuple[Any, ...] = tuple(
+    type(env.__name__, (_WithBoxes, env), {}) for env in (MujocoFetchPickAndPlaceEnv, MujocoFetchPushEnv)
+)
 _ENTITIES = {
     "block": Entity("block", "block", "object", "object0", support="table"),
     "ball": Entity("ball", "ball", "fixture", "ball", support="table"),
@@ -77,7 +77,7 @@ class FetchWorld(MujocoWorld):
     """One task."""
 
     def __init__(self, index: int) -> None:
-        self._env: Any = (_Pick, _Push)[index]()
+        self._env = _ENVIRONMENTS[index]()
         super().__init__(f"fetch/{index}", LANGUAGE, self._env.model, self._env.data, _ENTITIES, FETCH)
         self._ball = self._model.body("ball").id
         self._arm, self._fingers = (

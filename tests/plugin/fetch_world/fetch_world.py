@@ -100,9 +100,10 @@ def cases(inits: Sequence[int] = (0,), variants: Sequence[int] = (0, 1)) -> list
 
 
 def _open(options: SubstrateOptions) -> Substrate:
-    from fetch_scene import FetchSubstrate
+    from fetch_scene import FetchSubstrate  # type: ignore[import-not-found]
 
-    return FetchSubstrate()
+    substrate: Substrate = FetchSubstrate()
+    return substrate
 
 
 def _lacking(options: SubstrateOptions, wanted: Sequence[Case]) -> Mapping[str, str]:
