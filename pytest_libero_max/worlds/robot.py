@@ -7,8 +7,8 @@ the same. Another package adds its own :class:`Robot` by an entry point
 On MuJoCo and robosuite a :class:`MujocoRobot` also names joints and bodies. What still follows from the
 Panda:
 
-- ``worlds/stepping``, ``worlds/robosuite_world`` and ``substrates/embedded`` take :data:`PANDA`, and so do
-  the experts, ``makers/construction`` and ``lab/demos``;
+- ``substrates/embedded`` takes :data:`PANDA`, and so do the experts, ``makers/construction`` and
+  ``lab/demos``;
 - ``policies/transforms/states`` has the quarter turn from the observed hand to the grip site, with which a
   robot of seven components waits for an answer under absolute control (``pairing/rollout``);
 - ``policies/model_inputs`` guesses the inputs of a model from LIBERO's two cameras.
