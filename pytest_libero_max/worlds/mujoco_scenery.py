@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ and a reset writes the compiled values back."""
 
 _COLOUR_ROLE = 1
 """Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
-_COLLIDING_GROUP, _DRAWN_GROUP = 0, 1
+_DRAWN_GROUP = 1
 _BOX = 6  # mjGEOM_BOX
 
 _LIGHTS = MappingProxyType(
@@ -69,6 +69,9 @@ _LIGHTS = MappingProxyType(
 
 class MujocoScenery(ABC):
     """The scenery of a compiled model, for a world that has it as ``_model``."""
+
+    alterable_fields: ClassVar[tuple[str, ...]] = ALTERABLE
+    """Model fields that may change; more in a world whose episodes write others as well."""
 
     _model: mujoco.MjModel
     _data: mujoco.MjData
@@ -90,10 +93,10 @@ class MujocoScenery(ABC):
         Raises:
             SubstrateError: The field is not one that a reset restores.
         """
-        if field not in ALTERABLE:
+        if field not in self.alterable_fields:
             raise SubstrateError(
                 f"field={field!r} is not a model field that a reset restores, so it must not be altered. "
-                f"{did_you_mean(field, ALTERABLE)}"
+                f"{did_you_mean(field, self.alterable_fields)}"
             )
         self._write({field: value}, index)
 
@@ -198,7 +201,8 @@ class MujocoScenery(ABC):
         """Return the colliding geoms of an entity."""
         model = self._model
         inside = model.body_rootid[model.geom_bodyid] == self._root(entity)
-        return map(int, np.flatnonzero(inside & (model.geom_group == _COLLIDING_GROUP)))
+        colliding = (model.geom_contype | model.geom_conaffinity) != 0
+        return map(int, np.flatnonzero(inside & colliding))
 
     def _root(self, entity: str) -> int:
         if entity not in self._entities:

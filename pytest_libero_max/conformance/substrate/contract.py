@@ -13,11 +13,11 @@ from pytest_libero_max.worlds.contract import OnMujoco, World
 
 OPENS = "substrate/contract/opens"
 
-_STEPS = 6
-"""Steps of a movement in one direction."""
+_MOVE_S, _GRIP_S = 0.3, 0.5
+"""Time of a movement in one direction, and of one of the gripper."""
 
 _LEAST_M = 0.01
-"""Least way of the hand in them, m: 1.7 mm a step, where a full action asks for up to 5 cm."""
+"""Least way of the hand in the former, m: 1.7 mm a step of LIBERO's, where an action asks for up to 5 cm."""
 
 
 @rule(OPENS, "must")
@@ -118,12 +118,13 @@ def directions(subject: SubstrateSubject) -> Iterator[Finding]:
             start = np.array(world.end_effector())
             action = np.array(world.robot.noop)
             action[axis] = sign
-            for _ in range(_STEPS):
+            steps = round(_MOVE_S * world.robot.control_hz)
+            for _ in range(steps):
                 world.step(action)
             way = np.asarray(world.end_effector()) - start
             if sign * way[axis] < _LEAST_M or abs(way[axis]) < np.abs(way).max():
                 yield broken(
-                    f"{_STEPS} actions of {sign:+.0f} in {name} move the hand by "
+                    f"{steps} actions of {sign:+.0f} in {name} move the hand by "
                     f"({', '.join(f'{value:+.3f}' for value in way)}) m",
                     f"{sign * _LEAST_M:+.2f} m in {name} at least, more than in any other direction",
                     "The order, the sign or the frame of the action differs.",
@@ -134,16 +135,21 @@ def directions(subject: SubstrateSubject) -> Iterator[Finding]:
 
 @rule("substrate/contract/gripper", "must", needs=OPENS)
 def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
-    """Close the gripper with +1, and open it with -1."""
+    """Open the gripper with the sign of the no-op's last component, LIBERO's -1; close it with the other."""
     world = subject.begin()
-    openings = []
-    for sign in (-1.0, 1.0, -1.0):
-        for _ in range(10):
+    openings, opening = [], world.robot.opening
+    for sign in (opening, -opening, opening):
+        for _ in range(round(_GRIP_S * world.robot.control_hz)):
             world.step((*world.robot.noop[:-1], sign))
         openings.append(float(np.abs(world.observe(())[world.robot.fingers_key]).sum()))
-    opened, closed, again = openings
-    text = f"openings after -1, +1, -1: {opened:.3f}, {closed:.3f}, {again:.3f} m"
-    if closed < 0.5 * opened and again > 2 * closed:
+    opened, closed, reopened = openings
+    signs = f"{opening:+.0f}, {-opening:+.0f}, {opening:+.0f}"
+    text = f"openings after {signs}: {opened:.3f}, {closed:.3f}, {reopened:.3f} m"
+    if closed < 0.5 * opened and reopened > 2 * closed:
         yield kept(text)
         return
-    yield broken(text, "a small one after +1 only", "The sign of the gripper is the wrong way round.")
+    yield broken(
+        text,
+        f"a small one after {-opening:+.0f} only",
+        "The sign of the gripper, or of the last component of the robot's noop, is the wrong way round.",
+    )
