@@ -61,10 +61,11 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
     from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.substrates.tiny.world import TinyWorld
-    from pytest_libero_max.tasks.contents import TaskMetadata
+    from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata
     from pytest_libero_max.worlds.base import WorldBase
     from pytest_libero_max.worlds.contract import AlterableWorld, Entity, World, WorldState
-    from pytest_libero_max.worlds.robot import Robot
+    from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+    from pytest_libero_max.worlds.robot import MujocoRobot, Robot
     from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
 
 __all__ = [
@@ -83,12 +84,15 @@ __all__ = [
     "Evidence",
     "Handover",
     "Identity",
+    "InitialPlacement",
     "Latency",
     "LiberoMaxError",
     "Lights",
     "Manifest",
     "Measured",
     "Moment",
+    "MujocoRobot",
+    "MujocoWorld",
     "Opening",
     "PairError",
     "PairOutcome",
@@ -101,6 +105,7 @@ __all__ = [
     "Probe",
     "Query",
     "ReadResults",
+    "Relation",
     "ReportSection",
     "ResultsReader",
     "Revert",
@@ -181,7 +186,7 @@ _TO_USE = {
 _TO_EXTEND = {
     "events.kind": ("EventKind", "Scenario"),
     "benchmark.identity": ("Identity",),
-    "tasks.contents": ("TaskMetadata",),
+    "tasks.contents": ("TaskMetadata", "Relation", "InitialPlacement"),
     "changes.change": ("Change", "Evidence"),
     "events.triggers": ("Trigger", "Moment"),
     "pairing.probes.probe": ("Probe",),
@@ -194,8 +199,9 @@ _TO_EXTEND = {
     "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
     "benchmark.suites": ("Suite",),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
-    "worlds.robot": ("Robot",),
+    "worlds.robot": ("Robot", "MujocoRobot"),
     "worlds.base": ("WorldBase",),
+    "worlds.mujoco_world": ("MujocoWorld",),
     "worlds.scenery": ("CameraView", "Lights", "Surfaces"),
     "policies.clients.protocol": ("ServerProtocol", "Opening"),
 }

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import TRIGGER_DISTANCE_M, Case, Event
 from pytest_libero_max.benchmark.cases import parse_case as _parse_case
 from pytest_libero_max.benchmark.identity import Identity
-from pytest_libero_max.benchmark.manifests import SCORING_TRACK, Manifest
+from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.events.change_strategies import (
     AT_ONCE,
@@ -163,15 +163,7 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
 def manifests(entities: Entities | None = None, *, max_size: int = 6) -> SearchStrategy[Manifest]:
     """Manifests of up to ``max_size`` distinct cases."""
     distinct = st.lists(cases(entities), min_size=1, max_size=max_size, unique_by=lambda case: case.item_id)
-    return st.builds(
-        Manifest,
-        benchmark_id=st.just("drawn"),
-        version=st.just("1.0.0"),
-        protocol=st.just(
-            {"arms": ["control", "intervention"], "query_interval": 16, "scoring_track": SCORING_TRACK}
-        ),
-        cases=distinct.map(tuple),
-    )
+    return distinct.map(lambda drawn: Manifest.of("drawn", drawn))
 
 
 def actions(limit: float = 1.5) -> SearchStrategy[tuple[float, ...]]:

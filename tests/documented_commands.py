@@ -95,7 +95,15 @@ MODULES_ELSEWHERE = {
 SCRIPTS_ELSEWHERE = ("vla-scripts/", "deployment/", "gr00t/")
 """Folders of the models' own repositories."""
 
+_FETCH = (
+    "pytest --libero-max-substrate=fetch --libero-max-manifest=fetch.json --libero-max-policy=fetch-scripted"
+)
+_OF_ITS_PACKAGE = "of a package that is installed in tests/plugin/test_fetch_world.py alone, which plays it"
+
 NOT_YET = {
+    "pytest --libero-max-conform=substrate:fetch": _OF_ITS_PACKAGE,
+    _FETCH: _OF_ITS_PACKAGE,
+    f"{_FETCH} --libero-max-prefix=replay": _OF_ITS_PACKAGE,
     'pytest --libero-max-policy=noop --libero-max-limit=2 "--libero-max-gate=unanswered > 0"': "works after "
     "the change that the page describes",
     "libero-max NAME": "any command",

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,20 @@ class Manifest:
 
     def __iter__(self) -> Iterator[Case]:
         return iter(self.cases)
+
+    @classmethod
+    def of(cls, benchmark_id: str, cases: Iterable[Case], version: str = "1.0.0") -> Manifest:
+        """Return a manifest of cases that are scored by the goals of their tasks.
+
+        Args:
+            benchmark_id: Its name in reports.
+        """
+        protocol: Json = {
+            "arms": ["control", "intervention"],
+            "query_interval": 16,
+            "scoring_track": SCORING_TRACK,
+        }
+        return cls(benchmark_id, version, protocol, tuple(cases))
 
     @property
     def digest(self) -> str:

@@ -29,7 +29,7 @@ from pytest_libero_max.policies.check import check_actions, sees
 from pytest_libero_max.policies.contract import BatchItem, Query
 from pytest_libero_max.policies.transforms.states import axis_angle, grip_site_quaternion
 from pytest_libero_max.worlds.contract import Array, Observation, WorldState
-from pytest_libero_max.worlds.robot import Robot
+from pytest_libero_max.worlds.robot import ACTION_DIM, ORIENTATION_KEY, Robot
 
 
 @dataclass(frozen=True)
@@ -344,15 +344,16 @@ class Rollout:
 
         Under absolute control the last pose is asked for again, or, before the first one, the present pose.
         """
-        executed = self.trajectory.executed
+        executed, world = self.trajectory.executed, self._stage.world
+        noop = world.robot.noop
         if self._stage.spec.control == "delta":
-            noop = self._stage.world.robot.noop
             return np.array([*noop[:-1], executed[-1].action[-1] if executed else noop[-1]])
         if executed:
             return executed[-1].action
-        seen = self._stage.world.observe(())
-        turn = axis_angle(grip_site_quaternion(seen["robot0_eef_quat"]))
-        return np.array([*seen["robot0_eef_pos"], *turn, self._stage.world.robot.noop[-1]])
+        turn = noop[3:-1]  # none, for a robot whose hand keeps its orientation
+        if len(noop) == ACTION_DIM and ORIENTATION_KEY in world.robot.state:
+            turn = tuple(axis_angle(grip_site_quaternion(world.observe(())[ORIENTATION_KEY])))
+        return np.array([*world.end_effector(), *turn, noop[-1]])
 
     def _watch(self, what: Literal["step", "query"]) -> None:
         self.trajectory = self.trajectory.watched(self._stage.probes.after(what, self._view()))

@@ -218,8 +218,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=done)
 
 
-def check_ids(config: pytest.Config) -> None:
+def check_ids(config: pytest.Config, case_set: str) -> None:
     """Check the pairs that the command line names one by one.
+
+    Args:
+        config: Of the session.
+        case_set: Name of the track or manifest, for messages.
 
     Raises:
         pytest.UsageError: One of them is not in the run; suggests the closest.
@@ -231,15 +235,15 @@ def check_ids(config: pytest.Config) -> None:
     for id in ids:
         if id in known:
             continue
-        settings, whole = settings_of(config), {case.item_id for case in cases_of_run(config).manifest}
+        whole = {case.item_id for case in cases_of_run(config).manifest}
         if id in whole:
             raise pytest.UsageError(
-                f"{PSEUDO_PATH}::test_pair[{id}] is in {settings.case_set}, but not among the "
+                f"{PSEUDO_PATH}::test_pair[{id}] is in {case_set}, but not among the "
                 f"{counted(len(known), 'pair')} that --libero-max-suites, --libero-max-only-installed, "
                 "--libero-max-limit or --libero-max-shard leaves. Take the option away."
             )
         raise pytest.UsageError(
-            f"{PSEUDO_PATH}::test_pair[{id}] is not in {settings.case_set}. {did_you_mean(id, whole)}"
+            f"{PSEUDO_PATH}::test_pair[{id}] is not in {case_set}. {did_you_mean(id, whole)}"
         )
 
 

@@ -74,7 +74,7 @@ class RunController:
     def __init__(self, config: pytest.Config) -> None:
         self.config = config
         self.settings = settings_of(config)
-        check_ids(config)
+        check_ids(config, self.settings.case_set)
         self.progress = RunProgress(config, self.settings.progress)
         self.stop = RunStop(config, self.settings)
         with usage_errors():

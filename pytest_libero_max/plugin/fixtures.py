@@ -109,15 +109,15 @@ def libero_max_inject(
 
 
 @pytest.fixture
-def libero_max_pair(request: pytest.FixtureRequest, libero_max_case: Case) -> PairRecord:
+def libero_max_pair(
+    request: pytest.FixtureRequest, libero_max_case: Case, libero_max_settings: Settings
+) -> PairRecord:
     """Return the measured pair of the case.
 
     An error of the machinery is an error of the item, recorded as such, and never a failure of the policy.
     """
-    if settings_of(request.config).isolate:
-        record = play_isolated(request, libero_max_case)
-    else:
-        record = play_here(request, libero_max_case)
+    play = play_isolated if libero_max_settings.isolate else play_here
+    record = play(request, libero_max_case, libero_max_settings)
     request.node.stash[RESULT] = record.to_dict()
     request.node.user_properties.extend(properties(record))
     return record

@@ -17,8 +17,9 @@ from pytest_libero_max.evaluation.player import (
 )
 from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.processes.pair_process import PairProcess
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.pairing.record import POLICY_PHASE, PairRecord
-from pytest_libero_max.plugin.collection import cases_of_run, settings_of
+from pytest_libero_max.plugin.collection import cases_of_run
 from pytest_libero_max.plugin.processes.left_running import left_running
 from pytest_libero_max.plugin.processes.sending import encodable
 from pytest_libero_max.plugin.processes.this_process import pair_process_of
@@ -41,8 +42,8 @@ _PLAYER = pytest.StashKey[PairPlayer]()
 class _Fixtures:
     """Policy and worlds of a pair from its fixtures, which are set up when they are asked for."""
 
-    def __init__(self, request: pytest.FixtureRequest) -> None:
-        self._request = request
+    def __init__(self, request: pytest.FixtureRequest, settings: Settings) -> None:
+        self._request, self._settings = request, settings
 
     def policy(self) -> Policy:
         config = self._request.config
@@ -50,7 +51,7 @@ class _Fixtures:
         if policy is not config.stash.get(LOADED, None):
             raise AdapterError(
                 "the fixture libero_max_policy is overridden, so another policy than "
-                f"{settings_of(config).reference!r} would be played under its name. Take the fixture "
+                f"{self._settings.reference!r} would be played under its name. Take the fixture "
                 "away, and name the adapter that is to be played with --libero-max-policy."
             )
         return policy
@@ -64,12 +65,12 @@ class _Fixtures:
         return world
 
 
-def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
+def play_here(request: pytest.FixtureRequest, case: Case, settings: Settings) -> PairRecord:
     """Play a pair in the process of the session or of its worker; an error is kept on the item."""
-    process = pair_process_of(request.config)
+    process = pair_process_of(request.config, settings)
     try:
         with process.pair(), left_running(request.config).pair():
-            return play(request, case, process)
+            return play(request, case, settings, process)
     except Unsupported as unsupported:
         pytest.skip(str(unsupported))
     except BaseException as error:
@@ -77,19 +78,20 @@ def play_here(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     return _leave(request, case, process, raised)
 
 
-def play(request: pytest.FixtureRequest, case: Case, process: PairProcess) -> PairRecord:
+def play(request: pytest.FixtureRequest, case: Case, settings: Settings, process: PairProcess) -> PairRecord:
     """Play a pair in this process; raises what :meth:`.PairPlayer.play` does."""
-    played = _player_of(request.config).play(case, _Fixtures(request), process)
+    player = _player_of(request.config, settings)
+    played = player.play(case, _Fixtures(request, settings), process)
     if played.note is not None:
         request.node.stash[NOTE] = played.note
     return played.record
 
 
-def _player_of(config: pytest.Config) -> PairPlayer:
+def _player_of(config: pytest.Config, settings: Settings) -> PairPlayer:
     """Return the player of this process."""
     if _PLAYER not in config.stash:
-        source = PolicySource(settings_of(config))
-        player = config.stash[_PLAYER] = PairPlayer(source, cases_of_run(config).with_second_base)
+        second_base = cases_of_run(config).with_second_base
+        player = config.stash[_PLAYER] = PairPlayer(PolicySource(settings), second_base)
         config.add_cleanup(player.close)
     return config.stash[_PLAYER]
 

@@ -203,7 +203,7 @@ def _check_poses(actions: Actions, spec: PolicySpec) -> None:
     """Refuse poses that are metres away or have more than a whole turn."""
     for what, columns, most, cure in (
         ("position", slice(0, 3), FARTHEST_M, "metres from the world's origin. It is in other units, or"),
-        ("rotation", slice(3, 6), MOST_TURN_RAD, "rad. It is in degrees, or no axis times angle, or"),
+        ("rotation", slice(3, -1), MOST_TURN_RAD, "rad. It is in degrees, or no axis times angle, or"),
     ):
         sizes = np.linalg.norm(actions[:, columns], axis=1)
         row = int(sizes.argmax())

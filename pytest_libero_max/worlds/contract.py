@@ -39,9 +39,9 @@ EntityKind = Literal["object", "fixture", "surface"]
 Semantics = Literal["published", "corrected"]
 
 Control = Literal["delta", "absolute"]
-"""Meaning of the first six components of an action. ``delta``, LIBERO's default: a movement relative to where
-the hand is, in units of the controller. ``absolute``: a pose of the grip site in the world, position in m and
-axis times angle in rad. The seventh is the gripper in both."""
+"""Meaning of the components of an action before the last, which is the gripper. ``delta``, LIBERO's default:
+a movement relative to where the hand is, in units of the controller. ``absolute``: a pose of the grip site in
+the world, position in m and, where the robot's actions turn the hand, axis times angle in rad."""
 
 FARTHEST_M = 3.0
 """Largest distance of an absolute action's position from the world's origin, m; out of the arm's reach."""
@@ -170,7 +170,7 @@ class World(Protocol):
         """
 
     def step(self, action: Sequence[float] | Array) -> None:
-        """Play one control step (50 ms) of a (7,) action; the controller clips movements beyond +-1.
+        """Play one control step of an action of the robot; the controller clips movements beyond +-1.
 
         Raises:
             ActionError: Wrong shape or a component that is not finite.
@@ -293,7 +293,7 @@ class AlterableWorld(World, Protocol):
 
     @property
     def semantics(self) -> Semantics:
-        """True if events keep the defects of the authors' code, which published numbers contain."""
+        """``published`` if events keep the defects of the authors' code, which published numbers contain."""
 
     @property
     def assigned(self) -> tuple[str | None, Goal | None]:
@@ -404,7 +404,7 @@ class AlterableWorld(World, Protocol):
         """
 
     def pose_arm(self, joints: Sequence[float] | Array) -> None:
-        """Put the arm's (7,) joints there, rad, at rest; the controller then holds that pose.
+        """Put the arm's joints there, rad, at rest; the controller then holds that pose.
 
         Raises:
             SubstrateError: The world has no such arm, or a joint would pass its limit.

@@ -52,7 +52,7 @@ and a reset writes the compiled values back."""
 
 _COLOUR_ROLE = 1
 """Column of ``mat_texid`` that holds the colour texture (mjTEXROLE_RGB)."""
-_COLLIDING_GROUP, _DRAWN_GROUP = 0, 1
+_DRAWN_GROUP = 1
 _BOX = 6  # mjGEOM_BOX
 
 _LIGHTS = MappingProxyType(
@@ -201,7 +201,8 @@ class MujocoScenery(ABC):
         """Return the colliding geoms of an entity."""
         model = self._model
         inside = model.body_rootid[model.geom_bodyid] == self._root(entity)
-        return map(int, np.flatnonzero(inside & (model.geom_group == _COLLIDING_GROUP)))
+        colliding = (model.geom_contype | model.geom_conaffinity) != 0
+        return map(int, np.flatnonzero(inside & colliding))
 
     def _root(self, entity: str) -> int:
         if entity not in self._entities:

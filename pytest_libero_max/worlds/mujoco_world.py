@@ -37,7 +37,7 @@ from pytest_libero_max.worlds.contract import (
 )
 from pytest_libero_max.worlds.guard import ModelGuard
 from pytest_libero_max.worlds.mujoco_scenery import MujocoScenery
-from pytest_libero_max.worlds.rendering import gl
+from pytest_libero_max.worlds.rendering import context, gl
 from pytest_libero_max.worlds.robot import PANDA, MujocoRobot
 from pytest_libero_max.worlds.scene_digest import model_fields, value_digest
 
@@ -134,7 +134,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
 
     @abstractmethod
     def _control_step(self, action: Array) -> bool:
-        """Play 50 ms of a (7,) float64 action, ending with :meth:`_settle` or its equivalent.
+        """Play one control step of a float64 action, ending with :meth:`_settle` or its equivalent.
 
         ``_control`` is the meaning of the action.
 
@@ -158,6 +158,17 @@ class MujocoWorld(WorldBase, MujocoScenery):
 
     def _after_step(self) -> None:
         """Follow-up of a step or a reset that writes alterable fields, such as a burner's glow."""
+
+    # For a substrate.
+
+    @staticmethod
+    def versions(images: bool = False) -> dict[str, str]:
+        """Return the part of a fingerprint that substrates on MuJoCo share: its version, what draws images.
+
+        Args:
+            images: See :meth:`.Substrate.fingerprint`.
+        """
+        return {"mujoco": mujoco.__version__, **context.fingerprint(images)}
 
     # The contract.
 
@@ -464,7 +475,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         owner_of_body = np.full(self._model.nbody, -1)
         for body in range(self._model.nbody):
             label = mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
-            robot = next((owner for name, owner in prefixes.items() if _is_named(label, name)), None)
+            robot = next((owner for prefix, owner in prefixes.items() if label.startswith(prefix)), None)
             parent = int(self._model.body_parentid[body])
             if robot is not None:
                 owner_of_body[body] = self._owner_names.index(robot)
@@ -484,11 +495,6 @@ class MujocoWorld(WorldBase, MujocoScenery):
             finger_of_body[body] = moved.get(body, parent)
         fingers: NDArray[np.int64] = finger_of_body[self._model.geom_bodyid]
         return fingers
-
-
-def _is_named(body: str, name: str) -> bool:
-    """Return True if a body has a name, or one that begins so where the name ends with an underscore."""
-    return body == name or (name.endswith("_") and body.startswith(name))
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:

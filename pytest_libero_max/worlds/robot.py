@@ -9,33 +9,38 @@ Panda:
 
 - ``worlds/stepping``, ``worlds/robosuite_world`` and ``substrates/embedded`` take :data:`PANDA`, and so do
   the experts, ``makers/construction`` and ``lab/demos``;
-- absolute control, and a robot that waits for an answer under it, have LIBERO's seven components
-  (``policies/check``, ``pairing/rollout``); ``policies/transforms/states`` has the quarter turn from the
-  observed hand to the grip site;
+- ``policies/transforms/states`` has the quarter turn from the observed hand to the grip site, with which a
+  robot of seven components waits for an answer under absolute control (``pairing/rollout``);
 - ``policies/model_inputs`` guesses the inputs of a model from LIBERO's two cameras.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.registry import Registry, given
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
 begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as ``gripper0``."""
 
 OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER})
-"""Names under which contacts of the robot's bodies are reported, by the names of the bodies or, with an
-underscore at the end, by the beginning of their names."""
+"""Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
 
 CONTROL_HZ = 20
 """Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
 MOST_HZ = 1000
 ACTION_DIM = 7
+ORIENTATION_KEY = f"{ROBOT}_eef_quat"
+"""Key of the orientation (4, xyzw) of the hand of robosuite's robots."""
 NOOP_ACTION = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 """Hold the pose with the gripper open: LIBERO's settle action."""
 
@@ -77,6 +82,15 @@ class Robot:
         """Number of components of an action."""
         return len(self.noop)
 
+    @property
+    def opening(self) -> float:
+        """Sign of the last component of an action that opens the gripper: that of the no-op; -1 on LIBERO."""
+        return 1.0 if self.noop[-1] > 0 else -1.0
+
+    def closes(self, action: Sequence[float] | NDArray[np.float64]) -> bool:
+        """Return True if an action closes the gripper."""
+        return bool(action[-1] * self.opening < 0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class MujocoRobot(Robot):
@@ -97,7 +111,8 @@ class MujocoRobot(Robot):
     """Horizontal distance from that body within which an event may put a target or a receptacle, m; by
     default about that of the farthest target in LIBERO's own tasks, with the tool pointing down."""
     owners: Mapping[str, str] = field(default_factory=lambda: OWNERS)
-    """Names under which contacts of its bodies are reported, as in :data:`OWNERS`."""
+    """Names under which contacts of its bodies are reported, ``robot0`` or ``gripper0``, by the beginning of
+    the bodies' names; the first that fits counts."""
     controller: str = "OSC_POSE"
     """Robosuite's name of its controller."""
     home_rad: tuple[float, ...] = ()

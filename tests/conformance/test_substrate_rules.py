@@ -60,6 +60,11 @@ def test_the_tiny_world_keeps_every_rule() -> None:
     assert {f"events/{event}" for event in BENCHMARK_EVENTS} <= {*outcomes}
 
 
+def test_a_gripper_may_open_with_plus_one() -> None:
+    rules = tuple(rule for rule in RULES if rule.area == "contract")
+    assert examine(worlds.OpeningAtPlusOne(), rules)["contract/gripper"].state == "kept"
+
+
 @pytest.mark.parametrize(("world", "name", "observed"), GALLERY, ids=[each[0].__name__ for each in GALLERY])
 def test_a_mistake_breaks_its_rule_and_no_other_must(
     world: type[TinyWorld], name: str, observed: str

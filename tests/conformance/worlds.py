@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
 from pytest_libero_max.worlds.contract import Array, ImageSize, WorldState
+from pytest_libero_max.worlds.robot import Robot
 from pytest_libero_max.worlds.scenery import Lights
 
 
@@ -60,6 +61,14 @@ class Mirrored(TinyWorld):
 class ClosingAtMinusOne(TinyWorld):
     def step(self, action: Sequence[float] | Array) -> None:
         super().step(np.asarray(action, dtype=float) * [1, 1, 1, 1, 1, 1, -1] if len(action) == 7 else action)
+
+
+class OpeningAtPlusOne(ClosingAtMinusOne):
+    """Its robot says so: no mistake."""
+
+    @property
+    def robot(self) -> Robot:
+        return replace(super().robot, noop=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
 
 
 class Growing(TinyWorld):

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,11 +19,11 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.policies.profile import load_profile
 from pytest_libero_max.worlds.robot import ROBOTS
 from tests.plugin.conftest import TINY_TASK, tiny_manifest
+from tests.plugin.strangers import install
 
 Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
 
 PACKAGE = Path(__file__).with_name("example_world")
-REPOSITORY = Path(__file__).parents[2]
 
 ADAPTER = """
 import numpy as np
@@ -77,19 +74,10 @@ at = ["actions"]
 @pytest.fixture
 def installed(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
     """A folder with the package installed and a manifest of its suites."""
-    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
-    info = pytester.mkdir(f"boxes_world-{project['version']}.dist-info")
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 1.0\n")
-    groups = (
-        "\n".join([f"[{group}]", *(f"{name} = {value}" for name, value in points.items())])
-        for group, points in project["entry-points"].items()
-    )
-    (info / "entry_points.txt").write_text("\n".join(groups))
-    shutil.copy(PACKAGE / "boxes_world.py", pytester.path)
+    install(pytester, monkeypatch, PACKAGE)
     task = replace(TINY_TASK, camera="overview")
     manifest = tiny_manifest(suites=("boxes_four", "boxes_six"), task=task)
     pytester.path.joinpath("boxes.json").write_text(json.dumps(manifest))
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(pytester.path), str(REPOSITORY)]))
     return pytester
 
 

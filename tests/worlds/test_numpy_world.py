@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 import pytest_libero_max
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.benchmark.latency import Latency
 from pytest_libero_max.benchmark.manifests import decode_manifest
 from pytest_libero_max.changes import (
     CoverEntity,
@@ -29,11 +31,13 @@ from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
 from pytest_libero_max.errors import ChangeError
+from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.films.replay import play_again, through_cameras
 from pytest_libero_max.pairing.runner import PairSettings, measure_pair
 from pytest_libero_max.pairing.trace import traces_of
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import AlterableWorld, Observation, OnMujoco, PosedWorld, World
+from pytest_libero_max.worlds.robot import Robot
 from tests.plugin.conftest import tiny_manifest
 from tests.worlds.numpy_world import NumpySubstrate, NumpyWorld
 
@@ -94,6 +98,26 @@ def test_every_event_happens_and_a_fork_equals_a_replay(case: Case) -> None:
     assert forked == played(case, "replay")
     assert forked["arms"]["base"]["success"]
     assert forked["arms"]["dynamic"]["firings"]
+
+
+class Posing(Placing):
+    """Asks for places of a hand that does not turn."""
+
+    spec = PolicySpec("posing", 2, 2, cameras=(), control="absolute", robot=None)
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        return np.tile([0.1, -0.1, 0.6, -1.0], (2, 1))
+
+
+def test_a_hand_of_four_components_waits_under_absolute_control() -> None:
+    slider = Robot(
+        name="slider", noop=(0.0, 0.0, 0.0, -1.0), state={"robot0_joint_pos": 3, "robot0_gripper_qpos": 1}
+    )
+    arms = tuple(replace(arm, latency=Latency(3, "sync")) for arm in arms_of(CASES[0]))
+    pair = measure_pair(CASES[0], NumpyWorld(slider), Posing(), arms=arms)
+    hand, actions = pair.base.end_effector, pair.base.actions
+    assert actions[0].tolist() == [*hand[0], -1.0] == actions[2].tolist()
+    assert actions[3].tolist() == [0.1, -0.1, 0.6, -1.0] == actions[6].tolist()
 
 
 def test_a_relocation_moves_what_the_policy_does_not_look_for() -> None:

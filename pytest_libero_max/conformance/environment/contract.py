@@ -101,10 +101,10 @@ def aliases(subject: EnvironmentSubject) -> Iterator[Finding]:
 @rule("env/contract/close", "should", needs=OPENS)
 def closes(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Close in the middle of an episode, and be closed twice."""
-    other = subject.another()
-    other.start()
-    other.step(NOOP_ACTION)
-    environment = other.environment
+    neighbour = subject.another()
+    neighbour.start()
+    neighbour.step(NOOP_ACTION)
+    environment = neighbour.environment
     try:
         for _ in range(2):
             environment.close()
@@ -154,15 +154,17 @@ def company(subject: EnvironmentSubject) -> Iterator[Finding]:
     yield kept("another environment of the same process leaves the images as they are")
 
 
-def _episode(subject: EnvironmentSubject, other: EnvironmentSubject | None = None) -> tuple[Reading, Reading]:
-    """Return an observation while the other is open, and one after it was closed."""
+def _episode(
+    subject: EnvironmentSubject, neighbour: EnvironmentSubject | None = None
+) -> tuple[Reading, Reading]:
+    """Return an observation while the neighbour is open, and one after it was closed."""
     subject.begin(drawn=True)
-    if other is not None:
-        other.start()
-        other.step((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))
+    if neighbour is not None:
+        neighbour.start()
+        neighbour.step((1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))
     first = copied(subject.step(NOOP_ACTION).reading)
-    if other is not None:
-        other.abandon()
+    if neighbour is not None:
+        neighbour.abandon()
     try:
         return first, subject.step(NOOP_ACTION).reading
     except SubstrateError:

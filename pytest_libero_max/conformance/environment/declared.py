@@ -1,4 +1,4 @@
-"""What an environment says of itself, so that a rule compares it with what it means to be."""
+"""The declaration of an environment: the conventions that it means to keep, which rules compare it with."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class DeclaredEnvironment:
     make: Callable[[], Any]
     """Opens an environment: Gymnasium's, alone or a vector of them, or one like LIBERO's own."""
     reference: str | Path | TaskReference = DEFAULT_REFERENCE
-    """What genuine LIBERO does in the task: a name, a file or the value."""
+    """Recording of genuine LIBERO in the task: a name, a file or the value."""
     initial_states: Sequence[Any] | None = None
     """States for ``set_init_state``, by index; None for an environment that has its own."""
     begin: Callable[[Any, int], Any] | None = None

@@ -1,4 +1,4 @@
-"""What several rules look at: each is measured once, because a reset of LIBERO takes a second."""
+"""Measurements that several rules share: each is taken once, because a reset of LIBERO takes a second."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ class Starts:
 
     settled: Mapping[int, Reading]
     """The first time from each initial state, by index."""
-    again: Reading
+    returned: Reading
     """The reference's initial state, after episodes from others."""
     fixtures: Array | None
     """(N, 3) m, in the first of them; None without a simulator of MuJoCo."""
-    fixtures_again: Array | None
-    """Likewise, at :attr:`again`."""
+    fixtures_later: Array | None
+    """Likewise, at :attr:`returned`."""
 
 
 def starts(subject: EnvironmentSubject) -> Starts:
     """Begin in a new environment from the reference's initial state, from 0, 1 and 2, and from the first."""
     init = subject.reference.init
-    others = (0, 1, 2) if subject.chooses else ()
+    between = (0, 1, 2) if subject.chooses else ()
     subject.abandon()  # the first episode of an environment may differ from all others
     readings = {init: copied(subject.begin(init, drawn=True))}
     fixtures = subject.fixtures
-    for other in others:
-        reading = copied(subject.begin(other, drawn=True))
-        readings.setdefault(other, reading)
-    again = copied(subject.begin(init, drawn=True))
-    return Starts(readings, again, fixtures, subject.fixtures)
+    for index in between:
+        reading = copied(subject.begin(index, drawn=True))
+        readings.setdefault(index, reading)
+    returned = copied(subject.begin(init, drawn=True))
+    return Starts(readings, returned, fixtures, subject.fixtures)
 
 
 class Moved(NamedTuple):

@@ -93,17 +93,17 @@ def differing(first: Reading, second: Reading) -> list[str]:
     """Return what differs between two readings, in words with the size of the difference."""
     parts = []
     for role, value in first.items():
-        other = second.get(role)
-        if isinstance(value, str) or other is None or np.shape(value) != np.shape(other):
-            if value is not other and not (isinstance(value, str) and value == other):
+        later = second.get(role)
+        if isinstance(value, str) or later is None or np.shape(value) != np.shape(later):
+            if value is not later and not (isinstance(value, str) and value == later):
                 parts.append(role)
-        elif not np.array_equal(value, other):
-            parts.append(f"{role} {_size(role, value, other)}")
+        elif not np.array_equal(value, later):
+            parts.append(f"{role} {_size(role, value, later)}")
     return parts
 
 
-def _size(role: str, value: NDArray[Any], other: NDArray[Any]) -> str:
-    apart = np.abs(np.asarray(value, dtype=float) - np.asarray(other, dtype=float))
+def _size(role: str, first: NDArray[Any], second: NDArray[Any]) -> str:
+    apart = np.abs(np.asarray(first, dtype=float) - np.asarray(second, dtype=float))
     if role in CAMERAS:
         share = float((apart.reshape(*apart.shape[:2], -1).max(axis=2) > 0).mean())
         return f"in {100 * share:.1f} % of its pixels"

@@ -1,4 +1,4 @@
-"""What genuine LIBERO does in one task, as a value that an environment is compared with.
+"""Recording of genuine LIBERO in one task, as a value that an environment is compared with.
 
 A reference is recorded once, from a world (:mod:`.recording`), and read by processes that have neither LIBERO
 nor its models. It holds the robot's state, small pictures and outcomes, and no initial state.

@@ -91,7 +91,7 @@ def right_state(subject: EnvironmentSubject) -> Iterator[Finding]:
 def fixtures(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Put the fixtures in the same place in every episode from the same initial state."""
     measured = subject.once(starts)
-    first, second = measured.fixtures, measured.fixtures_again
+    first, second = measured.fixtures, measured.fixtures_later
     if first is None or second is None:
         yield unexamined("no simulator of MuJoCo is found, whose bodies could be compared")
         return
@@ -114,7 +114,7 @@ def by_index(subject: EnvironmentSubject) -> Iterator[Finding]:
         yield unexamined("no initial state can be chosen", "Declare begin=, which takes the index.")
         return
     init, measured = subject.reference.init, subject.once(starts)
-    first, second = measured.settled[init], measured.again
+    first, second = measured.settled[init], measured.returned
     apart_m = float(np.abs(hand_of(first)[0] - hand_of(second)[0]).max())
     levels = max((_levels(first[camera], second[camera]) for camera in images_of(first)), default=0.0)
     if apart_m < 0.1 * _APART_M and levels < _APART_LEVELS:

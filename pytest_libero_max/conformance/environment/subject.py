@@ -25,7 +25,7 @@ _LEVELS = 5
 
 
 class Played(NamedTuple):
-    """What a step returned."""
+    """Result of a step."""
 
     reading: Reading
     reward: Any
@@ -51,7 +51,7 @@ class EnvironmentSubject:
 
     @cached_property
     def reference(self) -> TaskReference:
-        """What genuine LIBERO does."""
+        """Recording of genuine LIBERO in the task."""
         return self.declared.expects()
 
     def once(self, measure: Callable[[EnvironmentSubject], T]) -> T:

@@ -100,7 +100,7 @@ Entry = EnvironmentReset | PolicyReset | Asked | Executed
 
 @dataclass
 class Spies:
-    """What an episode keeps, and what both spies know of it."""
+    """Events of an episode, and the facts that both spies know of it."""
 
     script: Script
     entries: list[Entry] = field(default_factory=list)

@@ -59,7 +59,7 @@ class PlayedEpisode:
     entries: tuple[Any, ...]
     """All that the loop did, in order; see :mod:`.spies`."""
     result: Any
-    """What the loop returned."""
+    """Result of the loop."""
 
     @property
     def queries(self) -> tuple[Asked, ...]:

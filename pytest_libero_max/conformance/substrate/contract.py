@@ -135,16 +135,21 @@ def directions(subject: SubstrateSubject) -> Iterator[Finding]:
 
 @rule("substrate/contract/gripper", "must", needs=OPENS)
 def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
-    """Close the gripper with +1, and open it with -1."""
+    """Open the gripper with the sign of the no-op's last component, LIBERO's -1; close it with the other."""
     world = subject.begin()
-    openings = []
-    for sign in (-1.0, 1.0, -1.0):
+    openings, opening = [], world.robot.opening
+    for sign in (opening, -opening, opening):
         for _ in range(round(_GRIP_S * world.robot.control_hz)):
             world.step((*world.robot.noop[:-1], sign))
         openings.append(float(np.abs(world.observe(())[world.robot.fingers_key]).sum()))
-    opened, closed, again = openings
-    text = f"openings after -1, +1, -1: {opened:.3f}, {closed:.3f}, {again:.3f} m"
-    if closed < 0.5 * opened and again > 2 * closed:
+    opened, closed, reopened = openings
+    signs = f"{opening:+.0f}, {-opening:+.0f}, {opening:+.0f}"
+    text = f"openings after {signs}: {opened:.3f}, {closed:.3f}, {reopened:.3f} m"
+    if closed < 0.5 * opened and reopened > 2 * closed:
         yield kept(text)
         return
-    yield broken(text, "a small one after +1 only", "The sign of the gripper is the wrong way round.")
+    yield broken(
+        text,
+        f"a small one after {-opening:+.0f} only",
+        "The sign of the gripper, or of the last component of the robot's noop, is the wrong way round.",
+    )

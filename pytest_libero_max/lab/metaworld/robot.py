@@ -12,7 +12,7 @@ _ARM = (
     *("base", "controller_box", "pedestal_feet", "torso", "pedestal", "right_arm_base_link"),
     *("head", "screen", "head_camera", "right_"),
 )
-_GRIPPER = ("hand", "rightclaw", "leftclaw", "rightpad", "leftpad")
+_GRIPPER = ("rightclaw", "leftclaw", "rightpad", "leftpad")  # not "hand": handles begin so
 
 SAWYER = MujocoRobot(
     name="SawyerXYZ",

@@ -70,6 +70,11 @@ _COLUMNS = {**_DYNAMIC_COLUMNS, **_HANDOVER_COLUMNS}
 _OVER, _P = "over_", "p_over_"
 
 
+def _played(columns: Mapping[str, _Column], study: Continue) -> dict[str, _Column]:
+    """Return the columns whose arms a study plays: without an own Base, not those of it."""
+    return {key: column for key, column in columns.items() if study.own_base or not column.is_of_own_base}
+
+
 class Continued(ReportSection):
     """Cases of the study ``continue``."""
 
@@ -86,9 +91,8 @@ class Continued(ReportSection):
         played = replace(played, records=[it for it in played.records if it.arms[DYNAMIC].firings])
         rows: Rows = PAIRS.row(len(played.records))
         for line in _lines(study):
-            for key, column in line.columns.items():
-                if study.own_base or not column.is_of_own_base:
-                    rows |= _number(line.name, key, column, played.records)
+            for key, column in _played(line.columns, study).items():
+                rows |= _number(line.name, key, column, played.records)
         return {TITLE: rows | _contrasts(study, played)}
 
     def quantity(self, name: str) -> Measured | None:
@@ -110,11 +114,7 @@ class Continued(ReportSection):
         own = str((report.policy or {}).get("name"))
         names = {line.name: (line.controller or f"{own} (run)") + line.late for line in _lines(study)}
         handed = {name: name for name, _ in study.controllers}
-        columns = {
-            key: column
-            for key, column in _HANDOVER_COLUMNS.items()
-            if study.own_base or not column.is_of_own_base
-        }
+        columns = _played(_HANDOVER_COLUMNS, study)
         tables = [
             _table("From the event on", names, _DYNAMIC_COLUMNS, measures, f"{_selection(report)} {NOTE}"),
             _table("Handover and event apart", handed, columns, measures, HANDOVER_NOTE),
@@ -188,10 +188,8 @@ def _measured(name: str, key: str) -> Measured:
         return Measured(
             f"continue.{name}.{key}", f"{name}: {column.title}", unit, of_change=key != "own_base"
         )
-    other = key.removeprefix(_P).removeprefix(_OVER)
-    title, unit = (
-        (f"{name} - {other}, adjusted p", "p") if key.startswith(_P) else (f"{name} - {other}", "change")
-    )
+    contrast = f"{name} - {key.removeprefix(_P).removeprefix(_OVER)}"
+    title, unit = (f"{contrast}, adjusted p", "p") if key.startswith(_P) else (contrast, "change")
     return Measured(f"continue.{name}.{key}", title, unit, of_change=True)
 
 
@@ -224,7 +222,7 @@ def _contrasts(study: Continue, played: PlayedPairs) -> Rows:
     for (pair, both), log10_p in zip(ends.items(), holm(tests), strict=True):
         first, second = pair
         change = _measured(first, _OVER + second).change(
-            [one for one, _ in both], [other for _, other in both]
+            [reference for reference, _ in both], [compared for _, compared in both]
         )
         rows |= change | _measured(first, _P + second).row(None if log10_p is None else 10**log10_p)
     return rows

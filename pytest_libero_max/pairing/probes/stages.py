@@ -225,8 +225,9 @@ class Stages(Probe[State]):
         if len(trajectory.firings) != state.firings:
             state = _after_change(state, view)
         last = trajectory.executed[-1]
-        closes = last.action[-1] > 0 and (
-            len(trajectory.executed) == 1 or trajectory.executed[-2].action[-1] <= 0
+        closes_at = view.world.robot.closes
+        closes = closes_at(last.action) and (
+            len(trajectory.executed) == 1 or not closes_at(trajectory.executed[-2].action)
         )
         tracks = tuple(
             [track if track.part else _follow(track, view, last, closes) for track in state.tracks]
@@ -427,7 +428,9 @@ def _lost(track: Track, view: View) -> Track:
         track,
         lifted=False,
         lost_step=view.trajectory.step,
-        lost_open=any(step.action[-1] <= 0 for step in view.trajectory.executed[-_OPENING_STEPS:]),
+        lost_open=not all(
+            view.world.robot.closes(step.action) for step in view.trajectory.executed[-_OPENING_STEPS:]
+        ),
         lost_m=_away_m(track, view.world, track.at),
         lost_old_m=None if old is None else math.hypot(track.at[0] - old[0], track.at[1] - old[1]),
         lost_at=track.at,

@@ -21,23 +21,23 @@ from pytest_libero_max.evaluation.player import BROKEN_POLICY, Unsupported
 from pytest_libero_max.evaluation.processes.crash_log import CrashLog, Death, read_death
 from pytest_libero_max.evaluation.processes.deaths import keep_text, pair_error
 from pytest_libero_max.evaluation.processes.pair_process import PairProcess
+from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.machine import end_with_parent
 from pytest_libero_max.pairing.record import POLICY_PHASE, PairError, PairRecord
-from pytest_libero_max.plugin.collection import settings_of
 from pytest_libero_max.plugin.run_pair import explain, play
 from pytest_libero_max.plugin.run_stop import stop_run
 from pytest_libero_max.plugin.stash_keys import NOTE, RESULT
 
 
-def play_isolated(request: pytest.FixtureRequest, case: Case) -> PairRecord:
+def play_isolated(request: pytest.FixtureRequest, case: Case, settings: Settings) -> PairRecord:
     """Play a pair in a child of this process, and again in another one if it dies.
 
     The child has the tests, fixtures and options of this process, which itself never loads the policy.
     """
-    settings, node = settings_of(request.config), request.node
+    node = request.node
     with tempfile.TemporaryDirectory(prefix="libero-max-") as folder:
         for number in range(1, settings.retries + 2):
-            told = _in_child(Path(folder), lambda log: _played(request, case, log))
+            told = _in_child(Path(folder), lambda log: _played(request, case, settings, log))
             if not isinstance(told, Death):
                 break
             keep_text(settings.output, case.item_id, number, told.text)
@@ -57,13 +57,13 @@ def play_isolated(request: pytest.FixtureRequest, case: Case) -> PairRecord:
     pytest.fail(told["text"], pytrace=False)
 
 
-def _played(request: pytest.FixtureRequest, case: Case, log: CrashLog) -> Json:
+def _played(request: pytest.FixtureRequest, case: Case, settings: Settings, log: CrashLog) -> Json:
     """Play the pair in the child; return its result as JSON values."""
     workers = getattr(request.config, "workerinput", {}).get("workercount", 1)
-    process = PairProcess(settings_of(request.config), int(workers), log)
+    process = PairProcess(settings, int(workers), log)
     try:
         with process.pair():
-            record = play(request, case, process)
+            record = play(request, case, settings, process)
     except Unsupported as unsupported:
         return {"skip": str(unsupported)}
     except pytest.skip.Exception as skipped:

@@ -10,7 +10,7 @@ import pytest
 
 from pytest_libero_max.evaluation.processes.crash_log import CrashLog
 from pytest_libero_max.evaluation.processes.pair_process import PairProcess, close_in_children
-from pytest_libero_max.plugin.collection import settings_of
+from pytest_libero_max.evaluation.settings import Settings
 
 CRASH_LOG_INPUT = "libero_max_crash_log"
 """Key in a worker's input of the path of its crash log."""
@@ -18,10 +18,9 @@ CRASH_LOG_INPUT = "libero_max_crash_log"
 _PROCESS = pytest.StashKey[PairProcess]()
 
 
-def pair_process_of(config: pytest.Config) -> PairProcess:
+def pair_process_of(config: pytest.Config, settings: Settings) -> PairProcess:
     """Return this process as it plays pairs; its limits begin at the first call."""
     if _PROCESS not in config.stash:
-        settings = settings_of(config)
         worker = getattr(config, "workerinput", None)
         if worker is None:
             config.stash[_PROCESS] = PairProcess(settings, 1, None, config.stash.get(STDERR, 2))

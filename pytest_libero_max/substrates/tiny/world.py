@@ -18,7 +18,7 @@ import numpy as np
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import MujocoWorld
-from pytest_libero_max.worlds.rendering import context, gl
+from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.robot import GRIPPER, PANDA, MujocoRobot
 
 gl.prepare()
@@ -253,7 +253,7 @@ class TinySubstrate:
         return self._world
 
     def fingerprint(self, images: bool = False) -> Mapping[str, str]:
-        return {"substrate": self.name, "mujoco": mujoco.__version__, **context.fingerprint(images)}
+        return {"substrate": self.name, **TinyWorld.versions(images)}
 
     def close(self) -> None:
         if self._world is not None:
