@@ -90,8 +90,8 @@ def outlines(
     """Return where places are in the pictures of a world, by camera; each (n, 2) pixels.
 
     Args:
-        images: Upright pictures of its cameras. Pictures of another name are left out, and without MuJoCo those
-            of any but the main camera, which moves with nothing.
+        images: Upright pictures of its cameras. Pictures of another name are left out, and without MuJoCo
+            those of all but the main camera, which moves with nothing.
     """
     import cv2
 
