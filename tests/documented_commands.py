@@ -58,6 +58,9 @@ ELSEWHERE = {
 PROVED = {
     "libero-max check": "tests/cli/test_check.py",
     "libero-max compare": "tests/cli/test_compare.py",
+    "libero-max dev build": "tests/makers/construction/test_unmodified_tracks.py",
+    "libero-max dev certify": "tests/makers/construction/test_examiner.py",
+    "libero-max dev eligibility": "tests/makers/construction/test_unmodified_tracks.py",
     "libero-max doctor": "tests/test_doctor.py",
     "libero-max film": "tests/test_documented_commands.py",
     "libero-max gate": "tests/plugin/test_gates.py",

@@ -22,10 +22,11 @@ from pytest_libero_max.benchmark.structs import (
     checked,
     rule,
 )
-from pytest_libero_max.benchmark.suites import SUITES
+from pytest_libero_max.benchmark.suites import SUITES, VARIED
 from pytest_libero_max.errors import ManifestError
 
-Source = Literal["libero", "plus", "pro"]
+UNMODIFIED = "Unmodified"
+"""Source category of an unmodified task."""
 
 
 def step_budget(suite: str) -> int | None:
@@ -90,8 +91,8 @@ class Case:
     """Seed of the policy, the same in both rollouts."""
     event: Event
     """The one change of the Dynamic rollout."""
-    source: Source
-    """``plus``, ``pro``, or ``libero`` for an unmodified task."""
+    source: str
+    """``plus``, ``pro``, or the benchmark of an unmodified task, for example ``libero``."""
     source_category: str
     """Category of the source variation; ``Unmodified`` for an unmodified task."""
     difficulty: int | None
@@ -110,6 +111,11 @@ class Case:
     def __repr__(self) -> str:
         """Return a short text: other plugins write it into their reports, as the parameter of a test."""
         return f"<Case {self.item_id}>"
+
+    @property
+    def unmodified(self) -> bool:
+        """True if the task is as its benchmark has it, without a source variation."""
+        return self.source not in VARIED
 
     @property
     def budget(self) -> int:
@@ -131,7 +137,7 @@ class Case:
         """
         suite, width = SUITES[self.suite], 4 if self.source == "plus" else 2
         varied = f"{self.source}-{slug(self.source_category)}"
-        origin = suite.benchmark if self.source == "libero" else varied
+        origin = suite.benchmark if self.unmodified else varied
         program = "" if self.program is None else f"-{self.program.name}"
         return (
             f"{origin}-{suite.label}-t{self.task_index:0{width}d}-i{self.init_state_index:02d}"
@@ -251,7 +257,7 @@ def parse_case(record: Any, where: str = "case") -> Case:
     suite = spelled.task_suite_name
     if suite not in SUITES:
         raise ManifestError(f"{where}: task_suite_name={suite!r}. {SUITES.none_called(suite)}")
-    source, category = _source(spelled.substrate_category)
+    source, category = _source(spelled.substrate_category, suite)
     return Case(
         case_id=spelled.case_id,
         suite=suite,
@@ -287,9 +293,9 @@ def _event(spelled: _Scenario, scenario: Json, where: str) -> Event:
     )
 
 
-def _source(category: str | None) -> tuple[Source, str]:
+def _source(category: str | None, suite: str) -> tuple[str, str]:
     if category is None:
-        return "libero", "Unmodified"
+        return SUITES[suite].benchmark, UNMODIFIED
     if category.startswith("LIBERO-PRO/"):
         return "pro", category.removeprefix("LIBERO-PRO/")
     return "plus", category

@@ -7,16 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pytest_libero_max.benchmark.cases import Source
+from pytest_libero_max.benchmark.suites import VARIED
 
-SAMPLERS: Mapping[Source, str] = MappingProxyType(
+SAMPLERS: Mapping[str, str] = MappingProxyType(
     {
         "plus": "libero-max-hard-v2.0",
         "pro": "libero-max-pro-hard-v1.0",
         "libero": "libero-max-base-v1.0",
     }
 )
-"""Names of the random draws, by source. Those of ``plus`` and ``pro`` are the released benchmark's."""
+"""Names of the random draws, by source. Those of ``plus`` and ``pro`` are the released benchmark's; that of
+another benchmark's unmodified tasks follows from its name."""
 
 DIRECTION_SAMPLER = SAMPLERS["plus"]
 """Relocation directions use one name for every source, so that all variations of a task share them."""
@@ -55,7 +56,8 @@ class Draw:
 class Identity:
     """Configuration of a case, apart from its event."""
 
-    source: Source
+    source: str
+    """``plus``, ``pro``, or the benchmark of an unmodified task."""
     suite: str
     task_index: int
     """Index in the source's registry."""
@@ -67,7 +69,7 @@ class Identity:
 
     @property
     def sampler(self) -> str:
-        return self._named(SAMPLERS[self.source])
+        return self._named(SAMPLERS.get(self.source, f"libero-max-{self.source}-v1.0"))
 
     @property
     def policy_seed(self) -> int:
@@ -84,7 +86,7 @@ class Identity:
     def base_task_id(self) -> str:
         if self.source == "pro":
             return f"libero-pro/{self.category}/{self.suite}/task_{self.task_index}"
-        prefix = "libero/" if self.source == "libero" else ""
+        prefix = "" if self.source in VARIED else f"{self.source}/"
         return f"{prefix}{self.suite}/task_{self.task_index}"
 
     def seed(self, event: str, variant: int) -> int:
@@ -104,8 +106,9 @@ class Identity:
     def scenario_id(self, event: str, variant: int) -> str:
         if self.source == "plus":
             return f"{self.suite}-t{self.task_index:04d}-{event}-d{variant}"
-        short = self.suite.removeprefix("libero_")
-        prefix = f"pro-{self.category.replace('_', '-')}" if self.source == "pro" else "libero"
+        benchmark = "libero" if self.source in VARIED else self.source
+        short = self.suite.removeprefix(f"{benchmark}_")
+        prefix = f"pro-{self.category.replace('_', '-')}" if self.source == "pro" else benchmark
         return f"{prefix}-{short}-t{self.task_index:02d}-i{self.init_state_index:02d}-{event}-d{variant}"
 
     def case_id(self, event: str, variant: int) -> str:

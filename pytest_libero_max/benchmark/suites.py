@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.registry import Registry, listed_in
 
+VARIED = ("plus", "pro")
+"""Sources of cases that vary LIBERO's tasks. Any other source is the benchmark of an unmodified task."""
+
 LONGEST = 10_000
 """Most policy steps of an episode."""
 
@@ -27,12 +30,22 @@ class Suite:
     """Benchmark that it is a part of; begins the ids of its unmodified tasks."""
     label: str
     """Its name within the benchmark, the second part of these ids."""
+    tasks: int = 10
+    """Number of its tasks."""
+    states: int = 10
+    """Number of initial states of a task from which cases begin."""
 
     def __post_init__(self) -> None:
         for name in ("name", "benchmark", "label"):
             word = getattr(self, name)
             if not (isinstance(word, str) and word.isascii() and word.replace("_", "").isalnum()):
                 raise ValueError(f"{name}={word!r} of a suite, but must be letters, digits and underscores")
+        if self.benchmark in VARIED:
+            raise ValueError(f"benchmark={self.benchmark!r} of a suite is the name of a source of variations")
+        for name in ("tasks", "states"):
+            number = getattr(self, name)
+            if not isinstance(number, int) or number < 1:
+                raise ValueError(f"{name}={number!r} of suite {self.name!r}, but must be 1 or more")
         if not isinstance(self.budget, int) or not 1 <= self.budget <= LONGEST:
             raise ValueError(
                 f"budget={self.budget!r} of suite {self.name!r}, but must be 1 to {LONGEST} steps"

@@ -25,7 +25,8 @@ def track_lines(folder: Path) -> list[str]:
     for name, manifest in tracks.items():
         count = Counter(case.source for case in manifest)
         events = len({case.event.name for case in manifest})
-        numbers = f"{len(manifest)} | {count['plus']} | {count['pro']} | {count['libero']} | {events}"
+        unmodified = sum(case.unmodified for case in manifest)
+        numbers = f"{len(manifest)} | {count['plus']} | {count['pro']} | {unmodified} | {events}"
         lines.append(f"| {name} | {numbers} | `{manifest.digest[:16]}` |")
     return lines
 

@@ -17,9 +17,8 @@ from pytest_libero_max.events.schedules import arms_of, trigger_of
 from pytest_libero_max.events.triggers import Proximity
 from pytest_libero_max.policies.transforms.images import png_file
 from pytest_libero_max.report.writers.report_files import make_folder, write_bytes
-from pytest_libero_max.substrates.registry import own_variation
+from pytest_libero_max.substrates.registry import contents_of, own_variation
 from pytest_libero_max.substrates.variation import variation_metadata
-from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import Image, World, alterable
 
 _ENDINGS: Mapping[Ending, str] = {
@@ -136,16 +135,16 @@ def _instruction(case: Case) -> str:
     if case.instruction is not None:
         return f"{case.instruction} (as the manifest says)"
     try:
-        if case.source == "libero":
-            return f"{task_metadata(case.suite, case.task_index).language} (the task's own)"
+        if case.unmodified:
+            return f"{contents_of(case.suite, case.task_index).language} (the task's own)"
         return f"{variation_metadata(own_variation(case)).language} (the variation's own)"
     except LiberoMaxError:
         return "the task's own"
 
 
 def _scene(case: Case) -> str:
-    if case.source == "libero":
-        return "as in LIBERO"
+    if case.unmodified:
+        return "unmodified"
     try:
         variation = own_variation(case)
     except LiberoMaxError as error:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS, TRIGGER_DISTANCE_M, Case
 from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.schedules import trigger_of
@@ -82,7 +82,8 @@ def proximity_of(case: Case) -> Proximity:
 
 def _go(world: World, case: Case, aim: _Aim, high: bool) -> bool:
     trigger = proximity_of(case)
-    goal = world.position(trigger.entity) + aim.offset_m
+    nearness = trigger.distance_m / TRIGGER_DISTANCE_M  # beside the entity means within the trigger distance
+    goal = world.position(trigger.entity) + np.multiply(aim.offset_m, nearness)
     top = float(world.position(trigger.entity)[2]) + _HIGH_M
     points = [np.array([*world.end_effector()[:2], top]), np.array([*goal[:2], top])] if high else []
     for step in range(_APPROACH_STEPS):

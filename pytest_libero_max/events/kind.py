@@ -68,7 +68,7 @@ class EventKind(ABC):
 
         Another trigger must name an entity in ``value``, which the distances of every record are about.
         """
-        return Proximity(entity_of(task))
+        return Proximity(entity_of(task), task.trigger_distance_m)
 
     @abstractmethod
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:

@@ -1,12 +1,13 @@
-"""Cases made in Python: an event in a task without a source variation."""
+"""Cases made in Python: an event in a task of a known suite, without a source variation."""
 
 from __future__ import annotations
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.events.registry import resolve_event
-from pytest_libero_max.tasks.contents import TaskMetadata, task_metadata
+from pytest_libero_max.substrates.registry import contents_of
 
 
 def make_case(
@@ -16,21 +17,18 @@ def make_case(
     init_state_index: int = 0,
     *,
     variant: int = 0,
-    task: TaskMetadata | None = None,
 ) -> Case:
-    """Return the case of an event in a task; the same arguments give the same case.
+    """Return the case of an event in an unmodified task; the same arguments give the same case.
 
     Args:
         event: Name of the event, for example ``camera_shift``.
-        suite: For example ``libero_spatial``.
+        suite: For example ``libero_spatial``, or one that another package adds.
         task_index: Index of the task in its suite, from 0.
-        init_state_index: Index of the initial state: on LIBERO 0 to 9, or 10 to 49 for training data.
-        task: Contents of the task's scene; those of LIBERO's tasks are known.
+        init_state_index: Index of the initial state; of LIBERO's tasks 0 to 9, or 10 to 49 for training data.
 
     Raises:
         ManifestError: There is no such event or variant, or the task cannot host it.
     """
-    contents = task_metadata(suite, task_index) if task is None else task
-    identity = Identity("libero", suite, task_index, init_state_index)
-    event_of_case = resolve_event(event, variant, contents, identity)
-    return parse_case(case_record(identity, event_of_case, contents.name))
+    task = contents_of(suite, task_index)
+    identity = Identity(SUITES[suite].benchmark, suite, task_index, init_state_index)
+    return parse_case(case_record(identity, resolve_event(event, variant, task, identity), task.name))

@@ -61,7 +61,7 @@ def eligible(event: str, task: TaskMetadata) -> bool:
     Raises:
         ManifestError: There is no such event.
     """
-    return EVENTS[event].eligible(task)
+    return event not in task.impossible and EVENTS[event].eligible(task)
 
 
 def eligible_events(task: TaskMetadata) -> tuple[str, ...]:
@@ -81,11 +81,12 @@ def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identit
     kind = EVENTS[name]
     if variant not in VARIANTS:
         raise ManifestError.seen("variant", variant, ", but an event has the variants 0 and 1.")
-    if not kind.eligible(task):
+    if not eligible(name, task):
+        needs = task.impossible.get(name, f"The task needs {kind.needs}")
         raise ManifestError.seen(
             "event",
             name,
-            f" is not possible in {task.name!r}. The task needs {kind.needs} "
+            f" is not possible in {task.name!r}. {needs} "
             f"Possible: {', '.join(eligible_events(task)) or 'none'}.",
         )
     scenario = kind.resolve(variant, task, identity)

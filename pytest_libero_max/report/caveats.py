@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 
+from pytest_libero_max.benchmark.suites import VARIED
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN
 from pytest_libero_max.pairing.record import PROGRAM
 from pytest_libero_max.pairing.scene_fingerprints import START
@@ -58,7 +59,7 @@ def _varied(source: str, category: str) -> Callable[[Played], bool]:
 
 def _own_variation(record: Played) -> bool:
     """Return True for a pair on a genuine scene with a variation of this package."""
-    return record.source != "libero" and record.fingerprints.get("source_variations") == "own"
+    return record.source in VARIED and record.fingerprints.get("source_variations") == "own"
 
 
 def _genuine(record: Played) -> bool:

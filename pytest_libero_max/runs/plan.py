@@ -67,7 +67,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
     case_digest: Sha256
     """SHA-256 of the case."""
     source: SourceName
-    """Source of the case: ``plus``, ``pro``, or ``libero`` for an unmodified task."""
+    """Source of the case: ``plus``, ``pro``, or the benchmark of an unmodified task, such as ``libero``."""
     source_category: Name
     """Category of the source variation; ``Unmodified`` for an unmodified task."""
     difficulty: Difficulty | None

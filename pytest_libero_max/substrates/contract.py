@@ -139,6 +139,9 @@ class Tracks:
     """Tracks to play where none is named: the first one of which every case plays, else the last."""
     pictured: str = "original"
     """Track of which a gallery shows the events."""
+    per_event: Mapping[str, int] = field(default_factory=dict)
+    """Tracks that construction draws from the unmodified tasks of its suites, with the number of cases of an
+    event."""
 
     def name(self, track: str) -> str:
         """Name of the substrate's own version of a track, if there is one; otherwise the name as it is."""
@@ -149,6 +152,12 @@ class Tracks:
 
 def _no_catalogue(options: SubstrateOptions) -> Catalogue:
     raise SubstrateError("This substrate has no catalogue of source variations: it cannot be built from.")
+
+
+def _libero_contents(suite: str, index: int) -> TaskMetadata:
+    from pytest_libero_max.tasks.contents import task_metadata
+
+    return task_metadata(suite, index)
 
 
 def _no_variation(case: Case) -> Variation:
@@ -172,6 +181,9 @@ class SubstrateKind:
     variation_of: Callable[[Case], Variation] = _no_variation
     """Finds the source variation of its own that a case plays, without building anything. Raises
     :class:`.SubstrateError` where it has none."""
+    contents: Callable[[str, int], TaskMetadata] = _libero_contents
+    """Returns the contents of an unmodified task by suite and index, from which events are drawn, without
+    building anything; by default that of LIBERO's."""
     tracks: Callable[[SubstrateOptions], Tracks] = lambda options: Tracks()
     suites: tuple[str, ...] | None = None
     """Suites whose tasks it has; None for any."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.benchmark.text_values import known_in, named_values
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.registry import Registry, modules_in, references
@@ -19,6 +20,7 @@ from pytest_libero_max.substrates.contract import (
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.substrates.variation import Variation
+    from pytest_libero_max.tasks.contents import TaskMetadata
 
 DEFAULT = "embedded"
 """The substrate that is used unless another is asked for. The source variations of its catalogue are this
@@ -117,6 +119,20 @@ def scores_of(name: str) -> dict[str, Any]:
             "note": f"Measured on the {name} substrate: a dry run, not a score.",
         }
     return {"comparable_with_published": kind.comparable_with_published, "note": kind.note or None}
+
+
+def contents_of(suite: str, task_index: int) -> TaskMetadata:
+    """Return the contents of an unmodified task, from the first substrate that has its suite.
+
+    Raises:
+        ManifestError: There is no such suite.
+        SubstrateError: No substrate has it, or it has no such task.
+    """
+    SUITES[suite]  # refuses an unknown one, with the closest names
+    for kind in SUBSTRATES.values():
+        if kind.suites is not None and suite in kind.suites:
+            return kind.contents(suite, task_index)
+    raise SubstrateError.seen("suite", suite, " is of no substrate that is installed here.")
 
 
 def own_catalogue() -> Catalogue:

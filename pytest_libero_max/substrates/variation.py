@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from pytest_libero_max.benchmark.cases import Source
 from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata, owner, task_metadata
 from pytest_libero_max.worlds.contract import AlterableWorld
@@ -20,7 +19,7 @@ Item = TypeVar("Item")
 class Variation:
     """A source variation of a task."""
 
-    source: Source
+    source: str
     """``plus`` or ``pro``."""
     suite: str
     index: int

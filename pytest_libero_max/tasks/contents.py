@@ -6,9 +6,11 @@ goal and the declared placements. No simulator is involved.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from pytest_libero_max.benchmark.cases import TRIGGER_DISTANCE_M
 from pytest_libero_max.tasks import libero_tasks as tasks
 from pytest_libero_max.worlds.robot import CAMERAS
 
@@ -34,6 +36,28 @@ class InitialPlacement:
 
 
 @dataclass(frozen=True)
+class Room:
+    """Rectangle of the plane in which the positions of a thing may be, m, world frame."""
+
+    low: tuple[float, float]
+    """Smallest x and y."""
+    high: tuple[float, float]
+    """Largest x and y."""
+
+    def holds(self, x: float, y: float) -> bool:
+        """Return True if a position lies in it."""
+        return self.low[0] <= x <= self.high[0] and self.low[1] <= y <= self.high[1]
+
+    def share(self, x: float, y: float) -> float:
+        """Return the share of its positions that are still in it after a movement by x and y."""
+        sides = (high - low for low, high in zip(self.low, self.high, strict=True))
+        return math.prod(
+            max(0.0, 1.0 - abs(move) / side) if side > 0.0 else float(move == 0.0)
+            for move, side in zip((x, y), sides, strict=True)
+        )
+
+
+@dataclass(frozen=True)
 class TaskMetadata:
     """The facts about one task that construction decides by."""
 
@@ -52,8 +76,25 @@ class TaskMetadata:
     """Initial placement of the movable objects that have one."""
     reserved: frozenset[str] = field(default_factory=frozenset)
     """Objects that a source variation added and that no event may use."""
+    parked: frozenset[str] = field(default_factory=frozenset)
+    """Objects that are out of the scene at reset until an event brings them in."""
     camera: str = CAMERAS[0]
     """The main camera of its robot, which a shift of the viewpoint moves."""
+    other_cameras: tuple[str, ...] = CAMERAS[1:]
+    """The other cameras of its robot."""
+    part: str | None = None
+    """Part of the target that the hand has to come near, an entity of its own; None for the target itself."""
+    trigger_distance_m: float = TRIGGER_DISTANCE_M
+    """Distance from the hand to the trigger entity at which events happen."""
+    rooms: Mapping[str, Room] = field(default_factory=dict)
+    """Places to which an event may move a thing, by its name; anywhere within reach for others."""
+    impossible: Mapping[str, str] = field(default_factory=dict)
+    """Events that the task cannot host for a reason of its own, with that reason."""
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras of its robot, the main one first."""
+        return (self.camera, *self.other_cameras)
 
     @property
     def goal_entities(self) -> tuple[str, ...]:
@@ -71,7 +112,7 @@ class TaskMetadata:
     @property
     def trigger_entity(self) -> str | None:
         """The entity that an event's trigger watches: the target, or the first that the goal names."""
-        return self.primary_target or next(iter(self.goal_entities), None)
+        return self.part or self.primary_target or next(iter(self.goal_entities), None)
 
     @property
     def primary_receptacle(self) -> str | None:
@@ -96,8 +137,9 @@ class TaskMetadata:
 
     @property
     def obstacle_candidates(self) -> tuple[str, ...]:
-        """The distractors on the trigger entity's own support, sorted."""
-        support = None if self.trigger_entity is None else self.support(self.trigger_entity)
+        """The distractors on the support of the trigger entity, or of what it is a part of, sorted."""
+        carried = self.trigger_entity if self.part is None else self.primary_target
+        support = None if carried is None else self.support(carried)
         if support is None:
             return ()
         return tuple(name for name in self.supported_distractors if self.support(name) == support)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-SOURCES = ("plus", "pro")
+from pytest_libero_max.benchmark.suites import VARIED
+
+SOURCES = VARIED
 """LIBERO-Plus and LIBERO-PRO, as cases name them."""
 
 PLUS_CATEGORIES = (

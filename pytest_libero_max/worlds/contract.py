@@ -113,8 +113,11 @@ class WorldState:
 
     def differing(self, other: WorldState) -> tuple[str, ...]:
         """Return the names of everything that differs from another state; model fields by their own names."""
+        nothing, names = np.empty(0), dict.fromkeys((*self.model, *other.model))
         fields = [
-            name for name, value in self.model.items() if value.tobytes() != other.model[name].tobytes()
+            name
+            for name in names
+            if self.model.get(name, nothing).tobytes() != other.model.get(name, nothing).tobytes()
         ]
         arrays = [name for name in ("physics", "controller") if _bytes(self, name) != _bytes(other, name)]
         plain = ("scene", "steps", "filters", "parked", "assigned", "control")

@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,9 @@ _LIGHTS = MappingProxyType(
 class MujocoScenery(ABC):
     """The scenery of a compiled model, for a world that has it as ``_model``."""
 
+    alterable_fields: ClassVar[tuple[str, ...]] = ALTERABLE
+    """Model fields that may change; more in a world whose episodes write others as well."""
+
     _model: mujoco.MjModel
     _data: mujoco.MjData
     _entities: dict[str, Entity]
@@ -90,10 +93,10 @@ class MujocoScenery(ABC):
         Raises:
             SubstrateError: The field is not one that a reset restores.
         """
-        if field not in ALTERABLE:
+        if field not in self.alterable_fields:
             raise SubstrateError(
                 f"field={field!r} is not a model field that a reset restores, so it must not be altered. "
-                f"{did_you_mean(field, ALTERABLE)}"
+                f"{did_you_mean(field, self.alterable_fields)}"
             )
         self._write({field: value}, index)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
+from fnmatch import fnmatchcase
 from hashlib import blake2b
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,7 @@ from pytest_libero_max.worlds.contract import (
     WorldState,
 )
 from pytest_libero_max.worlds.guard import ModelGuard
-from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE, MujocoScenery
+from pytest_libero_max.worlds.mujoco_scenery import MujocoScenery
 from pytest_libero_max.worlds.rendering import context, gl
 from pytest_libero_max.worlds.robot import PANDA, MujocoRobot
 from pytest_libero_max.worlds.scene_digest import model_fields, value_digest
@@ -101,7 +102,9 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._guard: ModelGuard | None = None
         self.open_task: Callable[[str, int], OnMujoco] | None = None
         # Made once: MuJoCo makes a new array of the same memory whenever it is asked for one.
-        self._alterable: dict[str, NDArray[Any]] = {field: getattr(model, field) for field in ALTERABLE}
+        self._alterable: dict[str, NDArray[Any]] = {
+            field: getattr(model, field) for field in self.alterable_fields
+        }
         self._hashed = [array.reshape(-1).data for array in self._alterable.values()]
         self._compiled = {field: array.copy() for field, array in self._alterable.items()}
         self._scene_fields: dict[str, str] = {}  # filled when they are asked for
@@ -188,7 +191,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._reset_controller()
         self._after_step()
         if self._guard is None:  # the first reset of a scene ends its construction
-            self._guard = ModelGuard(self._model, ALTERABLE)
+            self._guard = ModelGuard(self._model, self.alterable_fields)
 
     def step(self, action: Sequence[float] | Array) -> None:
         sound = self._control_step(self._checked_action(action))
@@ -462,18 +465,18 @@ class MujocoWorld(WorldBase, MujocoScenery):
         first = int(self._model.jnt_dofadr[self._joint[name]])
         return slice(first, first + 6)
 
-    def _geom_owners(self, prefixes: Mapping[str, str]) -> NDArray[np.int64]:
+    def _geom_owners(self, patterns: Mapping[str, str]) -> NDArray[np.int64]:
         """For each geom the index into ``_owner_names`` of what it belongs to, or -1.
 
         A geom belongs to the nearest of its body's ancestors that is an entity's root, unless its body
         is one of the robot's. What hangs from the world body itself belongs to an entity of that body.
         """
-        self._owner_names = [*self._entities, *sorted(set(prefixes.values()))]
+        self._owner_names = [*self._entities, *sorted(set(patterns.values()))]
         roots = {self._body[name]: number for number, name in enumerate(self._entities)}
         owner_of_body = np.full(self._model.nbody, -1)
         for body in range(self._model.nbody):
             label = mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
-            robot = next((owner for prefix, owner in prefixes.items() if label.startswith(prefix)), None)
+            robot = next((owner for name, owner in patterns.items() if fnmatchcase(label, name)), None)
             parent = int(self._model.body_parentid[body])
             if robot is not None:
                 owner_of_body[body] = self._owner_names.index(robot)

@@ -42,7 +42,7 @@ def test_a_case_is_told_in_words() -> None:
     for words in (
         "Instruction: pick up ",
         "(the task's own)",
-        "Scene: as in LIBERO",
+        "Scene: unmodified",
         "Event: The target is moved along its support",
         "Family geometry, severity ",
         f"Episode: at most {case.budget} steps",

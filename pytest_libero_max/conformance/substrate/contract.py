@@ -13,11 +13,11 @@ from pytest_libero_max.worlds.contract import OnMujoco, World
 
 OPENS = "substrate/contract/opens"
 
-_STEPS = 6
-"""Steps of a movement in one direction."""
+_MOVE_S, _GRIP_S = 0.3, 0.5
+"""Time of a movement in one direction, and of one of the gripper."""
 
 _LEAST_M = 0.01
-"""Least way of the hand in them, m: 1.7 mm a step, where a full action asks for up to 5 cm."""
+"""Least way of the hand in the former, m: 1.7 mm a step of LIBERO's, where an action asks for up to 5 cm."""
 
 
 @rule(OPENS, "must")
@@ -118,12 +118,13 @@ def directions(subject: SubstrateSubject) -> Iterator[Finding]:
             start = np.array(world.end_effector())
             action = np.array(world.robot.noop)
             action[axis] = sign
-            for _ in range(_STEPS):
+            steps = round(_MOVE_S * world.robot.control_hz)
+            for _ in range(steps):
                 world.step(action)
             way = np.asarray(world.end_effector()) - start
             if sign * way[axis] < _LEAST_M or abs(way[axis]) < np.abs(way).max():
                 yield broken(
-                    f"{_STEPS} actions of {sign:+.0f} in {name} move the hand by "
+                    f"{steps} actions of {sign:+.0f} in {name} move the hand by "
                     f"({', '.join(f'{value:+.3f}' for value in way)}) m",
                     f"{sign * _LEAST_M:+.2f} m in {name} at least, more than in any other direction",
                     "The order, the sign or the frame of the action differs.",
@@ -138,7 +139,7 @@ def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
     world = subject.begin()
     openings, opening = [], world.robot.opening
     for sign in (opening, -opening, opening):
-        for _ in range(10):
+        for _ in range(round(_GRIP_S * world.robot.control_hz)):
             world.step((*world.robot.noop[:-1], sign))
         openings.append(float(np.abs(world.observe(())[world.robot.fingers_key]).sum()))
     opened, closed, reopened = openings

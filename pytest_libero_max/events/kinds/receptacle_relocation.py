@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.events.kind import EventKind, Scenario
-from pytest_libero_max.events.relocation import relocation, relocations
+from pytest_libero_max.events.relocation import has_room, relocation, relocations
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
@@ -31,7 +31,8 @@ class ReceptacleRelocation(EventKind):
     expected = "Plan again: the place to put the object is 6 or 12 cm from where it was."
 
     def eligible(self, task: TaskMetadata) -> bool:
-        return task.planar(task.primary_receptacle)
+        moved = task.primary_receptacle
+        return task.planar(moved) and has_room(moved, DISTANCES_M[-1], task)
 
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
         return Scenario(relocation(self.name, task.primary_receptacle, DISTANCES_M[variant], task, identity))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pytest_libero_max.cli.arguments import Commands, add_substrate, option, switch
+from pytest_libero_max.cli.arguments import Commands, add_substrate, option, substrate_options, switch
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.makers.arguments import add_classification, add_examination, catalogue_of, examining
 
@@ -24,8 +24,9 @@ def add_command(commands: Commands) -> None:
         "tracks",
         nargs="*",
         metavar="TRACK",
-        help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both); with "
-        "--draw: the track that gets new cases (default: lite)",
+        help="On the libero substrate: smoke, max with what is drawn from it, or both (default: both); on "
+        "a substrate with tracks of unmodified tasks: some of them (default: all); with --draw: the track "
+        "that gets new cases (default: lite)",
     )
     option(
         build,
@@ -67,6 +68,9 @@ def _build(options: argparse.Namespace) -> None:
     from pytest_libero_max.makers.construction.verification import verify
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
+    if SUBSTRATES[options.substrate.name].tracks(substrate_options(options)).per_event:
+        _build_unmodified(options)
+        return
     whole = SUBSTRATES[options.substrate.name].plays_frozen
     if whole and (options.tracks or options.plus_classification):
         raise OptionError(
@@ -84,6 +88,22 @@ def _build(options: argparse.Namespace) -> None:
     write_overview(options.folder)
     checks = ["", *verify(options.folder)] if whole else []
     print("\n".join([*overview_lines(options.folder), *checks]))
+
+
+def _build_unmodified(options: argparse.Namespace) -> None:
+    from pytest_libero_max.makers.construction.overview import overview_lines, write_overview
+    from pytest_libero_max.makers.construction.release import write_release
+    from pytest_libero_max.makers.construction.unmodified_tracks import Population, build_unmodified
+    from pytest_libero_max.makers.construction.verification import verify
+    from pytest_libero_max.substrates.registry import SUBSTRATES
+
+    population = Population(SUBSTRATES[options.substrate.name], substrate_options(options))
+    with examining(options) as (work, examiner):
+        work.say(f"Results are kept in {examiner.path()}")
+        release = build_unmodified(examiner.examine, population, options.tracks or population.per_event)
+        write_release(release, options.folder)
+    write_overview(options.folder)
+    print("\n".join([*overview_lines(options.folder), "", *verify(options.folder)]))
 
 
 def _build_paper_lite(options: argparse.Namespace) -> None:

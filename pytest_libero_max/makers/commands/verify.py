@@ -16,11 +16,12 @@ def add_command(commands: Commands) -> None:
 
 
 def _verify(options: argparse.Namespace) -> None:
-    from pytest_libero_max.benchmark.tracks import FOLDER, GENUINE, require_tracks
+    from pytest_libero_max.benchmark.tracks import FOLDER, require_tracks
+    from pytest_libero_max.makers.construction.fresh_draw import SEED
     from pytest_libero_max.makers.construction.verification import verify
 
     if options.folder:
         require_tracks(options.folder)
-    for folder in [options.folder] if options.folder else [FOLDER, FOLDER / GENUINE]:
-        if folder.is_dir():
-            print("\n".join(verify(folder)))
+    below = sorted(path for path in FOLDER.iterdir() if path.is_dir() and not (path / SEED).exists())
+    for folder in [options.folder] if options.folder else [FOLDER, *below]:
+        print("\n".join(verify(folder)))

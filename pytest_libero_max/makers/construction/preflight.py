@@ -10,7 +10,7 @@ no policy, so no policy's skill decides which cases pass.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from math import dist, hypot
 from typing import Literal, get_args
 
@@ -30,8 +30,9 @@ from pytest_libero_max.makers.construction.visibility import (
     pixels_of,
     sights,
 )
+from pytest_libero_max.substrates.registry import contents_of
 from pytest_libero_max.worlds.contract import Image, OnMujoco, World, alterable, on_mujoco
-from pytest_libero_max.worlds.robot import CAMERAS, CONTROL_HZ, PANDA
+from pytest_libero_max.worlds.robot import MujocoRobot
 
 MAX_SHIFT_M = 0.02
 """Largest drift, m, beyond that without the event, while the world is held still."""
@@ -41,10 +42,6 @@ MAX_DROP_M = 0.01
 
 MIN_CLEARANCE_M = 0.01
 """Least distance, m, of moved or added things from all but their support: room for a fingertip's edge."""
-
-MAX_REACH_M = 0.80
-"""Horizontal distance from the robot's base within which a moved target or receptacle must end: about
-that of the farthest target in LIBERO's own tasks, with the tool pointing down."""
 
 MIN_BRIGHTNESS, MIN_CONTRAST = 8.0, 5.0
 """Smallest mean and standard deviation of all values of an image, 0 to 255."""
@@ -67,8 +64,8 @@ Check = Literal[
 
 CHECKS: tuple[Check, ...] = get_args(Check)
 
-_HOLD_AT_START = 2  # control steps: the authors' 50 simulation steps
-_HOLD_AT_TRIGGER = CONTROL_HZ
+_HOLD_AT_START_S = 0.1  # the authors' 50 simulation steps
+_HOLD_AT_TRIGGER_S = 1.0
 
 
 class Problem(Struct, frozen=True, array_like=True):
@@ -114,14 +111,14 @@ def preflight(world: World, case: Case) -> Preflight:
         touched = _touching(world, case)
         if touched:
             begin(world, case)
-            preflight = _try_here(world, case, touched, _HOLD_AT_START)
+            preflight = _try_here(world, case, touched, _HOLD_AT_START_S)
             if preflight.problems:
                 return preflight
         if approach(world, case) is None:
             trigger = proximity_of(case)
             detail = f"the hand does not come within {trigger.distance_m} m of {trigger.entity}"
             return Preflight((Problem("trigger", f"{detail} on any of {len(WAYS)} ways"),))
-        return _try_here(world, case, touched, _HOLD_AT_TRIGGER)
+        return _try_here(world, case, touched, _HOLD_AT_TRIGGER_S, with_images=True)
     except SimulatorError as error:
         return Preflight((Problem("simulation", f"the simulation breaks: {error}"),))
 
@@ -156,7 +153,9 @@ def _is_supported(world: World, name: str) -> bool:
     return world.entities[name].support in world.contacts(name)
 
 
-def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: int) -> Preflight:
+def _try_here(
+    world: World, case: Case, touched: Mapping[str, set[str]], held_s: float, *, with_images: bool = False
+) -> Preflight:
     """Apply the event to the world as it is, check, hold still, check again.
 
     Defects of the geometry are found at once. The rest is examined only where there are none, and pictures
@@ -170,20 +169,24 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
         name: touched[name] | (set() if name in world.parked else set(world.contacts(name)))
         for name in entities
     }
+    stood_near = {name: _stood_near(on_mujoco(world), name) for name in entities}
     here = world.snapshot()
     places = _positions(world)
     change.apply(alterable(world))
     moving = bool(entities) and _positions(world) == places  # it sets in motion what stays where it was
     problems = [
-        problem for name in entities for problem in _too_close(on_mujoco(world), name, touching[name])
+        problem
+        for name in entities
+        for problem in _too_close(on_mujoco(world), name, touching[name], stood_near[name])
     ]
     problems += _out_of_reach(on_mujoco(world), change)
+    problems += _out_of_room(world, case, change)
     if world.succeeded():
         problems.append(Problem("solved", "the event solves the task"))
     if problems:
         return Preflight(tuple(problems))
     seen_by: tuple[Sight, ...] = ()
-    if steps == _HOLD_AT_TRIGGER:
+    if with_images:
         seen_after, image_after = look(world), _image(world)
         world.restore(here)
         seen_by = sights(world, case, look(world), seen_after)
@@ -192,7 +195,8 @@ def _try_here(world: World, case: Case, touched: Mapping[str, set[str]], steps: 
             problems += _image_problems(_image(world), image_after)
     if entities:
         world.restore(here)
-        problems += _motion_problems(world, case, change, touching, steps, moving)
+        steps = round(held_s * world.robot.control_hz)
+        problems += _motion_problems(world, case, change, touching, steps, with_images and moving)
     return Preflight(tuple(dict.fromkeys(problems)), seen_by)
 
 
@@ -217,12 +221,12 @@ def _motion_problems(
     change: Change,
     touching: Mapping[str, set[str]],
     steps: int,
-    moving: bool,
+    with_image: bool,
 ) -> Iterable[Problem]:
     """Problems while the world is held still after the event, which do not occur without it."""
     here = world.snapshot()
     calm = _drift(world, steps)
-    calm_image = _image(world) if moving and steps == _HOLD_AT_TRIGGER else None
+    calm_image = _image(world) if with_image else None
     loose: frozenset[str] = frozenset()
     if case.event.setup:
         settling, loose = _settling(world, case, steps, touching)
@@ -250,7 +254,8 @@ def _motion_problems(
 
 
 def _image(world: World) -> Image:
-    image: Image = world.observe(CAMERAS[:1], IMAGE_SIZE)[f"{CAMERAS[0]}_image"]
+    camera = world.robot.cameras[0]
+    image: Image = world.observe([camera], IMAGE_SIZE)[f"{camera}_image"]
     return image
 
 
@@ -294,34 +299,76 @@ def _overlaps(world: World, touching: Mapping[str, set[str]]) -> Iterable[Proble
             yield Problem("contact", f"{name} touches {', '.join(sorted(new))}")
 
 
-def _too_close(world: OnMujoco, name: str, touching: set[str]) -> Iterable[Problem]:
-    import mujoco
-
-    model = world.model
-    roots = model.body_rootid[model.geom_bodyid]
-    solid = (model.geom_contype | model.geom_conaffinity) != 0
-    root_of = {other: int(model.body_rootid[model.body(e.body).id]) for other, e in world.entities.items()}
-    mine = np.flatnonzero(solid & (roots == root_of[name]))
-    exempt = {root_of[other] for other in (*touching, world.entities[name].support) if other in root_of}
-    owners = {root: other for other, root in root_of.items()}
-    for root in sorted({int(root) for root in roots[solid]} - exempt - {0, root_of[name]}):
-        gaps = (
-            mujoco.mj_geomDistance(model, world.data, int(geom), int(other), MIN_CLEARANCE_M, None)
-            for geom in mine
-            for other in np.flatnonzero(solid & (roots == root))
-        )
-        gap = min(gaps)
-        if gap < MIN_CLEARANCE_M:
+def _too_close(
+    world: OnMujoco, name: str, touching: set[str], stood_near: Collection[int]
+) -> Iterable[Problem]:
+    roots = _roots(world)
+    owners = {root: other for other, root in roots.items()}
+    exempt = {roots[other] for other in (*touching, world.entities[name].support) if other in roots}
+    for root, gap in _neighbours(world, name).items():
+        if root not in exempt and root not in stood_near:
             detail = f"{name} is {gap * 1000:.0f} mm from {owners.get(root, 'the robot')}"
             yield Problem("clearance", detail)
 
 
+def _stood_near(world: OnMujoco, name: str) -> frozenset[int]:
+    """Return the roots that a fixture is built close to: it has no contact with them that would say so."""
+    return frozenset(_neighbours(world, name) if world.entities[name].kind == "fixture" else ())
+
+
+def _neighbours(world: OnMujoco, name: str) -> dict[int, float]:
+    """Return the root bodies closer to an entity than the least clearance, with their distances, m."""
+    import mujoco
+
+    model, own = world.model, _roots(world).get(name)
+    if own is None:
+        return {}  # a mark, which nothing can touch
+    roots = model.body_rootid[model.geom_bodyid]
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    mine = np.flatnonzero(solid & (roots == own))
+    gaps = {
+        root: min(
+            (
+                mujoco.mj_geomDistance(model, world.data, int(geom), int(other), MIN_CLEARANCE_M, None)
+                for geom in mine
+                for other in np.flatnonzero(solid & (roots == root))
+            ),
+            default=MIN_CLEARANCE_M,
+        )
+        for root in sorted({int(root) for root in roots[solid]} - {0, own})
+    }
+    return {root: gap for root, gap in gaps.items() if gap < MIN_CLEARANCE_M}
+
+
+def _roots(world: OnMujoco) -> dict[str, int]:
+    """Return the root body of each entity that has a body."""
+    import mujoco
+
+    bodies = {
+        name: mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_BODY, entity.body)
+        for name, entity in world.entities.items()
+    }
+    return {name: int(world.model.body_rootid[body]) for name, body in bodies.items() if body >= 0}
+
+
 def _out_of_reach(world: OnMujoco, change: Change) -> Iterable[Problem]:
-    names = [world.model.body(i).name for i in range(world.model.nbody)]
-    if change.operation != "move_object" or PANDA.base_body not in names:
+    names, robot = [world.model.body(i).name for i in range(world.model.nbody)], world.robot
+    known = isinstance(robot, MujocoRobot) and robot.base_body in names
+    if change.operation != "move_object" or not known:
         return
-    base = world.data.body(PANDA.base_body).xpos
+    base = world.data.body(robot.base_body).xpos
     for name in _moved(change):
         away = hypot(*(world.position(name) - base)[:2])
-        if away > MAX_REACH_M:
+        if away > robot.reach_m:
             yield Problem("reach", f"{name} ends {away:.2f} m from the robot's base")
+
+
+def _out_of_room(world: World, case: Case, change: Change) -> Iterable[Problem]:
+    """Things that end where their task never puts them; source variations put them elsewhere."""
+    if change.operation != "move_object" or not case.unmodified:
+        return
+    rooms = contents_of(case.suite, case.task_index).rooms
+    for name in _moved(change):
+        x, y = world.position(name)[:2].tolist()
+        if name in rooms and not rooms[name].holds(x, y):
+            yield Problem("reach", f"{name} ends at ({x:.2f}, {y:.2f}) m, where its task never puts it")

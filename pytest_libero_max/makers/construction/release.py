@@ -37,11 +37,6 @@ REJECTED, SIGHTS = "rejected.tsv.gz", "visibility.tsv.gz"
 FILES = (REJECTED, CERTIFICATES, SIGHTS, *(f"{name}.json.gz" for name in ("original", "max", *SPLITS)))
 """Everything of the embedded tracks that has a checksum."""
 
-_SIGHT_COLUMNS = (
-    *("case_id", "role", "entity"),
-    *(f"{camera}_{when}" for when in ("before", "after") for camera in CAMERAS),
-)
-
 
 @dataclass(frozen=True)
 class Release:
@@ -55,6 +50,8 @@ class Release:
     """Visibility of target and receptacle at the event of each of these cases, by id."""
     unexamined: Mapping[str, str] = field(default_factory=dict)
     """Missing requirements of the other cases, by id."""
+    cameras: tuple[str, ...] = CAMERAS
+    """The cameras of the robot, in whose order sights have their numbers."""
 
 
 def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) -> Release:
@@ -103,7 +100,8 @@ def write_release(release: Release, folder: Path) -> None:
         for one in found
     )
     _write_table(folder / REJECTED, ("case_id", "check", "detail"), rejected)
-    _write_table(folder / SIGHTS, _SIGHT_COLUMNS, sights)
+    seen = (f"{camera}_{when}" for when in ("before", "after") for camera in release.cameras)
+    _write_table(folder / SIGHTS, ("case_id", "role", "entity", *seen), sights)
     tables = [REJECTED, SIGHTS, CERTIFICATES]
     if release.unexamined:
         _write_table(folder / UNEXAMINED, ("case_id", "missing"), release.unexamined.items())
@@ -193,7 +191,8 @@ def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
     sights: dict[str, tuple[Sight, ...]] = {}
     for name, role, entity, *pixels in read_table(folder / SIGHTS):
         numbers = tuple(map(int, pixels))
-        sight = Sight(role, entity, numbers[: len(CAMERAS)], numbers[len(CAMERAS) :])
+        cameras = len(numbers) // 2
+        sight = Sight(role, entity, numbers[:cameras], numbers[cameras:])
         sights[name] = (*sights.get(name, ()), sight)
     return sights
 

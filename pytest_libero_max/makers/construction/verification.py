@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import product
 from pathlib import Path
 
@@ -50,6 +50,7 @@ from pytest_libero_max.makers.construction.release import (
     read_unexamined,
 )
 from pytest_libero_max.makers.construction.splits import SPLITS, own_case_id
+from pytest_libero_max.makers.construction.unmodified_tracks import require_drawn
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.substrates.registry import own_variation
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
@@ -66,7 +67,19 @@ def verify(folder: Path) -> list[str]:
     """
     if (folder / COMMITMENT).exists():
         return list(_draw_checks(folder))
-    return list(_checks(folder) if "original" in track_names(folder) else _genuine_checks(folder))
+    if "original" in track_names(folder):
+        return list(_checks(folder))
+    _require_listed(folder)
+    tracks = {name: load_track(name, folder) for name in track_names(folder)}
+    unmodified = all(case.unmodified for track in tracks.values() for case in track)
+    return list(_unmodified_checks(folder, tracks) if unmodified else _genuine_checks(folder))
+
+
+def _unmodified_checks(folder: Path, tracks: Mapping[str, Manifest]) -> Iterator[str]:
+    """Yield checks of tracks of unmodified tasks."""
+    for name, track in tracks.items():
+        yield from require_drawn(name, track)
+    yield from _table_checks(folder, (case for track in tracks.values() for case in track))
 
 
 def _draw_checks(folder: Path) -> Iterator[str]:
@@ -136,7 +149,6 @@ def _table_checks(folder: Path, cases: Iterable[Case]) -> Iterator[str]:
 
 def _genuine_checks(folder: Path) -> Iterator[str]:
     """Yield checks that need none of the installations that the tracks were chosen from."""
-    _require_listed(folder)
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     for name, track in tracks.items():
         for case in track:

@@ -8,12 +8,11 @@ from msgspec import Struct
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.substrates.registry import own_variation
+from pytest_libero_max.substrates.registry import contents_of, own_variation
 from pytest_libero_max.substrates.variation import variation_metadata
-from pytest_libero_max.tasks.contents import owner, task_metadata
+from pytest_libero_max.tasks.contents import owner
 from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.privileged import PrivilegedWorld
-from pytest_libero_max.worlds.robot import CAMERAS
 
 IMAGE_SIZE = 256
 """Side of the images in which pixels are counted."""
@@ -34,7 +33,7 @@ class Sight(Struct, frozen=True, array_like=True):
     entity: str
     """Its name."""
     before: tuple[int, ...]
-    """By camera, in the order of :data:`.CAMERAS`."""
+    """By camera of the robot, in its order."""
     after: tuple[int, ...]
     """Likewise."""
 
@@ -51,12 +50,12 @@ class Sight(Struct, frozen=True, array_like=True):
 
 def look(world: World) -> Pixels:
     """Return the pixels of every entity now, in each camera of a policy."""
-    return {camera: world.visible_pixels(camera, IMAGE_SIZE) for camera in CAMERAS}
+    return {camera: world.visible_pixels(camera, IMAGE_SIZE) for camera in world.robot.cameras}
 
 
 def pixels_of(entity: str, seen: Pixels) -> tuple[int, ...]:
     """Return the pixels of an entity, by camera; 0 where it is not in the image."""
-    return tuple(seen[camera].get(entity, 0) for camera in CAMERAS)
+    return tuple(pixels.get(entity, 0) for pixels in seen.values())
 
 
 def sights(world: World, case: Case, before: Pixels, after: Pixels) -> tuple[Sight, ...]:
@@ -77,8 +76,8 @@ def _roles(world: World, case: Case) -> dict[str, str]:
         receptacle = _receptacle_of(world)
         return roles if receptacle is None else {**roles, "receptacle": receptacle}
     try:
-        if case.source == "libero":
-            task = task_metadata(case.suite, case.task_index)
+        if case.unmodified:
+            task = contents_of(case.suite, case.task_index)
         else:
             task = variation_metadata(own_variation(case))
     except SubstrateError:  # a case of other catalogues, whose goal is not known here

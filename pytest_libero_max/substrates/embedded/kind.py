@@ -48,7 +48,7 @@ def _lacking(options: SubstrateOptions, cases: Sequence[Case]) -> Mapping[str, s
 
 
 def _scene_of(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
-    if case.source == "libero":
+    if case.unmodified:
         return case.suite, case.task_index, ""
     variation = _variation_of(case)
     return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True)

@@ -195,7 +195,7 @@ class EmbeddedSubstrate:
         self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
 
     def world(self, case: Case) -> EmbeddedWorld:
-        if case.source == "libero":
+        if case.unmodified:
             return self._task_world(case.suite, case.task_index)
         return self.varied_world(variation_of(case))
 

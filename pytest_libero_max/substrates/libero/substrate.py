@@ -93,7 +93,7 @@ class LiberoSubstrate:
         )
 
     def world(self, case: Case) -> LiberoWorld:
-        if self._variation_of is not None and case.source != "libero":
+        if self._variation_of is not None and not case.unmodified:
             return self.varied_world(self._variation_of(case), case.policy_seed)
         if case.source == "plus":
             return self.plus_world(

@@ -66,6 +66,7 @@ class Renderer:
         thrifty: True to leave out geoms that are out of view, and to draw reflections only around the mirror.
             No pixel depends on it. To find those geoms takes longer than to draw a small scene.
         samples: Samples per pixel; 0 for none beside the pixel's own.
+        groups: Geom groups that are drawn.
 
     Attributes:
         thrifty: The same, for the next image.
@@ -79,12 +80,14 @@ class Renderer:
         *,
         thrifty: bool = False,
         samples: int = OFFSAMPLES,
+        groups: tuple[int, ...] = DRAWN_GROUPS,
     ) -> None:
         self._model = model
         self._data = data
         self._reflections = reflections
         self.thrifty = thrifty
         self._samples = samples
+        self._groups = groups
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
         self._close: tuple[NDArray[np.object_], Pieces] | None = None  # found when they are needed
@@ -107,11 +110,14 @@ class Renderer:
             image[bottom:top, left:right][shown] = self._draw(height, width, reflection, rectangle)[shown]
         return image
 
-    def segment(self, camera: str, size: int) -> NDArray[np.intp]:
+    def segment(self, camera: str, size: int, kind: Any = mujoco.mjtObj.mjOBJ_GEOM) -> NDArray[np.intp]:
         """Return the geom that each pixel shows, (size, size), bottom row first; -1 where there is none.
 
         It is drawn without samples between pixels, so each shows one geom. The errors are those of
         :meth:`render`.
+
+        Args:
+            kind: Kind of the objects that are returned, geoms or sites, as MuJoCo calls it.
         """
         self._aim(camera, size, size)
         flags = self._scene.flags
@@ -121,7 +127,7 @@ class Renderer:
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
         shown = np.full(self._scene.ngeom + 1, -1, dtype=np.intp)
         for geom in self._scene.geoms[: self._scene.ngeom]:
-            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+            if geom.objtype == kind:
                 shown[geom.segid + 1] = geom.objid
         geoms: NDArray[np.intp] = shown[codes]
         return geoms
@@ -150,7 +156,7 @@ class Renderer:
         camera = Camera.of(mujoco.mjv_averageCamera(*self._scene.camera), height, width)
         if camera is None:
             return all_of_it
-        geoms = np.flatnonzero(np.isin(model.geom_group, DRAWN_GROUPS))
+        geoms = np.flatnonzero(np.isin(model.geom_group, self._groups))
         reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
         if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
             return all_of_it
@@ -284,7 +290,7 @@ class Renderer:
         self._scene = mujoco.MjvScene(self._model, maxgeom=MAX_GEOMS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[:] = [group in DRAWN_GROUPS for group in range(6)]
+        self._option.geomgroup[:] = [group in self._groups for group in range(6)]
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
 

@@ -87,8 +87,9 @@ def test_an_event_that_solves_the_task_is_found() -> None:
 
 
 def test_an_entity_out_of_reach_is_found() -> None:
-    case = case_of("camera_shift", ShiftCamera("agentview", (0.0, 0.0, 0.0), 1.0, 0.0), distance_m=0.001)
-    assert found(case) == "the hand does not come within 0.001 m of box_1 on any of 8 ways"
+    shift = ShiftCamera("agentview", (0.0, 0.0, 0.0), 1.0, 0.0)
+    case = case_of("camera_shift", shift, trigger="cabinet_1", distance_m=0.001)
+    assert found(case) == "the hand does not come within 0.001 m of cabinet_1 on any of 8 ways"
 
 
 def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,13 +52,15 @@ FETCH = MujocoRobot(
     grip_site="robot0:grip",
     base_body="robot0:base_link",
     owners={
-        "robot0:gripper": "gripper0",
-        "robot0:r_gripper": "gripper0",
-        "robot0:l_gripper": "gripper0",
-        "robot0:": "robot0",
+        "robot0:gripper*": "gripper0",
+        "robot0:r_gripper*": "gripper0",
+        "robot0:l_gripper*": "gripper0",
+        "robot0:*": "robot0",
     },
 )
-SUITE = Suite("fetch_table", budget=50, benchmark="fetch", label="table")  # Fetch's own limit of steps
+SUITE = Suite(
+    "fetch_table", budget=50, benchmark="fetch", label="table", tasks=2
+)  # Fetch's own limit of steps
 
 SPARES = tuple(f"box_{number}" for number in range(1, 6))
 """Boxes at the edge of the table that have no part in the task: distractors and obstacles."""
@@ -94,7 +96,7 @@ def task(index: int) -> TaskMetadata:
 def cases(inits: Sequence[int] = (0,), variants: Sequence[int] = (0, 1)) -> list[Case]:
     """Return the cases of all events in both tasks."""
     return [
-        make_case(event, SUITE.name, index, init, variant=variant, task=task(index))
+        make_case(event, SUITE.name, index, init, variant=variant)
         for index, init, event, variant in product(range(len(TASKS)), inits, _EVENTS, variants)
     ]
 
@@ -116,6 +118,7 @@ KIND = SubstrateKind(
     _open,
     lacking=_lacking,
     suites=(SUITE.name,),
+    contents=lambda suite, index: task(index),
     examples=lambda options: cases(),
     control_hz=FETCH.control_hz,
     note="Measured on Fetch of gymnasium-robotics, with five boxes more on the table.",

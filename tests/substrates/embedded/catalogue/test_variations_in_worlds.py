@@ -11,7 +11,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pytest_libero_max.benchmark.cases import Source
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.remodel import Remodel
@@ -68,7 +67,7 @@ def lights(world: OnMujoco) -> list[bytes]:
 @settings(max_examples=3, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_what_a_variation_does_not_declare_is_bit_identical(
-    substrate: EmbeddedSubstrate, kind: tuple[Source, str, str], data: st.DataObject
+    substrate: EmbeddedSubstrate, kind: tuple[str, str, str], data: st.DataObject
 ) -> None:
     variation = data.draw(st.sampled_from(PER_KIND[kind]), label="variation")
     init = 0 if variation.source == "plus" else data.draw(st.integers(0, 9), label="init")
@@ -108,7 +107,7 @@ def test_what_a_variation_does_not_declare_is_bit_identical(
 @settings(max_examples=2, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_reset_undoes_a_variation_and_makes_it_again(
-    substrate: EmbeddedSubstrate, kind: tuple[Source, str, str], data: st.DataObject
+    substrate: EmbeddedSubstrate, kind: tuple[str, str, str], data: st.DataObject
 ) -> None:
     variation = data.draw(st.sampled_from(PER_KIND[kind]), label="variation")
     world = substrate.varied_world(variation)
@@ -166,7 +165,7 @@ def test_things_stay_where_a_variation_puts_them(substrate: EmbeddedSubstrate) -
 
 @pytest.mark.parametrize("kind", KINDS, ids="-".join)
 def test_a_variation_is_taken_back_change_by_change(
-    substrate: EmbeddedSubstrate, kind: tuple[Source, str, str]
+    substrate: EmbeddedSubstrate, kind: tuple[str, str, str]
 ) -> None:
     """All but velocities (what was moved is at rest), the order of what is out of the scene, and the goal of
     the arm's controller."""

@@ -1,0 +1,183 @@
+"""Meta-World's tasks as worlds: exact copies, the package's own numbers, events, the scripted policies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from pytest_libero_max.errors import ActionError, ManifestError, SubstrateError
+from pytest_libero_max.events.new_case import make_case
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
+from pytest_libero_max.lab.metaworld import installation
+from pytest_libero_max.lab.metaworld.suite import MT50
+from pytest_libero_max.lab.metaworld.tasks import all_tasks, contents
+from pytest_libero_max.substrates.contract import SubstrateOptions
+from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
+from pytest_libero_max.worlds.robot import ROBOTS
+
+INDEX = {task.name: index for index, task in enumerate(all_tasks())}
+HERE = not installation.lacking_packages()
+needs_package = pytest.mark.skipif(not HERE, reason=installation.lacking_packages() or "it is here")
+
+SHIFT_M = np.array((0.03, -0.02, 0.0))
+MOVABLE = ("push-v3", "button-press-v3", "peg-insert-side-v3", "window-open-v3", "reach-v3", "basketball-v3")
+
+
+def test_the_table_has_fifty_tasks_with_their_instructions() -> None:
+    assert len(all_tasks()) == MT50.tasks == len(INDEX)
+    assert all_tasks()[INDEX["drawer-open-v3"]].instruction == "Open a drawer"
+    for task in all_tasks():
+        assert {task.target, task.receptacle} - {None} <= set(task.things)
+
+
+def test_every_task_hosts_what_is_only_seen_and_says_why_it_hosts_nothing_else() -> None:
+    hosted = dict.fromkeys(BENCHMARK_EVENTS, 0)
+    for index in range(MT50.tasks):
+        task = contents(MT50.name, index)
+        for event in BENCHMARK_EVENTS:
+            hosted[event] += eligible(event, task)
+            assert eligible(event, task) or task.impossible[event].endswith(".")
+    assert hosted == {
+        **dict.fromkeys(BENCHMARK_EVENTS[:4], 50),
+        "target_relocation": 28,
+        "receptacle_relocation": 14,
+        "distractor_burst": 49,
+        "obstacle_insertion": 49,
+    }
+
+
+def test_an_event_that_a_task_cannot_host_is_refused_with_its_reason() -> None:
+    with pytest.raises(ManifestError, match="stuck in the peg"):
+        make_case("target_relocation", MT50.name, INDEX["disassemble-v3"])
+    with pytest.raises(ManifestError, match="10 x 5 cm"):
+        make_case("target_relocation", MT50.name, INDEX["push-wall-v3"])
+
+
+def test_without_the_package_the_command_that_installs_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        installation, "find_spec", lambda name: None if name == "metaworld" else find_spec(name)
+    )
+    case = make_case("camera_shift", MT50.name, 0)
+    kind = SUBSTRATES["metaworld"]
+    (reason,) = kind.lacking(SubstrateOptions(), [case]).values()
+    assert installation.INSTALL in reason
+    with pytest.raises(SubstrateError, match="pip install --no-deps metaworld"):
+        open_substrate("metaworld").world(case)
+
+
+@pytest.fixture(scope="module")
+def substrate() -> Iterator[object]:
+    opened = open_substrate("metaworld")
+    yield opened
+    opened.close()
+
+
+@needs_package
+@pytest.mark.parametrize("name", ["assembly-v3", "button-press-v3", "stick-push-v3", "door-lock-v3"])
+def test_a_fork_a_replay_and_the_package_itself_lead_to_the_same_bits(name: str) -> None:
+    from tests.lab.metaworld.all_tasks import differences
+
+    assert differences(all_tasks()[INDEX[name]], init=3, steps=45) == []
+
+
+@needs_package
+def test_a_world_that_keeps_the_warm_start_of_settling_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    import mujoco
+
+    from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+    from tests.lab.metaworld.all_tasks import differences
+
+    monkeypatch.setattr(MetaworldWorld, "_settle", lambda world: mujoco.mj_forward(world.model, world.data))
+    assert "fork" in differences(all_tasks()[INDEX["push-v3"]], steps=45)
+
+
+@needs_package
+@pytest.mark.parametrize("name", MOVABLE)
+def test_what_belongs_to_a_thing_comes_along_and_goes_back_bit_for_bit(name: str) -> None:
+    from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+
+    task = all_tasks()[INDEX[name]]
+    world, goal = MetaworldWorld(task), task.receptacle or task.target
+    for _ in range(5):
+        world.step(world.robot.noop)
+    before, seen = world.snapshot(), world.task_observation()
+    where = world.position(goal)
+    world.place(goal, where + SHIFT_M)
+    assert world.task_observation()[-3:] == pytest.approx(seen[-3:] + SHIFT_M, abs=1e-9)
+    world.place(goal, where)
+    assert world.snapshot().differing(before) == ()
+    assert world.task_observation().tobytes() == seen.tobytes()
+    world.close()
+
+
+@needs_package
+def test_a_relocated_target_is_solved_where_it_is_now(substrate: object) -> None:
+    """The task itself judges the new place: the policy presses the button where the event has put it."""
+    from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+    from tests.lab.metaworld.all_tasks import scripted
+
+    task = all_tasks()[INDEX["button-press-v3"]]
+    world, act = MetaworldWorld(task), scripted(task.name)
+    world.place("button_box", world.position("button_box") + 2.0 * SHIFT_M * (1, 0, 0))
+    for _ in range(150):
+        world.step(act(world.task_observation()))
+        if world.succeeded():
+            break
+    assert world.succeeded()
+    assert world.end_effector()[0] == pytest.approx(world.position("button_box")[0], abs=0.02)
+    world.close()
+
+
+@needs_package
+def test_spare_objects_are_in_the_scenes_of_insertions_alone() -> None:
+    from pytest_libero_max.lab.metaworld.substrate import MetaworldSubstrate
+
+    opened = MetaworldSubstrate()
+    plain = opened.world(make_case("camera_shift", MT50.name, INDEX["push-v3"]))
+    burst = opened.world(make_case("distractor_burst", MT50.name, INDEX["push-v3"]))
+    obstacle = opened.world(make_case("obstacle_insertion", MT50.name, INDEX["push-v3"], variant=1))
+    spares = [
+        sorted(name for name in world.entities if name.startswith("spare")) for world in (plain, obstacle)
+    ]
+    assert spares == [[], ["spare_2"]]
+    assert len({name for name in burst.entities if name.startswith("spare")}) == 5
+    assert len({plain.scene, burst.scene, obstacle.scene}) == 3
+    assert plain.model.nq == 16
+    opened.close()
+
+
+@needs_package
+def test_the_world_speaks_of_its_own_robot() -> None:
+    from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+
+    world = MetaworldWorld(all_tasks()[INDEX["pick-place-v3"]])
+    assert world.robot is ROBOTS["SawyerXYZ"]
+    assert (world.robot.components, world.robot.control_hz) == (4, 80)
+    observation = world.observe(())
+    assert {key: len(value) for key, value in observation.items()} == dict(world.robot.state)
+    assert observation["agent_pos"].tolist() == world.task_observation()[:4].tolist()
+    with pytest.raises(ActionError):
+        world.step(np.zeros(7))
+    with pytest.raises(SubstrateError, match="movements"):
+        world.set_control("absolute")
+    for init in (-1, MT50.states):
+        with pytest.raises(SubstrateError, match=str(init)):
+            world.reset(init)
+    world.close()
+
+
+@needs_package
+def test_no_draw_comes_from_a_global_generator() -> None:
+    from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+
+    task, starts = all_tasks()[INDEX["push-v3"]], []
+    for seed in (1, 2):
+        np.random.seed(seed)  # noqa: NPY002 - it must not matter
+        world = MetaworldWorld(task)
+        world.reset(7)
+        starts.append(world.digest())
+        world.close()
+    assert starts[0] == starts[1]
