@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -86,6 +86,16 @@ class FetchWorld(MujocoWorld):
             for names in (FETCH.arm_joints, FETCH.finger_joints)
         )
         self.reset(0)
+
+    def reset(self, init: int) -> None:
+        super().reset(init)
+        for number, name in enumerate(SPARES):
+            self.park(name, (-3.0, 0.5 * number, -5.0))
+
+    def park(self, entity: str, position: Sequence[float] | Array) -> None:
+        super().park(entity, position)
+        # In the order of the spares, so that one that came and went again leaves no trace.
+        self._parked = {name: self._parked[name] for name in _ENTITIES if name in self._parked}
 
     def _initial_qpos(self, init: int) -> Array:
         if not 0 <= init < len(INITS):
