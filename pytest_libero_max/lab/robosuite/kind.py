@@ -10,6 +10,7 @@ from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, Subs
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.tasks.contents import TaskMetadata
 
 
 def _open(options: SubstrateOptions) -> Substrate:
@@ -24,10 +25,17 @@ def _examples(options: SubstrateOptions) -> Sequence[Case]:
     return examples()
 
 
+def _contents(suite: str, index: int) -> TaskMetadata:
+    from pytest_libero_max.lab.robosuite.tasks import task_of
+
+    return task_of(index).metadata
+
+
 KIND = SubstrateKind(
     BENCHMARK,
     _open,
     suites=tuple(ROBOTS),
+    contents=_contents,
     examples=_examples,
     note=(
         "Measured on robosuite's own tasks, under their own checks of success; initial states are drawn "

@@ -10,8 +10,9 @@ import pytest
 import pytest_libero_max
 from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import ManifestError, SubstrateError
+from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.lab.robosuite.examples import examples, robosuite_case
+from pytest_libero_max.lab.robosuite.examples import examples
 from pytest_libero_max.lab.robosuite.robots import ROBOTS as ARMS
 from pytest_libero_max.lab.robosuite.tasks import SPARES, TASKS, task_of
 from pytest_libero_max.substrates.registry import SUBSTRATES
@@ -38,14 +39,14 @@ def test_a_task_hosts_the_events_that_its_scene_allows(task: str, events: set[st
 
 
 def test_what_the_scene_keeps_out_of_it_needs_no_removal() -> None:
-    case = robosuite_case("distractor_burst", "robosuite_panda", 0)
+    case = make_case("distractor_burst", "robosuite_panda", 0)
     assert case.event.setup == ()
     assert {place["object"] for place in case.event.change["placements"]} == {*SPARES}
 
 
 def test_an_event_that_a_task_cannot_host_is_refused_with_what_it_needs() -> None:
     with pytest.raises(ManifestError, match=r"receptacle_relocation.*Lift.*movable receptacle"):
-        robosuite_case("receptacle_relocation", "robosuite_panda", 0)
+        make_case("receptacle_relocation", "robosuite_panda", 0)
 
 
 def test_there_is_no_sixth_task() -> None:
