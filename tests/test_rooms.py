@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Container, Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -22,17 +23,21 @@ def _rooms() -> list[str]:
     return re.findall(r"^(\w+)", picture, re.M)
 
 
+@cache
+def _imports(file: Path) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    return tuple(node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom))
+
+
 def _imported(file: Path) -> Iterator[str]:
     """The rooms that a file imports, also inside functions and for type checking alone."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in _imports(file):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module == "pytest_libero_max":
+        elif node.module == "pytest_libero_max":
             names = [f"{node.module}.{alias.name}" for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [node.module or ""]
         else:
-            continue
+            names = [node.module or ""]
         for name in names:
             if name.startswith("pytest_libero_max."):
                 yield name.split(".")[1]
@@ -79,10 +84,10 @@ def _modules() -> dict[str, Path]:
 
 def _imported_modules(file: Path, known: Container[str]) -> Iterator[str]:
     """The modules of the package that a file imports, also inside functions and for type checking alone."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in _imports(file):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        else:
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
                 yield inner if inner in known else str(node.module)
@@ -110,10 +115,11 @@ def test_what_a_report_says_does_not_depend_on_how_it_is_written() -> None:
         *folder.rglob("*_document.py"),
         *(folder / "studies").glob("*.py"),
     }
+    modules = _modules()
     importers = {
         f"{file.relative_to(PACKAGE)} imports {module}"
         for file in computed
-        for module in _imported_modules(file, _modules())
+        for module in _imported_modules(file, modules)
         if module.startswith("pytest_libero_max.report.writers")
     }
     assert not importers

@@ -8,131 +8,105 @@ start as it was asked is started as usual, and so is everything where the system
 from __future__ import annotations
 
 import atexit
-import json
 import os
-import signal
-import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
 from functools import cache
+from inspect import signature
 from pathlib import Path
-from types import SimpleNamespace
-from typing import IO, Any
+from socket import socket
+from types import FunctionType, SimpleNamespace
+from typing import Any
 
 from _pytest import pytester
 from execnet import gateway_io
 from execnet.gateway_base import ExecModel
 
+from pytest_libero_max.runs import run_verification
+from tests.warm_client import read, requested, start
+
 address = ""
 """Path of the server's socket, in a process that the server has forked."""
 
+PYTHON = sys.executable
 
-@dataclass(frozen=True)
-class Request:
-    """How an interpreter is started: with ``code`` or, where there is none, with pytest."""
+ROOT = Path(__file__).parents[1]
 
-    code: str
-    arguments: list[str]
-    folder: str
-    environment: dict[str, str]
+_PLAIN: Any = subprocess.Popen
+
+_STREAMS = ("p2cread", "c2pwrite", "errwrite")
+"""What a new process has for its standard streams, in the words of :class:`subprocess.Popen`."""
+
+_UNUSUAL = ("executable", "preexec_fn", "pass_fds", "shell", "start_new_session")
+"""Arguments that the server does not know."""
 
 
-class WarmProcess(subprocess.Popen[bytes]):
-    """A process that the server forked, with what its users need of its base, which is for children.
+class WarmProcess(subprocess.Popen[Any]):
+    """A process as of :class:`subprocess.Popen`, forked by the server where that is possible."""
 
-    Args:
-        connection: To the server, which says there how the process ended.
-        pid: Its number.
-        streams: Our ends of its input, output and errors.
-    """
+    _connection: socket | None = None
+    """To the server, which says there how the process ended."""
 
-    def __init__(self, connection: socket.socket, pid: int, streams: Sequence[IO[bytes] | None]) -> None:
-        self._child_created = False  # what the base asks when the object is collected
-        self._connection = connection
-        self.pid = pid
-        self.stdin, self.stdout, self.stderr = streams
-        self.returncode = None
+    def _execute_child(self, *given: Any) -> None:
+        asked = signature(_PLAIN._execute_child).bind(self, *given).arguments
+        started = None if any(asked[name] for name in _UNUSUAL) else self._forked(asked)
+        if started is None:
+            _PLAIN._execute_child(self, *given)
+            return
+        self.pid, self._connection = started
+        ends = ("p2cread", "p2cwrite", "c2pread", "c2pwrite", "errread", "errwrite")
+        _PLAIN._close_pipe_fds(self, *(asked[name] for name in ends))
 
-    def wait(self, timeout: float | None = None) -> int:
-        """Return the exit status, negative for a signal.
+    def _forked(self, asked: dict[str, Any]) -> tuple[int, socket] | None:
+        words = asked["args"]
+        if isinstance(words, str | bytes | os.PathLike) or str(words[0]) != PYTHON:
+            return None
+        environment = os.environ if asked["env"] is None else asked["env"]
+        request = requested(
+            [str(word) for word in words[1:]], environment, os.path.abspath(asked["cwd"] or "")
+        )
+        path = address or _server()
+        if request is None or not path:
+            return None
+        streams = [number if asked[name] == -1 else asked[name] for number, name in enumerate(_STREAMS)]
+        return start(path, request, streams)
 
-        Raises:
-            subprocess.TimeoutExpired: It does not end in time.
-        """
+    def _wait(self, timeout: float | None) -> int | None:
+        if self._connection is None:
+            status: int | None = _PLAIN._wait(self, timeout)
+            return status
         if self.returncode is None:
             self._connection.settimeout(timeout)
             try:
-                self.returncode = _read(self._connection)
+                self.returncode = read(self._connection)
             except (TimeoutError, BlockingIOError):
-                raise subprocess.TimeoutExpired(str(self.pid), timeout or 0) from None
+                raise subprocess.TimeoutExpired(self.args, timeout or 0) from None
             self._connection.close()
         return self.returncode
 
-    def poll(self) -> int | None:
-        """Return the exit status; None while the process runs."""
+    def _internal_poll(self, *given: Any, **named: Any) -> int | None:
+        if self._connection is None:
+            status: int | None = _PLAIN._internal_poll(self, *given, **named)
+            return status
         with suppress(subprocess.TimeoutExpired):
-            return self.wait(0)
-        return None
-
-    def kill(self) -> None:
-        """End the process, if it has not ended."""
-        if self.poll() is None:
-            os.kill(self.pid, signal.SIGKILL)
+            self._wait(0)
+        return self.returncode
 
 
-def popen(words: Sequence[str | os.PathLike[str]], **how: Any) -> subprocess.Popen[bytes]:
-    """Start a process as :class:`subprocess.Popen` does, from the server where that is possible."""
-    path = address or _server()
-    request = _request(words, how.get("env"))
-    if not path or request is None or not how.keys() <= {"stdin", "stdout", "stderr", "env", "close_fds"}:
-        return subprocess.Popen(words, **how)
-    own, given = zip(*(_ends(number, how.get(name)) for number, name in enumerate(_STREAMS)), strict=True)
-    connection = socket.socket(socket.AF_UNIX)
-    connection.connect(path)
-    _send(connection, request, given)
-    for stream, number in zip(own, given, strict=True):
-        if stream is not None:
-            os.close(number)
-    pid = _read(connection)
-    if pid:
-        return WarmProcess(connection, pid, own)
-    for stream in (connection, *filter(None, own)):
-        stream.close()
-    return subprocess.Popen(words, **how)
+def _subprocess() -> SimpleNamespace:
+    """Return a module like :mod:`subprocess` whose processes are :class:`WarmProcess`."""
+    names = {**vars(subprocess), "Popen": WarmProcess}
+    plain: Any = subprocess.run
+    run = FunctionType(plain.__code__, names, "run", plain.__defaults__, plain.__closure__)
+    run.__kwdefaults__ = plain.__kwdefaults__
+    return SimpleNamespace(**{**names, "run": run})
 
 
-_STREAMS = ("stdin", "stdout", "stderr")
-
-
-def _request(
-    words: Sequence[str | os.PathLike[str]], environment: Mapping[str, str] | None
-) -> Request | None:
-    """Return what a command asks for; None unless it starts this Python with code or with pytest."""
-    python, *rest = (str(word) for word in words)
-    if rest[:1] == ["-u"]:
-        rest = rest[1:]
-    if rest[:2] == ["-m", "pytest"]:
-        rest = ["-mpytest", *rest[2:]]
-    if python != sys.executable or rest[:1] not in (["-c"], ["-mpytest"]):
-        return None
-    env = dict(os.environ if environment is None else environment)
-    code, arguments = (rest[1], rest[2:]) if rest[0] == "-c" else ("", rest[1:])
-    return Request(code, arguments, os.getcwd(), env)
-
-
-def _ends(number: int, stream: Any) -> tuple[IO[bytes] | None, int]:
-    """Return our end of a stream, where a pipe is asked for, and the number of the other one."""
-    if stream == subprocess.PIPE:
-        read, write = os.pipe()
-        return (open(write, "wb"), read) if number == 0 else (open(read, "rb"), write)
-    if stream is None:
-        return None, number
-    return None, stream if isinstance(stream, int) else stream.fileno()
+SUBPROCESS = _subprocess()
 
 
 @cache
@@ -145,9 +119,8 @@ def _server() -> str:
     folder = tempfile.mkdtemp(prefix="warm-")  # the path of a socket has to be short
     path = Path(folder, "socket")
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    command = [sys.executable, "-m", "tests.warm_server", str(path)]
-    root = Path(__file__).parents[1]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, cwd=root, env=environment)
+    command = [PYTHON, "-m", "tests.warm_server", str(path)]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, cwd=ROOT, env=environment)
     atexit.register(process.__exit__, None, None, None)
     while not path.exists():
         if process.poll() is not None:
@@ -156,36 +129,48 @@ def _server() -> str:
     return str(path)
 
 
-def _send(connection: socket.socket, request: Request, streams: Sequence[int]) -> None:
-    content = json.dumps(asdict(request)).encode()  # names that are not UTF-8 are escaped
-    socket.send_fds(connection, [len(content).to_bytes(8, "big")], streams)
-    connection.sendall(content)
+def python_program(path: Path) -> str:
+    """Write a program that shells may start for the interpreter, and return its path."""
+    server = address or _server()
+    lines = (
+        f"#!{PYTHON} -IS",
+        "import sys",
+        f"sys.path.insert(0, {str(ROOT)!r})",
+        "from tests.warm_client import be_python",
+        f"be_python({server!r}, {PYTHON!r})",
+    )
+    path.write_text("\n".join(lines) + "\n")
+    path.chmod(0o755)
+    return str(path)
 
 
-def receive(connection: socket.socket) -> tuple[Request, list[int]]:
-    """Return a request, and the numbers of its standard streams in this process."""
-    size, streams, _, _ = socket.recv_fds(connection, 8, len(_STREAMS))
-    with connection.makefile("rb") as file:
-        content = file.read(int.from_bytes(size, "big"))
-    return Request(**json.loads(content)), list(streams)
+class KeptModules(pytester.SysModulesSnapshot):
+    """Modules as they were, and those of packages and of the project that were imported since.
+
+    Pytester forgets these, so that each session in this process would import them again, and open the display
+    of EGL again.
+    """
+
+    def __init__(self, preserve: object = None) -> None:
+        super().__init__(_is_installed)
 
 
-def reply(connection: socket.socket, number: int) -> None:
-    """Send a number, to one who may be gone."""
-    with suppress(OSError):
-        connection.sendall(number.to_bytes(8, "big", signed=True))
+def _is_installed(name: str) -> bool:
+    file = getattr(sys.modules[name], "__file__", None)
+    return file is not None and file.startswith(_INSTALLED)
 
 
-def _read(connection: socket.socket) -> int:
-    return int.from_bytes(connection.recv(8), "big", signed=True)
+_INSTALLED = tuple(f"{place}{os.sep}" for place in (ROOT, sys.prefix, sys.base_prefix))
 
 
 def use_server() -> None:
-    """Let pytest's fixture ``pytester``, and execnet for its workers, start processes with :func:`popen`."""
-    vars(pytester)["subprocess"] = SimpleNamespace(**{**vars(subprocess), "Popen": popen})
+    """Let pytest's fixture ``pytester``, execnet for its workers, and the package fork their processes."""
+    for module in (pytester, run_verification):
+        vars(module)["subprocess"] = SUBPROCESS
+    vars(pytester)["SysModulesSnapshot"] = KeptModules
     gateway_io.Popen2IOMaster.__init__ = _begin_worker  # type: ignore[method-assign]
 
 
 def _begin_worker(self: gateway_io.Popen2IOMaster, args: Sequence[str], execmodel: ExecModel) -> None:
-    self.popen = popen(args, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    self.popen = WarmProcess(args, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     super(gateway_io.Popen2IOMaster, self).__init__(self.popen.stdin, self.popen.stdout, execmodel=execmodel)

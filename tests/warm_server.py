@@ -15,6 +15,7 @@ import runpy
 import selectors
 import shutil
 import signal
+import site
 import socket
 import sys
 import types
@@ -25,7 +26,7 @@ from xdist import workermanage
 
 from pytest_libero_max.worlds import threads
 from tests import warm_processes
-from tests.warm_processes import Request
+from tests.warm_client import Request, receive, reply
 
 IMPORTED = (
     "cv2",
@@ -72,7 +73,7 @@ def requests(path: str, before: Mapping[str, str]) -> Request:
                     _ended(key.fd, *running.pop(key.fd))
                     continue
                 connection, _ = listener.accept()
-                request, streams = warm_processes.receive(connection)
+                request, streams = receive(connection)
                 process = os.fork() if _same_start(request.environment, before) else None
                 if process == 0:
                     _take(streams)
@@ -83,7 +84,7 @@ def requests(path: str, before: Mapping[str, str]) -> Request:
                     return request
                 for stream in streams:
                     os.close(stream)
-                warm_processes.reply(connection, process or 0)
+                reply(connection, process or 0)
                 if process is None:
                     connection.close()
                     continue
@@ -104,6 +105,8 @@ def _same_start(environment: Mapping[str, str], before: Mapping[str, str]) -> bo
     names -= {"PYTHONPATH", "PYTHONIOENCODING"}  # go_on() does what they say
     if environment.get("OPENBLAS_NUM_THREADS") == "1":
         names.discard("OPENBLAS_NUM_THREADS")
+    if not site.ENABLE_USER_SITE:
+        names.discard("PYTHONUSERBASE")
     return all(environment.get(name) in (before.get(name), os.environ.get(name)) for name in names)
 
 
@@ -111,7 +114,7 @@ def _ended(handle: int, process: int, connection: socket.socket) -> None:
     _, status = os.waitpid(process, 0)
     os.close(handle)
     with connection:
-        warm_processes.reply(connection, os.waitstatus_to_exitcode(status))
+        reply(connection, os.waitstatus_to_exitcode(status))
 
 
 def go_on(request: Request, installed: list[str]) -> None:
@@ -127,22 +130,23 @@ def go_on(request: Request, installed: list[str]) -> None:
     os.environ.update(request.environment)
     for name in [name for name in sys.modules if name.split(".")[0] == "tests"]:
         del sys.modules[name]  # a session may have a package of this name
-    first = "" if request.code else request.folder
+    first = [("" if request.code else request.folder)] if request.own_folder else []
     own = filter(None, request.environment.get("PYTHONPATH", "").split(os.pathsep))
-    sys.path[:] = dict.fromkeys([first, *own, *installed])
+    sys.path[:] = dict.fromkeys([*first, *own, *installed])
     workermanage._sys_path = list(sys.path)  # it keeps what it was imported with
     if os.environ.get("OPENBLAS_NUM_THREADS") == "1":
         threads.use_one_blas_thread()
     encoding, _, errors = request.environment.get("PYTHONIOENCODING", "").partition(":")
-    if encoding:
+    if encoding or os.isatty(1):
         # Not reconfigure(), which takes it to be as seekable as the server's own was.
-        sys.stdout = open(1, "w", encoding=encoding, errors=errors or None, closefd=False)  # noqa: SIM115
+        lines = 1 if os.isatty(1) else -1
+        sys.stdout = open(1, "w", lines, encoding or None, errors or None, closefd=False)  # noqa: SIM115
     sys.argv[:] = ["-c" if request.code else "-m", *request.arguments]
     if request.code:
         main = sys.modules["__main__"] = types.ModuleType("__main__")
         exec(request.code, vars(main))
     else:
-        runpy.run_module("pytest", run_name="__main__", alter_sys=True)
+        runpy.run_module(request.module, run_name="__main__", alter_sys=True)
 
 
 def main() -> None:

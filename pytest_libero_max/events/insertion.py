@@ -1,8 +1,11 @@
-"""Common parts of the insertions: objects leave the scene at reset and return beside the trigger entity."""
+"""Common parts of the insertions: objects leave the scene at reset and return beside the trigger entity.
+
+What the scene itself keeps out at reset (:attr:`.TaskMetadata.parked`) needs no removal.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.benchmark.documents import Json
@@ -24,8 +27,12 @@ def placement(entity: str, anchor: str, offset_m: list[float], task: TaskMetadat
     }
 
 
-def removals(entities: Iterable[str]) -> tuple[Json, ...]:
-    """Return the setup that takes objects out of the scene until the event brings them back."""
+def removals(entities: Iterable[str], parked: Container[str] = ()) -> tuple[Json, ...]:
+    """Return the setup that takes objects out of the scene until the event brings them back.
+
+    Args:
+        parked: Objects that are out of it already.
+    """
     return tuple(
         {
             "operation": "remove_object",
@@ -33,6 +40,7 @@ def removals(entities: Iterable[str]) -> tuple[Json, ...]:
             "offworld_position_m": [-2.0 - 0.2 * index, 0.0, -5.0],
         }
         for index, entity in enumerate(entities)
+        if entity not in parked
     )
 
 

@@ -8,7 +8,6 @@ from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.events.registry import resolve_event
 from pytest_libero_max.substrates.registry import contents_of
-from pytest_libero_max.tasks.contents import TaskMetadata
 
 
 def make_case(
@@ -18,7 +17,6 @@ def make_case(
     init_state_index: int = 0,
     *,
     variant: int = 0,
-    task: TaskMetadata | None = None,
 ) -> Case:
     """Return the case of an event in an unmodified task; the same arguments give the same case.
 
@@ -27,12 +25,10 @@ def make_case(
         suite: For example ``libero_spatial``, or one that another package adds.
         task_index: Index of the task in its suite, from 0.
         init_state_index: Index of the initial state; of LIBERO's tasks 0 to 9, or 10 to 49 for training data.
-        task: Contents of the task's scene; by default what the substrate of its suite says of it.
 
     Raises:
         ManifestError: There is no such event or variant, or the task cannot host it.
     """
-    contents = contents_of(suite, task_index) if task is None else task
+    task = contents_of(suite, task_index)
     identity = Identity(SUITES[suite].benchmark, suite, task_index, init_state_index)
-    event_of_case = resolve_event(event, variant, contents, identity)
-    return parse_case(case_record(identity, event_of_case, contents.name))
+    return parse_case(case_record(identity, resolve_event(event, variant, task, identity), task.name))

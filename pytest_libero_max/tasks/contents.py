@@ -76,6 +76,8 @@ class TaskMetadata:
     """Initial placement of the movable objects that have one."""
     reserved: frozenset[str] = field(default_factory=frozenset)
     """Objects that a source variation added and that no event may use."""
+    parked: frozenset[str] = field(default_factory=frozenset)
+    """Objects that are out of the scene at reset until an event brings them in."""
     camera: str = CAMERAS[0]
     """The main camera of its robot, which a shift of the viewpoint moves."""
     other_cameras: tuple[str, ...] = CAMERAS[1:]

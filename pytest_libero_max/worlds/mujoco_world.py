@@ -13,6 +13,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
+from fnmatch import fnmatchcase
 from hashlib import blake2b
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -464,18 +465,18 @@ class MujocoWorld(WorldBase, MujocoScenery):
         first = int(self._model.jnt_dofadr[self._joint[name]])
         return slice(first, first + 6)
 
-    def _geom_owners(self, prefixes: Mapping[str, str]) -> NDArray[np.int64]:
+    def _geom_owners(self, patterns: Mapping[str, str]) -> NDArray[np.int64]:
         """For each geom the index into ``_owner_names`` of what it belongs to, or -1.
 
         A geom belongs to the nearest of its body's ancestors that is an entity's root, unless its body
         is one of the robot's. What hangs from the world body itself belongs to an entity of that body.
         """
-        self._owner_names = [*self._entities, *sorted(set(prefixes.values()))]
+        self._owner_names = [*self._entities, *sorted(set(patterns.values()))]
         roots = {self._body[name]: number for number, name in enumerate(self._entities)}
         owner_of_body = np.full(self._model.nbody, -1)
         for body in range(self._model.nbody):
             label = mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
-            robot = next((owner for prefix, owner in prefixes.items() if label.startswith(prefix)), None)
+            robot = next((owner for name, owner in patterns.items() if fnmatchcase(label, name)), None)
             parent = int(self._model.body_parentid[body])
             if robot is not None:
                 owner_of_body[body] = self._owner_names.index(robot)

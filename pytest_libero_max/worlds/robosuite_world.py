@@ -1,4 +1,4 @@
-"""A world around a robosuite environment with one Panda: its controller, its grip site, its joints."""
+"""A world around a robosuite environment with one arm: its controller, its grip site, its joints."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.contract import Array, Entity
 from pytest_libero_max.worlds.mujoco_world import FASTEST, MujocoWorld
 from pytest_libero_max.worlds.privileged import GraspablePart
-from pytest_libero_max.worlds.robot import PANDA
+from pytest_libero_max.worlds.robot import PANDA, MujocoRobot
 from pytest_libero_max.worlds.stepping import Stepper
 
 _HINGE = 3  # mjJNT_HINGE
@@ -23,17 +23,25 @@ class RobosuiteWorld(MujocoWorld):
 
     Args:
         language: The task's instruction.
-        env: A robosuite 1.4 ``SingleArmEnv`` with a Panda, after its reset. It must not be stepped or
-            reset by anybody else while the world is in use.
+        env: A robosuite 1.4 ``SingleArmEnv``, after its reset. It must not be stepped or reset by anybody
+            else while the world is in use.
+        robot: Its robot.
     """
 
-    def __init__(self, scene: str, language: str, env: Any, entities: Mapping[str, Entity]) -> None:
-        super().__init__(scene, language, env.sim.model._model, env.sim.data._data, entities)
-        robot = env.robots[0]
+    def __init__(
+        self,
+        scene: str,
+        language: str,
+        env: Any,
+        entities: Mapping[str, Entity],
+        robot: MujocoRobot = PANDA,
+    ) -> None:
+        super().__init__(scene, language, env.sim.model._model, env.sim.data._data, entities, robot)
+        arm = env.robots[0]
         self._env = env
         self._stepper = Stepper(env)
-        self._grip_site = int(robot.eef_site_id)
-        self._hand_body = int(env.sim.model.body_name2id(robot.robot_model.eef_name))
+        self._grip_site = int(arm.eef_site_id)
+        self._hand_body = int(env.sim.model.body_name2id(arm.robot_model.eef_name))
 
     @abstractmethod
     def succeeded(self) -> bool: ...
@@ -108,7 +116,7 @@ class RobosuiteWorld(MujocoWorld):
             data.qpos[stepper.arm_qpos],
             data.qvel[stepper.arm_dofs],
         )
-        return dict(zip(PANDA.state, values, strict=True))
+        return dict(zip(self._robot.state, values, strict=True))
 
     def close(self) -> None:
         super().close()

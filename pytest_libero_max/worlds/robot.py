@@ -7,8 +7,8 @@ the same. Another package adds its own :class:`Robot` by an entry point
 On MuJoCo and robosuite a :class:`MujocoRobot` also names joints and bodies. What still follows from the
 Panda:
 
-- ``worlds/stepping``, ``worlds/robosuite_world`` and ``substrates/embedded`` take :data:`PANDA`, and so do
-  the experts, ``makers/construction`` and ``lab/demos``;
+- ``substrates/embedded`` takes :data:`PANDA`, and so do the experts, ``makers/construction`` and
+  ``lab/demos``;
 - ``policies/transforms/states`` has the quarter turn from the observed hand to the grip site, with which a
   robot of seven components waits for an answer under absolute control (``pairing/rollout``);
 - ``policies/model_inputs`` guesses the inputs of a model from LIBERO's two cameras.
@@ -32,8 +32,8 @@ ROBOT, GRIPPER, MOUNT = "robot0", "gripper0", "mount0"
 """robosuite's names of a scene's only robot, its gripper and what it stands on; the names of their bodies
 begin so. ``World.contacts`` reports arm and mount as ``robot0``, the gripper as ``gripper0``."""
 
-OWNERS = MappingProxyType({f"{ROBOT}_": ROBOT, f"{MOUNT}_": ROBOT, f"{GRIPPER}_": GRIPPER})
-"""Names under which contacts of the robot's bodies are reported, by the beginning of the bodies' names."""
+OWNERS = MappingProxyType({f"{ROBOT}_*": ROBOT, f"{MOUNT}_*": ROBOT, f"{GRIPPER}_*": GRIPPER})
+"""Names under which contacts of the robot's bodies are reported, by shell patterns of the bodies' names."""
 
 CONTROL_HZ = 20
 """Control steps in a second of LIBERO's robot; that of a world is ``world.robot.control_hz``."""
@@ -111,8 +111,8 @@ class MujocoRobot(Robot):
     """Horizontal distance from that body within which an event may put a target or a receptacle, m; by
     default about that of the farthest target in LIBERO's own tasks, with the tool pointing down."""
     owners: Mapping[str, str] = field(default_factory=lambda: OWNERS)
-    """Names under which contacts of its bodies are reported, ``robot0`` or ``gripper0``, by the beginning of
-    the bodies' names; the first that fits counts."""
+    """Names under which contacts of its bodies are reported, ``robot0`` or ``gripper0``, by shell patterns
+    (``robot0_*``) of the bodies' names; the first that fits counts."""
     controller: str = "OSC_POSE"
     """Robosuite's name of its controller."""
     home_rad: tuple[float, ...] = ()

@@ -1,6 +1,6 @@
 """One control step of robosuite's ``env.step`` with one physics pass per substep, and the same bits.
 
-robosuite plays a control step of a Panda under ``OSC_POSE`` as 25 substeps, each of them two
+robosuite plays a control step of an arm under ``OSC_POSE`` as 25 substeps, each of them two
 ``mj_forward``, the operational space controller in Python, and a ``mj_step`` that starts with a
 third forward pass. ``mj_forward`` is idempotent (MuJoCo 3.3.6 and newer), so the two extra passes
 change nothing. What is left per substep is: torques from the current kinematics, ``mj_step2``, and
@@ -19,6 +19,7 @@ but on memory that is reserved once: that takes less time, and a quarter of the 
 
 from __future__ import annotations
 
+import copy
 import ctypes
 import math
 from collections.abc import Mapping
@@ -58,7 +59,7 @@ _BROKEN = -1.0
 
 
 class Stepper:
-    """Plays control steps on the model and data of a robosuite environment with one Panda.
+    """Plays control steps on the model and data of a robosuite environment with one arm.
 
     The environment's own objects are the source of gains, limits and indices; they are read once and
     never written. What the controller remembers between steps is here: the goal orientation, which an
@@ -66,10 +67,12 @@ class Stepper:
 
     Attributes:
         constants: Constants of the control step, by name: gains, limits (N m), home pose (rad), grip.
+        home: Joint positions (dofs,), rad, near which the arm is held where the hand leaves it free. A world
+            whose controller takes those of each start writes them here.
 
     Args:
         env: A robosuite ``SingleArmEnv`` after its reset, with the controller ``OSC_POSE`` in fixed
-            impedance mode and a two-finger gripper with one action.
+            impedance mode and a gripper with two actuators and one action.
 
     Raises:
         SubstrateError: The robot or its controller is not of that kind.
@@ -103,7 +106,7 @@ class Stepper:
         finger_ctrl = np.array(robot._ref_joint_gripper_actuator_indexes, dtype=np.int64)
         low, high = robot.torque_limits
         span = model.actuator_ctrlrange[finger_ctrl]
-        self._speed = float(gripper.speed)
+        self._speed, self._closing = float(gripper.speed), _closing_signs(gripper)
         self._site_pos = data.site_xpos[self._site]
         self._site_mat = data.site_xmat[self._site].reshape(3, 3)
         self._grip = np.zeros(2)
@@ -113,14 +116,14 @@ class Stepper:
             "kp": np.array(controller.kp, dtype=np.float64),
             "kd": np.array(controller.kd, dtype=np.float64),
         }
-        home = np.array(controller.initial_joint, dtype=np.float64)
+        self.home = np.array(controller.initial_joint, dtype=np.float64)
         grip_middle, grip_half = 0.5 * (span[:, 1] + span[:, 0]), 0.5 * (span[:, 1] - span[:, 0])
         self.constants: Mapping[str, Any] = {
             "substeps": self.substeps,
             "scaling": self._scaling,
             **gains,
             **limits,
-            "initial_joint": home,
+            "initial_joint": self.home.copy(),
             "grip_speed": self._speed,
             "grip_middle": grip_middle,
             "grip_half": grip_half,
@@ -152,7 +155,7 @@ class Stepper:
             finger_ctrl,
             _mass_addresses(model, self.arm_dofs),
             *gains.values(),
-            home,
+            self.home,
             *limits.values(),
             grip_middle,
             grip_half,
@@ -182,7 +185,7 @@ class Stepper:
 
     def open_grip(self) -> None:
         """Set the gripper's commands to open; actions that close it bring them back step by step."""
-        self._grip[:] = 1.0, -1.0
+        self._grip[:] = np.negative(self._closing)
 
     def step(self, action: Array, control: Control = "delta") -> float:
         """Play one control step of a (7,) float64 action; derived data are up to date before and after.
@@ -236,8 +239,11 @@ class Stepper:
         """
         closing = float(action[ACTION_DIM - 1])
         push = self._speed * ((closing > 0.0) - (closing < 0.0))
+        first, second = self._closing
         self._goal_pos[:] = goal_pos
-        fastest: float = _control_step(self._fixed, push, substeps, settle, self._warned)
+        fastest: float = _control_step(
+            self._fixed, first * push, second * push, substeps, settle, self._warned
+        )
         if fastest == _BROKEN:
             raise SimulatorError(
                 "The arm's controller cannot invert its matrices, which are no longer finite. The episode is "
@@ -302,9 +308,16 @@ def _rotation(vector: list[float]) -> Array:
     return matrix
 
 
+def _closing_signs(gripper: Any) -> tuple[float, float]:
+    """Return the signs of the changes of both actuators' commands when the gripper closes."""
+    probe = copy.copy(gripper)  # it keeps what it was asked for
+    probe.current_action = np.zeros(gripper.dof)
+    first, second = np.broadcast_to(np.sign(probe.format_action(np.ones(gripper.dof))), 2).tolist()
+    return first, second
+
+
 def _check(env: Any, robot: Any, controller: Any) -> None:
     wanted: dict[str, tuple[Any, Any]] = {
-        "robot.dof": (len(robot._ref_joint_pos_indexes), len(PANDA.arm_joints)),
         "controller.name": (controller.name, PANDA.controller),
         "controller.impedance_mode": (controller.impedance_mode, "fixed"),
         "controller.use_delta": (controller.use_delta, True),
@@ -314,6 +327,7 @@ def _check(env: Any, robot: Any, controller: Any) -> None:
         "controller.position_limits": (controller.position_limits, None),
         "controller.orientation_limits": (controller.orientation_limits, None),
         "gripper.dof": (robot.gripper.dof, 1),
+        "gripper.actuators": (len(robot.gripper.actuators), 2),
     }
     for what, (seen, rule) in wanted.items():
         if not np.array_equal(seen, rule):
@@ -559,7 +573,7 @@ def _feel(
 
 
 @compiled
-def _control_step(fixed: Any, push: Any, substeps: Any, settle: Any, warned: Any) -> Any:
+def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: Any, warned: Any) -> Any:
     """Play the substeps of a control step: torques, ``mj_step2``, ``mj_step1``; return what ``play`` does.
 
     Where the controller cannot go on, return :data:`_BROKEN`.
@@ -567,7 +581,7 @@ def _control_step(fixed: Any, push: Any, substeps: Any, settle: Any, warned: Any
     Args:
         fixed: Numbers and addresses, as :class:`Stepper` puts them together. Of arrays whose size is not
             needed the shape is given as (1,).
-        push: Change of the gripper's command in a substep.
+        first, second: Changes of the gripper's commands in a substep.
         settle: True to bring derived data up to date at the end.
         warned: MuJoCo's counts of its warnings.
     """
@@ -714,8 +728,8 @@ def _control_step(fixed: Any, push: Any, substeps: Any, settle: Any, warned: Any
         for k in range(dofs):
             value = (arm[k] + qfrc_bias[arm_dofs[k]]) + vector[k]
             ctrl[arm_ctrl[k]] = min(max(value, low[k]), high[k])
-        grip[0] = min(max(grip[0] - push, -1.0), 1.0)
-        grip[1] = min(max(grip[1] + push, -1.0), 1.0)
+        grip[0] = min(max(grip[0] + first, -1.0), 1.0)
+        grip[1] = min(max(grip[1] + second, -1.0), 1.0)
         for finger in range(2):
             ctrl[finger_ctrl[finger]] = grip_middle[finger] + grip_half[finger] * grip[finger]
         _call(functions[_STEP2], (model, data))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.report import gate_plan
 
 
 def test_power_is_printed_for_expectations_and_for_a_run(
@@ -18,13 +19,14 @@ def test_power_is_printed_for_expectations_and_for_a_run(
     assert "camera_shift" in capsys.readouterr().out
 
 
-def test_a_gate_is_planned(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_gate_is_planned(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gate_plan, "SIZES", (8, 16, 32, 64, 100, 200, 400))  # more take seconds
     gate = ["plan", "gates", "--base", "0.9", "--gate", "dynamic_sr_vs(v1).lower >= -10%"]
     assert main([*gate, "--pairs", "100", "--loss", "0.2"]) == 0
     out = capsys.readouterr().out
     assert "decided on 100 pairs" in out
     assert "no effect" in out
-    assert "with -19.0 pp: 100, 200, " in out
+    assert "with -19.0 pp: 100, 200, 400" in out
     assert main(["plan", "gates", "--base", "0.9", "--gate", "event.camera_shift.delta >= -30%"]) == 0
     assert "decided on 4 pairs" in capsys.readouterr().out
     for wrong, words in (

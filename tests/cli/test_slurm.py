@@ -8,6 +8,7 @@ import re
 import shutil
 import stat
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from pytest_libero_max.runs.merge import merge_folders
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, REACHER, tiny_manifest
 from tests.short_episodes import short_episodes
+from tests.warm_processes import python_program
 
 SBATCH = """#!/bin/bash
 # A made-up sbatch: keeps the job and what it was called with; plays the shards when the merge is submitted.
@@ -57,6 +59,7 @@ def folder(tmp_path: Path, pytester: pytest.Pytester, monkeypatch: pytest.Monkey
         "PYTEST_ADDOPTS", " ".join(["-p", "no:cacheprovider", *short_episodes(pytester, BUDGET)])
     )
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(pytester.path), os.environ.get("PYTHONPATH", "")]))
+    monkeypatch.setattr(sys, "executable", python_program(tmp_path / "python"))
     monkeypatch.chdir(folder)
     return folder
 

@@ -25,7 +25,7 @@ from pytest_libero_max.conformance.rules import Examination, Outcome, Rule
 from pytest_libero_max.conformance.server import clients, contract
 from pytest_libero_max.conformance.server import subject as server_subject
 from pytest_libero_max.conformance.server.subject import open_at
-from pytest_libero_max.policies.clients import transport
+from pytest_libero_max.policies.clients import recognition, transport
 from pytest_libero_max.policies.clients.codecs import OPENPI, VLA_EVAL, pack, unpack
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.server.batching import Batching
@@ -282,21 +282,35 @@ class OneSize(Server):
 
 
 class Batched(Server):
-    """Computes what is asked within some time together."""
+    """Computes together what its clients ask, for which it waits a little."""
 
     def __init__(self) -> None:
         super().__init__()
         self.batch: list[Any] = []
+        self.clients = 0
+        self.arrived = threading.Condition(self.lock)
+
+    def talk(self, connection: ServerConnection) -> None:
+        with self.lock:
+            self.clients += 1
+        try:
+            super().talk(connection)
+        finally:
+            with self.lock:
+                self.clients -= 1
+
+    def batched(self, item: Any) -> tuple[list[Any], int]:
+        """Return the batch of an item once it is complete, and the place of the item."""
+        with self.arrived:
+            batch, place = self.batch, len(self.batch)
+            batch.append(item)
+            self.arrived.notify_all()
+            self.arrived.wait_for(lambda: len(batch) >= self.clients, 0.2)
+            self.batch = [] if self.batch is batch else self.batch
+        return batch, place
 
     def answer(self, request: Any) -> Any:
-        actions = super().answer(request)["actions"]
-        with self.lock:
-            batch, place = self.batch, len(self.batch)
-            batch.append(actions)
-        time.sleep(0.1)
-        with self.lock:
-            self.batch = [] if self.batch is batch else self.batch
-        return {"actions": self.of_batch(batch, place)}
+        return {"actions": self.of_batch(*self.batched(super().answer(request)["actions"]))}
 
     def of_batch(self, batch: list[Any], place: int) -> Any:
         return batch[place]
@@ -313,12 +327,7 @@ class AllFail(Batched):
     """Answers a batch with an error where one of its requests lacks its inputs."""
 
     def answer(self, request: Any) -> Any:
-        with self.lock:
-            batch = self.batch
-            batch.append("observation/state" in request)
-        time.sleep(0.1)
-        with self.lock:
-            self.batch = [] if self.batch is batch else self.batch
+        batch, _ = self.batched("observation/state" in request)
         if not all(batch):
             raise RuntimeError("a batch without inputs")
         return Server.answer(self, request)
@@ -332,7 +341,7 @@ class Rounding(Batched):
 
 
 class Deaf(Server):
-    """Computes in its event loop, so that no ping is answered meanwhile."""
+    """Computes in its event loop, long where a request is repeated, and answers no ping meanwhile."""
 
     @contextmanager
     def serving(self) -> Iterator[int]:
@@ -343,8 +352,10 @@ class Deaf(Server):
         async def talk(connection: Any) -> None:
             with suppress(ConnectionClosed):
                 await connection.send(pack({}, OPENPI))
+                last = None
                 async for message in connection:
-                    time.sleep(0.2)
+                    time.sleep(0.2 if message == last else 0)
+                    last = message
                     await connection.send(self.reply(message))
 
         async def run() -> None:
@@ -434,6 +445,9 @@ def _scenes_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(server_subject, "first_scene", first_scene_once)
     monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
+    # Whether a server that answers with errors speaks another protocol is no matter here.
+    monkeypatch.setattr(recognition, "FIRST_S", 0.02)
+    monkeypatch.setattr(recognition, "GREETING_S", 0.02)
 
 
 @pytest.fixture
@@ -454,14 +468,20 @@ def examine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., di
     return outcomes
 
 
-def musts_and(name: str) -> list[Rule]:
-    """Return every rule of level must, and one more with those that it needs."""
+def with_needs(name: str) -> list[Rule]:
+    """Return a rule with those that it needs."""
     by_id = {rule.id: rule for rule in RULES}
     wanted, last = set[str](), f"server/{name}"
     while last:
         wanted.add(last)
         last = by_id[last].needs
-    return [rule for rule in RULES if rule.level == "must" or rule.id in wanted]
+    return [rule for rule in RULES if rule.id in wanted]
+
+
+def musts_and(name: str) -> list[Rule]:
+    """Return every rule of level must, and one more with those that it needs."""
+    wanted = with_needs(name)
+    return [rule for rule in RULES if rule.level == "must" or rule in wanted]
 
 
 def broken(outcomes: dict[str, Outcome]) -> list[str]:
@@ -469,9 +489,14 @@ def broken(outcomes: dict[str, Outcome]) -> list[str]:
 
 
 def test_a_sound_server_keeps_every_rule(examine: Callable[..., dict[str, Outcome]]) -> None:
-    outcomes = examine(Slow())
-    unseen = [name for name, outcome in outcomes.items() if outcome.state != "kept"]
-    assert unseen == ["contract/action-spec"], broken(outcomes)
+    outcomes = examine(Server())
+    unseen = {name for name, outcome in outcomes.items() if outcome.state != "kept"}
+    assert unseen == {"contract/action-spec", "clients/pings"}, broken(outcomes)
+
+
+def test_a_ping_is_seen_in_a_slow_query(examine: Callable[..., dict[str, Outcome]]) -> None:
+    outcomes = examine(Slow(), with_needs("clients/pings"))
+    assert outcomes["clients/pings"].state == "kept"
 
 
 @pytest.mark.parametrize(("server", "name", "observed"), GALLERY, ids=[each[0].__name__ for each in GALLERY])

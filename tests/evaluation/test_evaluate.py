@@ -178,12 +178,12 @@ def test_many_runs_in_one_process_leave_nothing_behind(folder: Path) -> None:
     evaluate("adapter.py", limit=1, **HOW)
     before, kept_before = state(), kept()
     modules = set(sys.modules)
-    for _ in range(3):
+    for _ in range(2):
         evaluate("adapter.py", limit=1, **HOW)
         evaluate(Reacher(), limit=1, **HOW)
     assert state() == before
     assert set(sys.modules) == modules
-    assert len([*folder.glob("libero-max-results/pairs*.jsonl")]) == 7
+    assert len([*folder.glob("libero-max-results/pairs*.jsonl")]) == 5
     assert kept() == kept_before
 
 
@@ -238,12 +238,12 @@ class Dying(Reacher):
             os._exit(3)
 
 if __name__ == "__main__":
-    how = {"manifest": "tiny.json", "substrate": "tiny", "limit": 4, "workers": 2}
-    for number, policy in enumerate((Dying, "adapter.py")):
-        result = evaluate(policy, folder=f"out{number}", **how)
+    how = {"manifest": "tiny.json", "substrate": "tiny", "workers": 2}
+    for number, (policy, limit) in enumerate(((Dying, 4), ("adapter.py", 1))):
+        result = evaluate(policy, folder=f"out{number}", limit=limit, **how)
         assert result.passed, result.summary
     open("die", "w").close()
-    result = evaluate(Dying, folder="died", retries=0, **how)
+    result = evaluate(Dying, folder="died", retries=0, limit=3, **how)
     print(json.dumps([result.status, [pair.kind for pair in result.report.pairs.invalid_pairs]]))
 """
 
@@ -252,10 +252,11 @@ def test_a_script_plays_in_workers_and_one_that_dies_is_an_error_of_its_pair(fol
     (folder / "script.py").write_text(SCRIPT)
     done = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == [11, ["CrashError"] * 4]
+    assert json.loads(done.stdout) == [11, ["CrashError"] * 3]
     evaluate("adapter.py", limit=4, folder="here", **HOW)
     here = played(read_pairs(folder / "here"))
-    assert played(read_pairs(folder / "out1")) == here
+    ((item, record),) = played(read_pairs(folder / "out1")).items()
+    assert record == here[item]
     as_sent = played(read_pairs(folder / "out0"))
     assert {name: record["arms"] for name, record in as_sent.items()} == {
         name: record["arms"] for name, record in here.items()

@@ -9,13 +9,16 @@ import pytest
 
 from pytest_libero_max.benchmark.manifests import Manifest, decode_manifest
 from pytest_libero_max.errors import ManifestError, SubstrateError
-from pytest_libero_max.events.new_case import make_case
+from pytest_libero_max.events import new_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from tests.plugin.conftest import TINY_TASK
 
 
-def test_a_task_of_another_benchmark_hosts_the_events_that_its_contents_allow() -> None:
-    cases = [make_case(event, "libero_goal", 77, 3, task=TINY_TASK) for event in BENCHMARK_EVENTS]
+def test_a_task_of_another_benchmark_hosts_the_events_that_its_contents_allow(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(new_case, "contents_of", lambda suite, index: TINY_TASK)
+    cases = [new_case.make_case(event, "libero_goal", 77, 3) for event in BENCHMARK_EVENTS]
     assert {case.event.entity for case in cases} == {"box_1"}
     assert {case.task_index for case in cases} == {77}
     manifest = Manifest.of("boxes", cases)
@@ -24,10 +27,11 @@ def test_a_task_of_another_benchmark_hosts_the_events_that_its_contents_allow() 
 
 def test_a_task_that_nobody_knows_needs_its_contents() -> None:
     with pytest.raises(SubstrateError):
-        make_case("camera_shift", "libero_goal", 77)
+        new_case.make_case("camera_shift", "libero_goal", 77)
 
 
-def test_a_task_without_spare_objects_hosts_no_obstacle() -> None:
+def test_a_task_without_spare_objects_hosts_no_obstacle(monkeypatch: pytest.MonkeyPatch) -> None:
     bare = replace(TINY_TASK, objects={"box_1": "box", "plate_1": "plate"})
+    monkeypatch.setattr(new_case, "contents_of", lambda suite, index: bare)
     with pytest.raises(ManifestError, match="obstacle_insertion"):
-        make_case("obstacle_insertion", "libero_goal", 0, task=bare)
+        new_case.make_case("obstacle_insertion", "libero_goal", 0)

@@ -16,6 +16,7 @@ from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.tiny.world import TinyWorld
+from tests.short_episodes import shorten_here
 
 from .actors import Approaching
 from .actors import make_case as tiny_case
@@ -50,14 +51,16 @@ TASKS = [
 
 @pytest.mark.parametrize(("suite", "task", "event"), TASKS)
 def test_a_pair_is_the_same_with_and_without_it_forked_and_replayed(
-    suite: str, task: int, event: str, substrate: EmbeddedSubstrate
+    suite: str, task: int, event: str, substrate: EmbeddedSubstrate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    shorten_here(monkeypatch, 110)  # the event, its answer, and a grasp
     case = make_case(event, suite, task)
     without = Probes(tuple(probe for probe in STANDARD.standard if probe.name != "stages"))
     plain = played(case, substrate, "expert", PairSettings(probes=without))
     fork, replay = (played(case, substrate, "expert", PairSettings(mode)) for mode in ("fork", "replay"))
     assert without_probes(plain) == without_probes(fork) == without_probes(replay)
     assert fork.record.identity() == replay.record.identity()
+    assert fork.record.trigger_step is not None
     assert "stages" not in plain.record.arms["base"].probes
 
 

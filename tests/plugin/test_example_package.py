@@ -227,13 +227,13 @@ from hypothesis import HealthCheck, given, settings
 from pytest_libero_max import strategies
 from pytest_libero_max.changes import change_from_dict
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow])
 @given(strategies.events(names=["push"]))
 def test_drawn(event):
     assert event.name == "push"
     assert change_from_dict(event.change).object == event.entity
 
-@settings(suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow])
 @given(strategies.events())
 def test_any(event):
     assert event.family_code

@@ -4,7 +4,6 @@ import contextlib
 import os
 import pty
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +17,7 @@ from pytest_libero_max.runs.progress import Pace
 from pytest_libero_max.runs.status import Follower
 from tests.report.made_up import plan, record_of
 from tests.terminal import Terminal
+from tests.warm_processes import WarmProcess
 
 Run = Callable[..., pytest.RunResult]
 
@@ -34,7 +34,7 @@ def _in_a_terminal(folder: Path, *arguments: str) -> str:
         "--libero-max-substrate=tiny",
     ]
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *options, *arguments]
-    process = subprocess.Popen(command, cwd=folder, env=environment, stdout=follower, stderr=follower)
+    process = WarmProcess(command, cwd=folder, env=environment, stdout=follower, stderr=follower)
     os.close(follower)
     written = b""
     with contextlib.suppress(OSError):  # Linux says so where nobody holds the other side any more

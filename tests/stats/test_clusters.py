@@ -89,7 +89,7 @@ def test_what_cannot_be_clustered_says_why() -> None:
 def test_the_interval_covers_the_mean_of_clustered_cases() -> None:
     random = np.random.default_rng(11)
     hits = []
-    for trial in range(300):
+    for trial in range(120):
         rates = random.beta(3, 3, size=40)
         values = (random.random((40, 10)) < rates[:, None]).astype(int).ravel()
         interval = cluster_bootstrap(values, np.repeat(np.arange(40), 10), replicates=1000, seed=trial)
@@ -169,12 +169,12 @@ def test_an_interval_by_task_seldom_misses_the_mean_over_tasks(
 ) -> None:
     random = np.random.default_rng(13)
     missed = 0
-    for _ in range(200):
+    for _ in range(80):
         rates = random.beta(first, second, size=30)
         values = -(random.random((30, 40)) < rates[:, None]).astype(int).ravel()
         interval = _task_interval(values, np.repeat(np.arange(30), 40)).interval
         missed += interval is not None and not interval.lower <= -mean <= interval.upper
-    assert missed / 200 <= 0.08
+    assert missed / 80 <= 0.08
 
 
 def test_an_interval_of_many_tasks_is_drawn_in_chunks_that_never_show(

@@ -71,11 +71,11 @@ def test_rank_sets_together_hold_the_true_ranks() -> None:
     random = np.random.default_rng(5)
     rates = {"a": 0.85, "b": 0.6, "c": 0.55, "d": 0.3}
     held = 0
-    for _ in range(200):
+    for _ in range(60):
         drawn = {name: random.random(80) < rate for name, rate in rates.items()}
         sets = rank_sets(list(rates), contrasts(drawn))
         held += all(low <= rank <= high for rank, (low, high) in enumerate(sets.values(), 1))
-    assert held >= 190
+    assert held >= 57
 
 
 def test_profiles_that_order_alike_and_contrarily() -> None:

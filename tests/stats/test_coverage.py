@@ -35,7 +35,7 @@ def test_the_exact_interval_of_a_rate_holds_its_level_at_every_rate(n: int) -> N
 @pytest.mark.parametrize(("mean", "spread"), [(0.02, np.inf), (0.1, 1.0), (0.02, 0.2), (0.3, 2.0)])
 def test_an_interval_by_task_seldom_misses(mean: float, spread: float) -> None:
     for quantity in ("change", "rate", "lost"):
-        missed, _ = task_misses(TaskCell(quantity, 40, mean, spread), runs=200)
+        missed, _ = task_misses(TaskCell(quantity, 40, mean, spread), runs=100)
         assert missed <= 0.085, quantity
 
 

@@ -55,7 +55,7 @@ class DistractorBurst(EventKind):
             anchor = entity_of(task)
             ring.append(placement(entity, anchor, [round(v, _DECIMALS) for v in offset], task))
         change = {"operation": "insert_distractors", "distractor_count": COUNT, "placements": ring}
-        return Scenario(change, removals(chosen))
+        return Scenario(change, removals(chosen, task.parked))
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
         """One to five objects anywhere around the trigger entity."""

@@ -41,7 +41,7 @@ class ObstacleInsertion(EventKind):
             **placement(chosen, entity_of(task), list(OFFSETS_M[variant]), task),
             "placement_rule": "target_support_approach_ring",
         }
-        return Scenario(change, removals([chosen]))
+        return Scenario(change, removals([chosen], task.parked))
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:
         """Any other object anywhere around the trigger entity."""

@@ -10,9 +10,9 @@ MAIN_CAMERA, HAND_CAMERA = "corner2", "gripperPOV"
 
 _ARM = (
     *("base", "controller_box", "pedestal_feet", "torso", "pedestal", "right_arm_base_link"),
-    *("head", "screen", "head_camera", "right_"),
+    *("head", "screen", "head_camera", "right_*"),
 )
-_GRIPPER = ("rightclaw", "leftclaw", "rightpad", "leftpad")  # not "hand": handles begin so
+_GRIPPER = ("hand", "rightclaw", "leftclaw", "rightpad", "leftpad")
 
 SAWYER = MujocoRobot(
     name="SawyerXYZ",

@@ -3,7 +3,7 @@
 The environment decides what an action does, what is observed and when the task is solved. A snapshot holds
 MuJoCo's integration state, with the mocap body and the solver's warm start, and what the environment keeps
 beside it. The package calls ``mj_forward`` after each step, and so does settling: it alters no part of that
-state. (MuJoCo 3.3.0 wrote the warm start: a world that was restored then left the other one by some bits.)
+state. (In MuJoCo 3.3.0 it wrote the warm start: a restored world left the other one in its last bits.)
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.worlds.robot import GRIPPER, MOUNT, OWNERS, ROBOT
+from pytest_libero_max.worlds.robot import GRIPPER, MOUNT, ROBOT
 
 WHITE = "0.93 0.94 0.95 1"
 GREY = "0.45 0.46 0.48 1"
@@ -112,7 +112,7 @@ def _drop_unused(robot: ET.Element, assets: ET.Element) -> None:
 
 def _bodies(root: ET.Element) -> Iterator[ET.Element]:
     for body in root.iter("body"):
-        if body.get("name", "").startswith(tuple(OWNERS)):
+        if body.get("name", "").startswith((f"{ROBOT}_", f"{MOUNT}_", f"{GRIPPER}_")):
             yield body
 
 

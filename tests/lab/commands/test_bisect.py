@@ -11,9 +11,11 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.lab.bisection import Verdict, first_bad
+from pytest_libero_max.lab.commands import bisect
 from pytest_libero_max.runs.store import read_pairs
 from tests.plugin.conftest import BUDGET, tiny_manifest
 from tests.short_episodes import short_episodes
+from tests.warm_processes import SUBPROCESS
 
 POLICY = """
 import numpy as np
@@ -68,6 +70,7 @@ def repository(tmp_path: Path, pytester: pytest.Pytester, monkeypatch: pytest.Mo
         monkeypatch.setenv(f"GIT_{name}_EMAIL", "toy@example.org")
     monkeypatch.chdir(folder)
     git("init", "--quiet")
+    monkeypatch.setattr(bisect, "subprocess", SUBPROCESS)
     return folder
 
 

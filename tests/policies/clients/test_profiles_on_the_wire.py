@@ -180,6 +180,25 @@ def check_wrapped(
     assert np.allclose(seen["state"], state, atol=1e-6)
 
 
+def check_robomimic(request: Any) -> None:
+    seen = request["observation"]
+    assert set(seen) == {
+        "agentview_image",
+        "robot0_eye_in_hand_image",
+        "robot0_eef_pos",
+        "robot0_eef_quat",
+        "robot0_gripper_qpos",
+    }
+    for channel, key in enumerate(("agentview_image", "robot0_eye_in_hand_image")):
+        upright = np.zeros((3, 84, 84), dtype=np.float32)
+        upright[channel, -10:, :10] = 1.0
+        assert seen[key].dtype == np.float32
+        assert np.array_equal(seen[key], upright)
+    raw = fakes.observation(84)
+    for key in ("robot0_eef_pos", "robot0_eef_quat", "robot0_gripper_qpos"):
+        assert np.allclose(seen[key], raw[key])
+
+
 def check_cosmos_policy(request: Any) -> None:
     mirrored = {
         key: value[:, ::-1] if key != "state" else value for key, value in request["observation"].items()
@@ -339,6 +358,7 @@ CHECKS: dict[str, Look] = {
     "vla_eval": check_vla_eval,
     "vla_eval_pi05": check_vla_eval,
     "wrapped": check_wrapped,
+    "robomimic": check_robomimic,
     "cosmos_policy": check_cosmos_policy,
     "fastwam": check_fastwam,
     "lightwam": partial(check_wrapped, dtype="float32", prompt=FILMED),
