@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.runs.plan import PlannedPair
     from pytest_libero_max.runs.store import read_pairs
     from pytest_libero_max.studies.study import Study
-    from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
+    from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions, Tracks
     from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.substrates.tiny.world import TinyWorld
     from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata
@@ -121,6 +121,7 @@ __all__ = [
     "Surfaces",
     "TaskMetadata",
     "TinyWorld",
+    "Tracks",
     "Trigger",
     "World",
     "WorldBase",
@@ -196,7 +197,7 @@ _TO_EXTEND = {
     "report.measures": ("Measured",),
     "report.readers": ("ResultsReader", "ReadResults", "PairOutcome"),
     "runs.plan": ("PlannedPair",),
-    "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions"),
+    "substrates.contract": ("Substrate", "SubstrateKind", "SubstrateOptions", "Tracks"),
     "benchmark.suites": ("Suite",),
     "worlds.contract": ("World", "WorldState", "Entity", "AlterableWorld"),
     "worlds.robot": ("Robot", "MujocoRobot"),

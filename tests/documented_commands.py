@@ -104,6 +104,14 @@ NOT_YET = {
     "pytest --libero-max-conform=substrate:fetch": _OF_ITS_PACKAGE,
     _FETCH: _OF_ITS_PACKAGE,
     f"{_FETCH} --libero-max-prefix=replay": _OF_ITS_PACKAGE,
+    **dict.fromkeys(
+        (
+            "libero-max dev eligibility --substrate fetch",
+            "libero-max dev build cases/fetch --substrate fetch",
+            "libero-max dev certify cases/fetch --expert fetch-scripted --substrate fetch",
+        ),
+        "of a package that is not installed here; tests/makers/construction builds and certifies",
+    ),
     'pytest --libero-max-policy=noop --libero-max-limit=2 "--libero-max-gate=unanswered > 0"': "works after "
     "the change that the page describes",
     "libero-max NAME": "any command",

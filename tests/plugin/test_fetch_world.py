@@ -32,6 +32,23 @@ RUN = (
     "--libero-max-policy=fetch-scripted",
 )
 
+COMPARED = """
+import numpy as np
+from fetch_scene import FetchWorld
+
+equal = 0
+for task in (0, 1):
+    world, begun = FetchWorld(task), FetchWorld(task)
+    environment = begun._env  # stepped by itself from here on
+    environment.goal = begun.position("ball")
+    for action in np.random.default_rng(5).uniform(-1.2, 1.2, (20, 4)):
+        world.step(action)
+        environment.step(action)
+        states = [(data.qpos.tobytes(), data.qvel.tobytes()) for data in (world.data, environment.data)]
+        equal += states[0] == states[1]
+print(f"equal: {equal} of 40")
+"""
+
 
 @pytest.fixture
 def installed(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> pytest.Pytester:
@@ -73,7 +90,14 @@ def test_it_keeps_the_rules_of_substrates(installed: pytest.Pytester) -> None:
     )
     outcomes = done.parseoutcomes()
     assert "failed" not in outcomes
-    assert outcomes["passed"] >= 24
+    assert outcomes["passed"] == 25
+
+
+@needs_fetch
+def test_it_steps_as_the_environment_does(installed: pytest.Pytester) -> None:
+    installed.makepyfile(compared=COMPARED)
+    compared = installed.run(sys.executable, "compared.py")
+    assert compared.outlines[-1] == "equal: 40 of 40", compared.errlines
 
 
 def test_it_is_short_and_imports_public_names_alone() -> None:

@@ -33,7 +33,7 @@ def test_the_panda_closes_with_what_is_above_zero() -> None:
 
 def test_contacts_have_the_names_that_the_robot_gives_its_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
     names = {}
-    for owners in ({"gripper0_left": "robot0", "gripper0_": "gripper0"}, {}):
+    for owners in ({"gripper0_left*": "robot0", "gripper0_*": "gripper0"}, {}):
         monkeypatch.setattr(tiny, "_HAND", replace(tiny._HAND, owners=owners))
         world = tiny.TinyWorld()
         world.place("box_1", world.end_effector())

@@ -11,8 +11,7 @@ from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.states import RESTORE
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
 from pytest_libero_max.errors import counted
-from pytest_libero_max.worlds.contract import AlterableWorld, Array, OnMujoco, World, alterable
-from pytest_libero_max.worlds.rotations import matrix, quaternion
+from pytest_libero_max.worlds.contract import AlterableWorld, Array, alterable
 
 KEYS = "substrate/images/keys"
 
@@ -95,6 +94,8 @@ def drawing_alters_nothing(subject: SubstrateSubject) -> Iterator[Finding]:
 @rule("substrate/images/rows", "must", needs=RESTORE)
 def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
     """Deliver images bottom row first, not mirrored, as LIBERO does."""
+    from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
+
     world = subject.begin()
     if not isinstance(world, AlterableWorld):
         yield unexamined("the pose of the camera is known of worlds that changes can alter alone")
@@ -107,7 +108,7 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
         action[axis] = sign
         for _ in range(4):
             world.step(action)
-        position, turn, fovy_rad = _pose_of_camera(world, camera)
+        position, turn, fovy_rad = pose_of_camera(alterable(world), camera)
         x, y, z = (np.asarray(world.end_effector()) - position) @ turn
         focal = 0.5 * _SIDE / np.tan(0.5 * fovy_rad)
         place = (_SIDE / 2 - focal * y / z, _SIDE / 2 - focal * x / z)
@@ -134,16 +135,6 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
         "bottom row first, so that image[::-1] is upright",
         "Policies rotate images by 180 degrees: an image that is upright already arrives upside down.",
     )
-
-
-def _pose_of_camera(world: World, camera: str) -> tuple[Array, Array, float]:
-    """Return position (3,) m, rotation (3, 3) and vertical field of view, rad, of a camera in the world."""
-    if isinstance(world, OnMujoco):
-        from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
-
-        return pose_of_camera(world, camera)
-    view = alterable(world).view(camera)  # elsewhere the main camera is taken to stand in the world
-    return view.position_m, matrix(quaternion(view.quaternion_wxyz)), float(np.deg2rad(view.fovy_deg))
 
 
 def _what_only_this_shows(images: list[Array], number: int) -> tuple[float, float]:

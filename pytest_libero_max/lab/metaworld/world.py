@@ -1,9 +1,9 @@
 """A task of Meta-World as a world: the package's own environment, stepped, copied and altered.
 
 The environment decides what an action does, what is observed and when the task is solved. A snapshot holds
-MuJoCo's integration state, with the mocap body, and what the environment keeps beside it. The warm start of
-the solver is a part of that state and ``mj_forward`` writes it, so settling puts it back: otherwise a world
-that was restored would leave the other one after some steps.
+MuJoCo's integration state, with the mocap body and the solver's warm start, and what the environment keeps
+beside it. The package calls ``mj_forward`` after each step, and so does settling: it alters no part of that
+state. (In MuJoCo 3.3.0 it wrote the warm start: a restored world left the other one in its last bits.)
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ import mujoco  # noqa: E402
 DRAWN_GROUPS = (0, 1, 2)
 """Geom groups in an image, as MuJoCo draws them unless it is told otherwise."""
 
+_OPEN_M = (0.05, -0.05)  # from the middle to the fingers, whose joints count from there inwards
 _FIELD = "environment."
 _FRAME = slice(18, 36)  # of an observation: the frame before
 
@@ -110,7 +111,7 @@ class MetaworldWorld(MujocoWorld):
         data.ctrl[:] = (action[3], -action[3])
         mujoco.mj_step(self._model, data, nstep=env.frame_skip)
         env.curr_path_length += 1
-        mujoco.mj_forward(self._model, data)
+        self._settle()
         env._last_stable_obs = self._bounded(env._get_obs())
         self._success = self._evaluated(action)
         return False
@@ -125,9 +126,7 @@ class MetaworldWorld(MujocoWorld):
         return bool(info["success"])
 
     def _settle(self) -> None:
-        warm = self._data.qacc_warmstart.copy()
         mujoco.mj_forward(self._model, self._data)
-        self._data.qacc_warmstart[:] = warm
 
     def _after_alteration(self) -> None:
         """Observe and judge the altered state, without counting it as a step."""
@@ -192,7 +191,7 @@ class MetaworldWorld(MujocoWorld):
             np.roll(data.body(SAWYER.hand_body).xquat, -1),
             data.qpos[self._arm],
             data.qvel[self._arm_dofs],
-            data.qpos[self._fingers],
+            np.subtract(_OPEN_M, data.qpos[self._fingers]),
         )
         return dict(zip(self._robot.state, values, strict=True))
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.lab.robosuite.robots import BENCHMARK, ROBOTS
-from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions, Tracks
 
 if TYPE_CHECKING:
-    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.tasks.contents import TaskMetadata
 
 
 def _open(options: SubstrateOptions) -> Substrate:
@@ -18,17 +17,18 @@ def _open(options: SubstrateOptions) -> Substrate:
     return RobosuiteSubstrate()
 
 
-def _examples(options: SubstrateOptions) -> Sequence[Case]:
-    from pytest_libero_max.lab.robosuite.examples import examples
+def _contents(suite: str, index: int) -> TaskMetadata:
+    from pytest_libero_max.lab.robosuite.tasks import task_of
 
-    return examples()
+    return task_of(index).metadata
 
 
 KIND = SubstrateKind(
     BENCHMARK,
     _open,
     suites=tuple(ROBOTS),
-    examples=_examples,
+    contents=_contents,
+    tracks=lambda options: Tracks(BENCHMARK, pictured="smoke", per_event={"smoke": 3}),
     note=(
         "Measured on robosuite's own tasks, under their own checks of success; initial states are drawn "
         "anew, so that scores are of other episodes than published ones."

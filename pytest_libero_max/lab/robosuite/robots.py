@@ -37,9 +37,9 @@ SAWYER = MujocoRobot(
 )
 """Rethink's Sawyer with its own gripper."""
 
-PANDA_TASKS = Suite("robosuite_panda", BUDGET, BENCHMARK, "panda")
-UR5E_TASKS = Suite("robosuite_ur5e", BUDGET, BENCHMARK, "ur5e")
-SAWYER_TASKS = Suite("robosuite_sawyer", BUDGET, BENCHMARK, "sawyer")
+PANDA_TASKS = Suite("robosuite_panda", BUDGET, BENCHMARK, "panda", tasks=5)
+UR5E_TASKS = Suite("robosuite_ur5e", BUDGET, BENCHMARK, "ur5e", tasks=5)
+SAWYER_TASKS = Suite("robosuite_sawyer", BUDGET, BENCHMARK, "sawyer", tasks=5)
 
 ROBOTS = MappingProxyType({PANDA_TASKS.name: PANDA, UR5E_TASKS.name: UR5E, SAWYER_TASKS.name: SAWYER})
 """The arm of each suite."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 import pytest_libero_max
 from pytest_libero_max.benchmark.suites import SUITES
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ManifestError, SubstrateError
+from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.lab.robosuite.examples import examples, robosuite_case
 from pytest_libero_max.lab.robosuite.robots import ROBOTS as ARMS
 from pytest_libero_max.lab.robosuite.tasks import SPARES, TASKS, task_of
 from pytest_libero_max.substrates.registry import SUBSTRATES
@@ -38,14 +40,14 @@ def test_a_task_hosts_the_events_that_its_scene_allows(task: str, events: set[st
 
 
 def test_what_the_scene_keeps_out_of_it_needs_no_removal() -> None:
-    case = robosuite_case("distractor_burst", "robosuite_panda", 0)
+    case = make_case("distractor_burst", "robosuite_panda", 0)
     assert case.event.setup == ()
     assert {place["object"] for place in case.event.change["placements"]} == {*SPARES}
 
 
 def test_an_event_that_a_task_cannot_host_is_refused_with_what_it_needs() -> None:
     with pytest.raises(ManifestError, match=r"receptacle_relocation.*Lift.*movable receptacle"):
-        robosuite_case("receptacle_relocation", "robosuite_panda", 0)
+        make_case("receptacle_relocation", "robosuite_panda", 0)
 
 
 def test_there_is_no_sixth_task() -> None:
@@ -63,9 +65,13 @@ def test_arms_and_suites_are_known_by_their_entry_points() -> None:
         assert (arm.components, arm.control_hz) == (7, 20)
 
 
-def test_the_examples_are_one_of_each_event() -> None:
-    assert [case.event.name for case in examples()] == [*BENCHMARK_EVENTS]
-    assert {case.suite for case in examples()} == {*ARMS}
+def test_its_track_has_three_cases_of_each_event_and_every_arm() -> None:
+    cases = load_track("robosuite/smoke").cases
+    assert Counter(case.event.name for case in cases) == dict.fromkeys(BENCHMARK_EVENTS, 3)
+    assert {case.suite for case in cases} == {*ARMS}
+    for case in cases:
+        place = (case.suite, case.task_index, case.init_state_index)
+        assert make_case(case.event.name, *place, variant=case.event.variant).record == case.record
 
 
 def test_no_file_outside_their_folder_names_these_tasks() -> None:

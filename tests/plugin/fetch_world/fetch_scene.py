@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -80,11 +80,22 @@ class FetchWorld(MujocoWorld):
         self._env = _ENVIRONMENTS[index]()
         super().__init__(f"fetch/{index}", LANGUAGE, self._env.model, self._env.data, _ENTITIES, FETCH)
         self._ball = self._model.body("ball").id
+        self._link = self._model.body(FETCH.hand_body).id
         self._arm, self._fingers = (
             [int(self._model.joint(name).qposadr[0]) for name in names]
             for names in (FETCH.arm_joints, FETCH.finger_joints)
         )
         self.reset(0)
+
+    def reset(self, init: int) -> None:
+        super().reset(init)
+        for number, name in enumerate(SPARES):
+            self.park(name, (-3.0, 0.5 * number, -5.0))
+
+    def park(self, entity: str, position: Sequence[float] | Array) -> None:
+        super().park(entity, position)
+        # In the order of the spares, so that one that came and went again leaves no trace.
+        self._parked = {name: self._parked[name] for name in _ENTITIES if name in self._parked}
 
     def _initial_qpos(self, init: int) -> Array:
         if not 0 <= init < len(INITS):
@@ -101,18 +112,25 @@ class FetchWorld(MujocoWorld):
         self._data.qvel[:] = self._env.initial_qvel
         self._model.body_pos[self._ball] = self._goal
         self._settle()
+        self._hand = self._pose_of_link()
+
+    def _pose_of_link(self) -> Array:
+        return np.concatenate([self._data.xpos[self._link], self._data.xquat[self._link]])
 
     def _controller_state(self) -> Array:
-        return np.zeros(0)  # the hand follows a mocap body, which is part of MuJoCo's state
+        # An action starts from where the hand was one substep before the state that MuJoCo holds.
+        return self._hand.copy()
 
     def _set_controller_state(self, state: Array) -> None:
-        pass
+        self._hand = state.copy()
 
     def _control_step(self, action: Array) -> bool:
         clipped = np.clip(action, -1.0, 1.0)
+        self._data.xpos[self._link], self._data.xquat[self._link] = self._hand[:3], self._hand[3:]
         self._env._set_action(clipped)
         self._env._mujoco_step(clipped)
         self._env._step_callback()
+        self._hand = self._pose_of_link()
         self._settle()
         return False
 

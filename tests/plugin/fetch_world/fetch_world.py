@@ -24,6 +24,7 @@ from pytest_libero_max import (
     SubstrateOptions,
     Suite,
     TaskMetadata,
+    Tracks,
     make_case,
 )
 
@@ -51,19 +52,13 @@ FETCH = MujocoRobot(
     hand_body="robot0:gripper_link",
     grip_site="robot0:grip",
     base_body="robot0:base_link",
-    owners={
-        "robot0:gripper*": "gripper0",
-        "robot0:r_gripper*": "gripper0",
-        "robot0:l_gripper*": "gripper0",
-        "robot0:*": "robot0",
-    },
+    owners={"robot0:*gripper*": "gripper0", "robot0:*": "robot0"},
 )
-SUITE = Suite(
-    "fetch_table", budget=50, benchmark="fetch", label="table", tasks=2
-)  # Fetch's own limit of steps
+SUITE = Suite("fetch_table", budget=50, benchmark="fetch", label="table", tasks=2)
+"""The budget is Fetch's own limit of steps."""
 
 SPARES = tuple(f"box_{number}" for number in range(1, 6))
-"""Boxes at the edge of the table that have no part in the task: distractors and obstacles."""
+"""Boxes that are out of the scene until an event brings them in: distractors and obstacles."""
 TASKS = ("pick_and_place", "push")
 LANGUAGE = "move the block to the red ball"
 _EVENTS = (
@@ -89,6 +84,7 @@ def task(index: int) -> TaskMetadata:
         objects_of_interest=frozenset({"block", "ball"}),
         goal=(Relation("At", ("block", "ball")),),
         placements=dict.fromkeys(("block", "ball", *SPARES), on_table),
+        parked=frozenset(SPARES),
         camera=FETCH.cameras[0],
     )
 
@@ -119,9 +115,10 @@ KIND = SubstrateKind(
     lacking=_lacking,
     suites=(SUITE.name,),
     contents=lambda suite, index: task(index),
+    tracks=lambda options: Tracks("fetch", per_event={"smoke": 2}),
     examples=lambda options: cases(),
     control_hz=FETCH.control_hz,
-    note="Measured on Fetch of gymnasium-robotics, with five boxes more on the table.",
+    note="Measured on Fetch of gymnasium-robotics.",
 )
 
 
