@@ -134,7 +134,8 @@ def rotation(subject: PolicySubject) -> Iterator[Finding]:
 
 @rule("policy/gripper/units", "must", needs=ANSWERS)
 def gripper_units(subject: PolicySubject) -> Iterator[Finding]:
-    """Open the gripper with -1 and close it with +1, or with the signs of another robot."""
+    """Open the gripper with -1, close it with +1."""
+    # The signs of a robot that opens with +1 are turned round first.
     values = subject.actions[:, -1] * -subject.robot.opening
     low, high = float(values.min()), float(values.max())
     if max(-low, high) > FAR_BEYOND:
