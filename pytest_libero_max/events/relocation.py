@@ -58,7 +58,7 @@ def relocation(
 
 def has_room(moved: str | None, farthest_m: float, task: TaskMetadata) -> bool:
     """Return True if a thing can be moved that far: its room is large enough, or it has none of its own."""
-    if moved not in task.rooms:
+    if moved is None or moved not in task.rooms:
         return True
     room = task.rooms[moved]
     return any(room.share(x * farthest_m, y * farthest_m) >= LEAST_SHARE for x, y in DIRECTIONS)

@@ -32,6 +32,7 @@ import mujoco  # noqa: E402
 DRAWN_GROUPS = (0, 1, 2)
 """Geom groups in an image, as MuJoCo draws them unless it is told otherwise."""
 
+_OPEN_M = (0.05, -0.05)  # from the middle to the fingers, whose joints count from there inwards
 _FIELD = "environment."
 _FRAME = slice(18, 36)  # of an observation: the frame before
 
@@ -190,7 +191,7 @@ class MetaworldWorld(MujocoWorld):
             np.roll(data.body(SAWYER.hand_body).xquat, -1),
             data.qpos[self._arm],
             data.qvel[self._arm_dofs],
-            data.qpos[self._fingers],
+            np.subtract(_OPEN_M, data.qpos[self._fingers]),
         )
         return dict(zip(self._robot.state, values, strict=True))
 

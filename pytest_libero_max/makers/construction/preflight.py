@@ -353,8 +353,9 @@ def _roots(world: OnMujoco) -> dict[str, int]:
 
 def _out_of_reach(world: OnMujoco, change: Change) -> Iterable[Problem]:
     names, robot = [world.model.body(i).name for i in range(world.model.nbody)], world.robot
-    known = isinstance(robot, MujocoRobot) and robot.base_body in names
-    if change.operation != "move_object" or not known:
+    if not isinstance(robot, MujocoRobot) or robot.base_body not in names:
+        return
+    if change.operation != "move_object":
         return
     base = world.data.body(robot.base_body).xpos
     for name in _moved(change):

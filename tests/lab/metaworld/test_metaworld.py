@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import pytest_libero_max
 from pytest_libero_max.errors import ActionError, ManifestError, SubstrateError
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.lab.metaworld import installation
 from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.lab.metaworld.tasks import all_tasks, contents
+from pytest_libero_max.policies.clients.reply import Reply
+from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.contract import Episode, Query
+from pytest_libero_max.policies.profile import load_profile
 from pytest_libero_max.substrates.contract import SubstrateOptions
 from pytest_libero_max.substrates.registry import SUBSTRATES, open_substrate
 from pytest_libero_max.worlds.robot import ROBOTS
 
+FOLDER = Path(installation.__file__).parent
 INDEX = {task.name: index for index, task in enumerate(all_tasks())}
 HERE = not installation.lacking_packages()
 needs_package = pytest.mark.skipif(not HERE, reason=installation.lacking_packages() or "it is here")
@@ -68,13 +75,6 @@ def test_without_the_package_the_command_that_installs_it_is_named(monkeypatch: 
         open_substrate("metaworld").world(case)
 
 
-@pytest.fixture(scope="module")
-def substrate() -> Iterator[object]:
-    opened = open_substrate("metaworld")
-    yield opened
-    opened.close()
-
-
 @needs_package
 @pytest.mark.parametrize("name", ["assembly-v3", "button-press-v3", "stick-push-v3", "door-lock-v3"])
 def test_a_fork_a_replay_and_the_package_itself_lead_to_the_same_bits(name: str) -> None:
@@ -122,7 +122,7 @@ def test_what_belongs_to_a_thing_comes_along_and_goes_back_bit_for_bit(name: str
 
 
 @needs_package
-def test_a_relocated_target_is_solved_where_it_is_now(substrate: object) -> None:
+def test_a_relocated_target_is_solved_where_it_is_now() -> None:
     """The task itself judges the new place: the policy presses the button where the event has put it."""
     from pytest_libero_max.lab.metaworld.world import MetaworldWorld
     from tests.lab.metaworld.all_tasks import scripted
@@ -189,3 +189,27 @@ def test_no_draw_comes_from_a_global_generator() -> None:
         starts.append(world.digest())
         world.close()
     assert starts[0] == starts[1]
+
+
+@needs_package
+def test_the_profile_asks_as_lerobot_shows_the_tasks() -> None:
+    from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+
+    world = MetaworldWorld(all_tasks()[INDEX["push-v3"]])
+    profile = load_profile(str(FOLDER / "smolvla.toml"))
+    request = Request(profile)
+    observation = world.observe(request.cameras, 480)
+    built = request.build(observation, Query(0, 0, "Push it", 1), Episode(MT50.name, 38, "", 1, 500))
+    image = built["observation"]["observation.image"]
+    assert image.shape == (480, 480, 3)
+    assert np.array_equal(image, observation["corner2_image"][::-1])
+    assert built["observation"]["observation.state"].tolist() == pytest.approx(world.task_observation()[:4])
+    assert Reply(profile).read({"actions": np.zeros((50, 4)).tolist()}, 4, 50).shape == (50, 4)
+    world.close()
+
+
+def test_no_other_file_of_the_package_names_it() -> None:
+    package = Path(pytest_libero_max.__file__).parent
+    names = re.compile(r"metaworld|meta-world|SawyerXYZ", re.IGNORECASE)
+    files = (file for file in package.rglob("*.py") if FOLDER not in file.parents)
+    assert [file for file in files if names.search(file.read_text(encoding="utf-8"))] == []
