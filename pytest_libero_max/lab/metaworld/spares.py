@@ -61,6 +61,7 @@ def add_to(spec: Any, names: Collection[str]) -> None:
             pos=(spare.x_m, _EDGE_Y_M, spare.size_m[-1]),
             explicitinertial=True,  # the scenes compute inertia from other geom groups alone
             mass=_MASS_KG,
+            ipos=(0.0, 0.0, 0.0),  # it is the place of the body otherwise
             inertia=spare.inertia_kg_m2,
         )
         body.add_freejoint()

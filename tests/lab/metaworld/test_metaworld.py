@@ -154,6 +154,10 @@ def test_spare_objects_are_in_the_scenes_of_insertions_alone() -> None:
     assert len({name for name in burst.entities if name.startswith("spare")}) == 5
     assert len({plain.scene, burst.scene, obstacle.scene}) == 3
     assert plain.model.nq == 16
+    burst.reset(4)
+    for name in (name for name in burst.entities if name.startswith("spare")):
+        upright = burst.pose(name)[1]
+        assert upright == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=0.01), "it rests where it was put"
     opened.close()
 
 
