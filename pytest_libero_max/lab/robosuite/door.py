@@ -83,7 +83,7 @@ def _take(door: _Door, hand: Hand) -> Route:
     ahead = -float(off @ door.into)
     aside = float(np.linalg.norm(off + ahead * door.into))
     askew = (turn * hand.turn.inv()).magnitude()
-    if np.linalg.norm(off) < _AT_M and askew < 0.2:
+    if np.linalg.norm(off) < _AT_M and askew < 0.3:
         return (close,)
     if askew < 0.4 and aside < 0.015 + 0.3 * max(0.0, ahead):
         return (reach, close)

@@ -61,7 +61,8 @@ class Job:
 
 
 def _on_the_green_cube(world: TaskWorld) -> Array:
-    return world.position("cubeB") + np.array([0.0, 0.0, 0.047])
+    place: Array = world.position("cubeB") + np.array([0.0, 0.0, 0.047])
+    return place
 
 
 def _in_its_bin(world: TaskWorld) -> Array:

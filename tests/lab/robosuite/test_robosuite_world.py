@@ -7,11 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.lab.robosuite.robots import ROBOTS
+from pytest_libero_max.benchmark.cases import SETTLE_STEPS
+from pytest_libero_max.errors import AdapterError, SubstrateError
+from pytest_libero_max.events.approach import hold
+from pytest_libero_max.lab.robosuite.expert import RobosuiteExpert
+from pytest_libero_max.lab.robosuite.robots import BUDGET, ROBOTS
 from pytest_libero_max.lab.robosuite.substrate import RobosuiteSubstrate
 from pytest_libero_max.lab.robosuite.tasks import SPARES
 from pytest_libero_max.lab.robosuite.world import INITS, TaskWorld
+from pytest_libero_max.policies.contract import Episode, Query
+from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.lab.robosuite.every_task import differing_step, diverging_step
 
 SUITES = [*ROBOTS]
@@ -78,3 +83,24 @@ def test_spares_wait_out_of_the_scene_and_stand_where_they_are_brought(
         world.step(world.robot.noop)
     assert world.position("spare_1") == pytest.approx((target[0] + 0.14, target[1], height), abs=2e-3)
     assert world.contacts("spare_1") == ("table",)
+
+
+def test_the_expert_solves_a_task_with_each_arm(world: TaskWorld) -> None:
+    world.reset(0)
+    hold(world, SETTLE_STEPS)
+    policy = RobosuiteExpert()
+    policy.reset(Episode("robosuite_panda", 0, world.language, 195, BUDGET, world=world, robot=world.robot))
+    for number in range(BUDGET // policy.spec.query_interval):
+        digest = world.digest()
+        actions = policy.predict({}, Query(number, number, world.language, 0))
+        assert world.digest() == digest
+        for action in actions[: policy.spec.query_interval]:
+            world.step(action)
+            if world.succeeded():
+                return
+    pytest.fail(f"{world.scene} is not solved in {BUDGET} steps")
+
+
+def test_the_expert_refuses_other_worlds() -> None:
+    with pytest.raises(AdapterError, match="--libero-max-substrate=robosuite"):
+        RobosuiteExpert().reset(Episode("robosuite_panda", 0, "", 195, BUDGET, world=TinyWorld()))
