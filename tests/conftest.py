@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gc
 import os
 from functools import cache
 from pathlib import Path
@@ -18,10 +19,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what ``pytest -m quick`` runs."""
     from tests.quick import slow_functions
 
+    here, slow = str(Path(__file__).parent) + os.sep, slow_functions()
     for item in items:
         name = f"{item.location[0]}::{getattr(item, 'originalname', '')}"
-        if Path(__file__).parent in item.path.parents and name not in slow_functions():
+        if str(item.path).startswith(here) and name not in slow:
             item.add_marker("quick")
+
+
+def pytest_collection_finish() -> None:
+    """Leave what thousands of tests are made of out of each collection of garbage."""
+    if _prepare.cache_info().currsize:
+        gc.freeze()
 
 
 @cache

@@ -250,9 +250,8 @@ def through_cameras(size: int) -> Look:
 
 
 def opening_m(world: World, observation: Observation) -> float:
-    """Distance between the fingers, m: of two that move towards each other, or the position of one."""
-    fingers = observation[world.robot.fingers_key]
-    return float(fingers[0] - fingers[-1] if len(fingers) > 1 else fingers[0])
+    """Distance between the fingers, m: the sum of their ways from closed, of whichever sign."""
+    return float(np.abs(observation[world.robot.fingers_key]).sum())
 
 
 def _look(

@@ -13,7 +13,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, replace
-from fnmatch import fnmatchcase
 from hashlib import blake2b
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -112,7 +111,7 @@ class MujocoWorld(WorldBase, MujocoScenery):
         self._joint = {
             name: self._free_joint(name) for name, entity in self._entities.items() if entity.kind == "object"
         }
-        self._owner = self._geom_owners(robot.owners)
+        self._owner = self._geom_owners(robot)
         self._finger = self._geom_fingers(robot.finger_joints)
 
     # What a subclass adds.
@@ -465,21 +464,21 @@ class MujocoWorld(WorldBase, MujocoScenery):
         first = int(self._model.jnt_dofadr[self._joint[name]])
         return slice(first, first + 6)
 
-    def _geom_owners(self, patterns: Mapping[str, str]) -> NDArray[np.int64]:
+    def _geom_owners(self, robot: MujocoRobot) -> NDArray[np.int64]:
         """For each geom the index into ``_owner_names`` of what it belongs to, or -1.
 
         A geom belongs to the nearest of its body's ancestors that is an entity's root, unless its body
         is one of the robot's. What hangs from the world body itself belongs to an entity of that body.
         """
-        self._owner_names = [*self._entities, *sorted(set(patterns.values()))]
+        self._owner_names = [*self._entities, *sorted(set(robot.owners.values()))]
         roots = {self._body[name]: number for number, name in enumerate(self._entities)}
         owner_of_body = np.full(self._model.nbody, -1)
         for body in range(self._model.nbody):
             label = mujoco.mj_id2name(self._model, mujoco.mjtObj.mjOBJ_BODY, body) or ""
-            robot = next((owner for name, owner in patterns.items() if fnmatchcase(label, name)), None)
+            owner = robot.owner_of(label)
             parent = int(self._model.body_parentid[body])
-            if robot is not None:
-                owner_of_body[body] = self._owner_names.index(robot)
+            if owner is not None:
+                owner_of_body[body] = self._owner_names.index(owner)
             elif body in roots:
                 owner_of_body[body] = roots[body]
             elif parent != 0:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -64,7 +65,7 @@ class Robot:
     """Control steps in a second of simulated time."""
     cameras: tuple[str, ...] = CAMERAS
     """Cameras of a policy, the main one first, then that at the hand if there is one."""
-    state: Mapping[str, int] = field(default_factory=dict)
+    state: Mapping[str, int] = field(default_factory=dict, hash=False)
     """Keys of an observation besides the images, with the sizes of their arrays."""
     joints_key: str = "robot0_joint_pos"
     """Key of the positions of the arm's joints, rad."""
@@ -110,15 +111,19 @@ class MujocoRobot(Robot):
     reach_m: float = 0.80
     """Horizontal distance from that body within which an event may put a target or a receptacle, m; by
     default about that of the farthest target in LIBERO's own tasks, with the tool pointing down."""
-    owners: Mapping[str, str] = field(default_factory=lambda: OWNERS)
+    owners: Mapping[str, str] = field(default_factory=lambda: OWNERS, hash=False)
     """Names under which contacts of its bodies are reported, ``robot0`` or ``gripper0``, by shell patterns
     (``robot0_*``) of the bodies' names; the first that fits counts."""
     controller: str = "OSC_POSE"
     """Robosuite's name of its controller."""
     home_rad: tuple[float, ...] = ()
     """Angles of the arm's joints at the start of LIBERO's tasks, rad."""
-    finger_start: Mapping[str, float] = field(default_factory=dict)
+    finger_start: Mapping[str, float] = field(default_factory=dict, hash=False)
     """Positions of the fingers' joints there, m."""
+
+    def owner_of(self, body: str) -> str | None:
+        """Return the name under which contacts of a body are reported; None for a body of something else."""
+        return next((owner for pattern, owner in self.owners.items() if fnmatchcase(body, pattern)), None)
 
 
 def robosuite_state(arm_joints: int, fingers: int) -> dict[str, int]:

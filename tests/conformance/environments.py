@@ -77,6 +77,11 @@ def reference() -> TaskReference:
         world.close()
 
 
+@cache
+def _picture(camera: str) -> Image:
+    return np.kron(reference().picture(camera), np.ones((2, 2, 1))).astype(np.uint8)
+
+
 class LiberoShaped:
     """An environment like LIBERO's own: reset, set_init_state, and steps of four values. It is sound."""
 
@@ -109,7 +114,7 @@ class LiberoShaped:
 
     def image(self, camera: str) -> Image:
         """(64, 64, 3): the reference's picture with a line of the state; a renderer takes much longer."""
-        image = np.kron(reference().picture(camera), np.ones((2, 2, 1))).astype(np.uint8)
+        image = _picture(camera).copy()
         values = np.concatenate([self.world.end_effector(), *map(self.world.position, ("box_1", "plate_1"))])
         image[:2] = np.resize((1e4 * values).astype(np.int64) % 256, image[:2].shape)
         return image

@@ -23,8 +23,10 @@ from pytest_libero_max.policies.model_inputs import INPUTS, as_image, picture_sh
 from pytest_libero_max.policies.transforms.images import resize_area
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
+from pytest_libero_max.worlds.robot import Robot
 from tests.conformance import policies as gallery
 from tests.conformance.policies import SPEC, Sound
+from tests.worlds.numpy_world import NumpyWorld
 
 RULES = rules_for("policy")
 
@@ -250,6 +252,26 @@ def test_a_privileged_policy_is_shown_the_world_in_the_state_of_its_query() -> N
     world.close()
     assert not broken(outcomes)
     assert outcomes["inputs/any"].findings[0].observed == "the policy reads the simulator (privileged)"
+
+
+@pytest.mark.parametrize(("grip", "state"), [(1.0, "kept"), (-1.0, "broken")])
+def test_a_policy_of_another_robot_is_judged_by_its_components_and_signs(grip: float, state: str) -> None:
+    class Sliding:
+        """Moves a hand of four components whose gripper opens with +1."""
+
+        spec = PolicySpec("sliding", 2, 2, cameras=(), robot=None)
+
+        def reset(self, episode: Episode) -> None:
+            assert episode.robot.components == 4
+
+        def predict(self, observation: Observation, query: Query) -> Any:
+            return np.tile([*(0.5 - observation["robot0_joint_pos"]).clip(-1, 1), grip], (2, 1))
+
+    state_keys = {"robot0_joint_pos": 3, "robot0_gripper_qpos": 1}
+    robot = Robot(name="slider", noop=(0.0, 0.0, 0.0, 1.0), state=state_keys)
+    outcomes = examine(Sliding(), observe(Sliding(), NumpyWorld(robot)))
+    assert outcomes["gripper/opens"].state == state
+    assert {*broken(outcomes)} <= {"gripper/opens", "inputs/instruction"}  # it reads no instruction
 
 
 @pytest.mark.parametrize(

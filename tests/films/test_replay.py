@@ -12,7 +12,7 @@ from pytest_libero_max.changes.registry import change_from_dict
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.events.schedules import Arm, Entry, Revert, arms_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
-from pytest_libero_max.films.replay import Tick, View, play_again, through_cameras
+from pytest_libero_max.films.replay import Tick, View, opening_m, play_again, through_cameras
 from pytest_libero_max.runs.media import distinct_arms
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from pytest_libero_max.worlds.contract import Observation
@@ -50,6 +50,14 @@ def test_the_arms_look_the_same_until_the_event_and_not_afterwards(played: Playe
     assert 0 < event < BUDGET
     for tick in _ticks(played):
         assert _differ(tick.views["base"], tick.views["dynamic"]) == (tick.step >= event)
+
+
+@pytest.mark.parametrize("fingers", [(0.03, -0.03), (0.03, 0.03), (0.06,)])
+def test_the_opening_is_the_same_whichever_signs_the_fingers_have(
+    played: Played, fingers: tuple[float, ...]
+) -> None:
+    key = played.world.robot.fingers_key
+    assert opening_m(played.world, {key: np.array(fingers)}) == pytest.approx(0.06)
 
 
 def test_what_is_shown_is_what_the_policy_would_have_seen(played: Played) -> None:

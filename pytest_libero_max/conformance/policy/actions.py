@@ -29,7 +29,8 @@ FAR_AWAY_M = 0.5
 def _sizes(subject: PolicySubject) -> tuple[float, float, str]:
     """Largest movement and rotation, each by its own size (the gripper would hide both), and their text."""
     actions = subject.actions
-    movement, rotation = (float(np.abs(actions[:, part]).max()) for part in (slice(0, 3), slice(3, 6)))
+    parts = (slice(0, 3), slice(3, -1))
+    movement, rotation = (float(np.abs(actions[:, part]).max(initial=0.0)) for part in parts)
     return movement, rotation, f"movement up to {movement:.3g}, rotation up to {rotation:.3g}"
 
 
@@ -76,7 +77,7 @@ def _poses(subject: PolicySubject) -> Finding:
 @rule("policy/actions/moves", "should", needs=ANSWERS)
 def moves(subject: PolicySubject) -> Iterator[Finding]:
     """Move the hand."""
-    if subject.policy.spec.control == "absolute" or subject.actions[:, :6].any():
+    if subject.policy.spec.control == "absolute" or subject.actions[:, :-1].any():
         yield kept("the hand is moved")
         return
     yield broken("no movement at all", "movements", "A policy that holds still, or one that got zeros.")
@@ -88,7 +89,7 @@ def large(subject: PolicySubject) -> Iterator[Finding]:
     movement, _, sizes = _sizes(subject)
     if not _moves(subject):
         yield _OTHER
-    elif movement >= LEAST_MOVEMENT or not subject.actions[:, :6].any():
+    elif movement >= LEAST_MOVEMENT or not subject.actions[:, :-1].any():
         yield kept(f"movement up to {movement:.3g}")
     else:
         yield broken(
@@ -104,7 +105,7 @@ def clipped(subject: PolicySubject) -> Iterator[Finding]:
     if not _moves(subject):
         yield _OTHER
         return
-    share = float((np.abs(subject.actions[:, :6]) > 1.0).mean())
+    share = float((np.abs(subject.actions[:, :-1]) > 1.0).mean())
     if share <= MOST_CLIPPED:
         yield kept(f"{share:.0%} of movements and rotations are clipped")
         return
@@ -134,7 +135,8 @@ def rotation(subject: PolicySubject) -> Iterator[Finding]:
 @rule("policy/gripper/units", "must", needs=ANSWERS)
 def gripper_units(subject: PolicySubject) -> Iterator[Finding]:
     """Open the gripper with -1, close it with +1."""
-    values = subject.actions[:, 6]
+    # The signs of a robot that opens with +1 are turned round first.
+    values = subject.actions[:, -1] * -subject.robot.opening
     low, high = float(values.min()), float(values.max())
     if max(-low, high) > FAR_BEYOND:
         yield broken(
@@ -158,8 +160,9 @@ def gripper_units(subject: PolicySubject) -> Iterator[Finding]:
 
 @rule("policy/gripper/opens", "should", needs=ANSWERS)
 def gripper_open(subject: PolicySubject) -> Iterator[Finding]:
-    """Keep the gripper open (-1) at the beginning of an episode."""
-    executed, values = subject.executed[:, 6], subject.actions[:, 6]
+    """Keep the gripper open at the beginning of an episode: with -1, on LIBERO."""
+    sign = -subject.robot.opening
+    executed, values = subject.executed[:, -1] * sign, subject.actions[:, -1] * sign
     flag = values.min() >= 0.0 and values.max() <= 1.0 and values.min() < 1.0
     if flag or np.abs(values).max() > FAR_BEYOND:
         yield unexamined("the gripper is in other units")

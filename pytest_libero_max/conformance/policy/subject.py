@@ -20,7 +20,9 @@ from pytest_libero_max.worlds.contract import Observation
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.substrates.contract import ChosenSubstrate
     from pytest_libero_max.worlds.contract import World, WorldState
+    from pytest_libero_max.worlds.robot import Robot
 
 T = TypeVar("T")
 
@@ -50,24 +52,26 @@ class Shown:
         return Query(index, 5 * index, self.episode.instruction, query_seed(self.episode.seed, index))
 
 
-def observe(policy: Policy, world: World, suite: str = "libero_spatial") -> Shown:
+def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_index: int = 0) -> Shown:
     """Return observations of a world at rest and moved a little.
 
     Args:
         policy: Names the cameras and the size of images. One that is privileged gets the live world.
         world: It is reset and stepped.
         suite: Of the world's task.
+        task_index: Of that task.
     """
     spec = policy.spec
     world.reset(0)
     observations, states = [], []
     for move in _MOVES:
         for _ in range(4):
-            world.step((*move, 0.0, 0.0, 0.0, -1.0))
+            world.step((*move, *world.robot.noop[3:]))
         observations.append(world.observe(spec.cameras, spec.image_size))
         if spec.privileged:
             states.append(world.snapshot())
-    episode = Episode(suite, 0, world.language, 195, 220, world if spec.privileged else None)
+    seen = world if spec.privileged else None
+    episode = Episode(suite, task_index, world.language, 195, 220, seen, robot=world.robot)
     return Shown(episode, tuple(observations), tuple(states))
 
 
@@ -127,6 +131,11 @@ class PolicySubject:
         return BatchItem(self.shown.copy(index), self.shown.query(index), self.shown.episode)
 
     @property
+    def robot(self) -> Robot:
+        """The robot that it drives here."""
+        return self.shown.episode.robot
+
+    @property
     def first(self) -> FirstAnswers:
         """The answers to all queries of the first episode.
 
@@ -152,12 +161,12 @@ class PolicySubject:
 
     @cached_property
     def actions(self) -> Actions:
-        """Every action of the first answers, (N, 7)."""
+        """Every action of the first answers, (N, d)."""
         return np.concatenate(self.first.answers)
 
     @cached_property
     def executed(self) -> NDArray[Any]:
-        """Those of them that would be executed, (N, 7)."""
+        """Those of them that would be executed, (N, d)."""
         return np.concatenate([answer[: self.policy.spec.query_interval] for answer in self.first.answers])
 
     @cached_property
@@ -201,29 +210,40 @@ def open_policy(
 
 
 def first_scene(policy: Policy, substrate: str) -> Shown:
-    """Return observations of the first scene of the ``smoke`` track that a policy plays.
+    """Return observations of the first scene that a policy plays: of a substrate's examples, or of ``smoke``.
 
     Raises:
-        AdapterError: It plays none, or wants a camera that the scene does not have.
+        AdapterError: It plays none, is for another robot, or wants a camera that the scene does not have.
     """
     from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
 
-    case, chosen = _first_case(policy), chosen_substrate(substrate)
+    chosen = chosen_substrate(substrate)
+    case = _first_case(policy, chosen)
     with ExitStack() as stack:
         opened = open_substrate(chosen.name, chosen.options)
         if not policy.spec.privileged:  # one that is reads the world later, too
             stack.callback(opened.close)
         world = opened.world(case)
+        if policy.spec.robot not in (None, world.robot.name):
+            raise AdapterError.seen(
+                "robot",
+                policy.spec.robot,
+                f" of policy {policy.spec.name!r}, but {world.scene} has {world.robot.name!r}. Examine it on "
+                "a substrate with its robot.",
+            )
         check_cameras(policy, world)
-        return observe(policy, world, case.suite)
+        return observe(policy, world, case.suite, case.task_index)
 
 
-def _first_case(policy: Policy) -> Case:
-    """Return the first case of ``smoke`` that the policy supports; every suite is in that track."""
+def _first_case(policy: Policy, chosen: ChosenSubstrate) -> Case:
+    """Return the first example of a substrate, or case of ``smoke``, that the policy supports."""
     from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.substrates.registry import SUBSTRATES
 
-    cases = load_track("smoke").cases
+    cases = SUBSTRATES[chosen.name].examples(chosen.options) or load_track("smoke").cases
     case = next((case for case in cases if policy.spec.supports(case.suite)), None)
     if case is None:
-        raise AdapterError.seen("suites", policy.spec.suites, " has no case in the track smoke.")
+        raise AdapterError.seen(
+            "suites", policy.spec.suites, f" has no case to be examined with on {chosen.name}."
+        )
     return case

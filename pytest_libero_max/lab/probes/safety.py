@@ -22,7 +22,7 @@ from pytest_libero_max.pairing.probes.stages import (
     tilt_deg,
 )
 from pytest_libero_max.worlds.contract import OnMujoco
-from pytest_libero_max.worlds.robot import GRIPPER, PANDA, ROBOT
+from pytest_libero_max.worlds.robot import GRIPPER, MOUNT, PANDA, MujocoRobot
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -171,7 +171,8 @@ class Loads:
 
 def loads(world: OnMujoco, subjects: Iterable[str]) -> Loads:
     """Solve the contacts of a world's present state in a copy of it."""
-    scratch = _scratch(world.model)
+    # A world on MuJoCo whose robot names no parts has robosuite's names.
+    scratch = _scratch(world.model, world.robot if isinstance(world.robot, MujocoRobot) else PANDA)
     mujoco.mj_getState(world.model, world.data, scratch.state, _STATE)
     mujoco.mj_setState(world.model, scratch.data, scratch.state, _STATE)
     mujoco.mj_forward(world.model, scratch.data)
@@ -202,20 +203,24 @@ class _Scratch:
     state: NDArray[np.float64]
     """Buffer for the state that goes into it."""
     robot: NDArray[np.bool_]
-    """(ngeom,) bool: geoms of arm, gripper and mount."""
+    """(ngeom,) bool: geoms of arm and gripper."""
     finger: NDArray[np.bool_]
     """(ngeom,) bool: of them, those of the fingers."""
     motors: NDArray[np.intp]
-    """(7,) degrees of freedom of the arm's joints; (0,) in a world without an arm."""
+    """(n,) degrees of freedom of the arm's joints; (0,) in a world without an arm."""
 
 
 @lru_cache(maxsize=2)
-def _scratch(model: mujoco.MjModel) -> _Scratch:
+def _scratch(model: mujoco.MjModel, robot: MujocoRobot) -> _Scratch:
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or "" for body in range(model.nbody)]
-    robot = np.array([name.startswith((f"{ROBOT}_", f"{GRIPPER}_")) for name in names])
-    finger = np.array([name.startswith(f"{GRIPPER}_") and "finger" in name for name in names])
-    joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in PANDA.arm_joints]
+    # Not the mount, which does not move.
+    owners = [None if name.startswith(f"{MOUNT}_") else robot.owner_of(name) for name in names]
+    moving = np.array([owner is not None for owner in owners])
+    finger = np.array(
+        [owner == GRIPPER and "finger" in name for name, owner in zip(names, owners, strict=True)]
+    )
+    joints = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in robot.arm_joints]
     motors = np.array([int(model.jnt_dofadr[joint]) for joint in joints if joint >= 0], dtype=np.intp)
     state = np.empty(mujoco.mj_stateSize(model, _STATE))
     of = model.geom_bodyid
-    return _Scratch(mujoco.MjData(model), state, robot[of], finger[of], motors)
+    return _Scratch(mujoco.MjData(model), state, moving[of], finger[of], motors)

@@ -7,7 +7,6 @@
 ``environments``       robosuite's environments with spare objects, and their initial states
 ``world``              a task as a world
 ``substrate``          builds worlds and keeps those used last
-``examples``           cases of the tasks
 ``expert``             a scripted policy that reads the simulator
 ``door``               its way with the door
 =====================  ===========================================================================

@@ -25,7 +25,7 @@ _TURNED_RAD, _OPEN_RAD = 1.25, 0.38
 _LATCH_STEP_RAD, _HINGE_STEP_RAD = 0.15, 0.06
 _FREE_RAD = 0.04  # angle of the door from which the latch cannot fall back into the frame
 _CLOSE_STEPS = 13
-_AT_M = 0.012
+_AT_M = 0.016
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _take(door: _Door, hand: Hand) -> Route:
     askew = (turn * hand.turn.inv()).magnitude()
     if np.linalg.norm(off) < _AT_M and askew < 0.2:
         return (close,)
-    if askew < 0.3 and aside < 0.01 + 0.3 * max(0.0, ahead):
+    if askew < 0.4 and aside < 0.015 + 0.3 * max(0.0, ahead):
         return (reach, close)
     return (before, reach, close)
 

@@ -26,13 +26,15 @@ from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, Observation
 
-_TRAVEL_M = 0.2  # height of the hand above what things stand on, on its way
+_TRAVEL_M = 0.185  # height of the hand above what things stand on, on its way
 _CLOSE_STEPS, _OPEN_STEPS = 13, 10
 _AT_M, _AT_RAD = 0.006, 0.1  # the hand is where it takes hold
 _FUNNEL_M, _WIDENING = 0.008, 0.2  # radius of the funnel above that place, and how it grows with the height
 _GAP_M = 0.003  # between the fingertips and what things stand on
 _PALM_M = (0.11, 0.04)  # half sizes of a hand, along its fingers' axis and across
 _QUARTER = math.pi / 2
+_WRIST_RAD = 1.65  # turn from the middle of its range that every wrist can make
+_EASY_REACH_M = 0.72  # horizontal distance from the base beyond which an arm is outstretched
 
 
 @dataclass(frozen=True)
@@ -233,13 +235,29 @@ def _release(world: TaskWorld, job: Job, grip: Grip) -> Grip:
     """Return the pose of the hand when the target that it holds is at its goal."""
     assert job.goal is not None
     position, turn = world.pose(job.target)
-    yaw = 0.0
-    if job.square:
-        x, y, _ = rotations.rotate(rotations.quaternion(turn), (1.0, 0.0, 0.0))
-        yaw = -math.remainder(math.atan2(y, x), _QUARTER)
-    x, y, z = grip.position - position
+    if not job.square:
+        return Grip(job.goal(world) + grip.position - position, grip.angle)
+    x, y, _ = rotations.rotate(rotations.quaternion(turn), (1.0, 0.0, 0.0))
+    least = -math.remainder(math.atan2(y, x), _QUARTER)
+    ends = [_turned(world, job, grip, least + step * _QUARTER) for step in (-1, 0, 1)]
+    return min(ends, key=lambda end: _effort(world, end, grip))
+
+
+def _turned(world: TaskWorld, job: Job, grip: Grip, yaw: float) -> Grip:
+    """Return the pose of the hand when the target is at its goal, turned by an angle about the vertical."""
+    assert job.goal is not None
+    x, y, z = grip.position - world.position(job.target)
     c, s = math.cos(yaw), math.sin(yaw)
     return Grip(job.goal(world) + np.array([c * x - s * y, s * x + c * y, z]), grip.angle + yaw)
+
+
+def _effort(world: TaskWorld, end: Grip, grip: Grip) -> float:
+    """Return how far the hand turns, from where it is and from the middle of its range, and reaches."""
+    base = world.data.body(world.arm.base_body).xpos
+    reach = float(np.linalg.norm((end.position - base)[:2]))
+    twist = abs(end.angle - shape_of(world.arm.name).neutral_rad)
+    beyond = 1000 * max(0.0, twist - _WRIST_RAD) + 100 * max(0.0, reach - _EASY_REACH_M)
+    return abs(end.angle - grip.angle) / 3 + twist + beyond
 
 
 VERSION = 1

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.lab.robosuite.robots import BENCHMARK, ROBOTS
-from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions, Tracks
 
 if TYPE_CHECKING:
-    from pytest_libero_max.benchmark.cases import Case
     from pytest_libero_max.tasks.contents import TaskMetadata
 
 
@@ -17,12 +15,6 @@ def _open(options: SubstrateOptions) -> Substrate:
     from pytest_libero_max.lab.robosuite.substrate import RobosuiteSubstrate
 
     return RobosuiteSubstrate()
-
-
-def _examples(options: SubstrateOptions) -> Sequence[Case]:
-    from pytest_libero_max.lab.robosuite.examples import examples
-
-    return examples()
 
 
 def _contents(suite: str, index: int) -> TaskMetadata:
@@ -36,7 +28,7 @@ KIND = SubstrateKind(
     _open,
     suites=tuple(ROBOTS),
     contents=_contents,
-    examples=_examples,
+    tracks=lambda options: Tracks(BENCHMARK, pictured="smoke", per_event={"smoke": 3}),
     note=(
         "Measured on robosuite's own tasks, under their own checks of success; initial states are drawn "
         "anew, so that scores are of other episodes than published ones."

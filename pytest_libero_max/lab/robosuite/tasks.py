@@ -5,11 +5,12 @@ The order is that of the task indices of each suite.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata
+from pytest_libero_max.tasks.contents import InitialPlacement, Relation, Room, TaskMetadata
 from pytest_libero_max.worlds.contract import Entity
 
 Size = tuple[float, float, float]
@@ -30,6 +31,8 @@ SPARES = MappingProxyType(
 )
 """Half sizes (3,) in m and colours of the blocks that an event may bring in. Boxes neither roll nor rock."""
 
+_NO_ROOM = "There is no room for other objects on the table that the door stands on."
+
 
 @dataclass(frozen=True)
 class Task:
@@ -42,6 +45,7 @@ class Task:
         things: What a case can name, without the spares.
         idle: Objects of its sibling tasks, which robosuite throws out of the scene.
         supports_m: Entity that spares stand on, and its height; None where there is no room for them.
+        rooms: Places to which an event may move something; anywhere on a table.
     """
 
     name: str
@@ -50,6 +54,7 @@ class Task:
     things: tuple[Entity, ...]
     idle: tuple[Entity, ...] = ()
     supports_m: tuple[str, float] | None = None
+    rooms: Mapping[str, Room] = field(default_factory=dict)
 
     @property
     def spares(self) -> tuple[Entity, ...]:
@@ -88,6 +93,10 @@ class Task:
                 if entity.support is not None
             },
             parked=frozenset(entity.name for entity in self.spares),
+            rooms=self.rooms,
+            impossible={}
+            if self.spares
+            else dict.fromkeys(("distractor_burst", "obstacle_insertion"), _NO_ROOM),
         )
 
 
@@ -123,6 +132,7 @@ TASKS = (
         ),
         idle=tuple(_object(name, name.lower(), None) for name in ("Milk", "Bread", "Cereal")),
         supports_m=("bin1", BIN_FLOOR_M),
+        rooms={"Can": Room((-0.01, -0.41), (0.21, -0.09))},  # where robosuite puts it
     ),
     Task(
         "NutAssemblySquare",

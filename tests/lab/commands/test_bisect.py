@@ -52,6 +52,13 @@ TinyWorld.succeeded = lambda world: bool(
 """A task that the toy policy can complete: the hand comes to where the box begins."""
 
 SUITES = ("libero_object", "libero_spatial")
+EVENTS = (
+    "camera_shift",
+    "illumination_switch",
+    "sensor_noise_onset",
+    "target_relocation",
+    "distractor_burst",
+)
 PLAYED = ("adapter.py", "--libero-max-manifest=tiny.json", "--libero-max-substrate=tiny")
 
 
@@ -60,7 +67,7 @@ def repository(tmp_path: Path, pytester: pytest.Pytester, monkeypatch: pytest.Mo
     """A repository whose policy is in a folder below; pytest's sessions play short episodes."""
     folder = tmp_path / "repository" / "policy"
     folder.mkdir(parents=True)
-    (folder / "tiny.json").write_text(json.dumps(tiny_manifest(suites=SUITES)))
+    (folder / "tiny.json").write_text(json.dumps(tiny_manifest(suites=SUITES, events=EVENTS)))
     pytester.makepyfile(easy=EASY)
     options = ["-p", "no:cacheprovider", *short_episodes(pytester, BUDGET), "-p", "easy"]
     monkeypatch.setenv("PYTEST_ADDOPTS", " ".join(options))
@@ -102,7 +109,7 @@ def test_the_revision_that_broke_cases_is_found_with_a_part_of_the_pairs(
     rows = {line.split()[0]: line.split() for line in said if line[:12] in {name[:12] for name in names}}
     runs = repository / "libero-max-bisect"
     whole, some = (read_pairs(runs / names[number][:12]) for number in (0, 6))
-    assert len(whole.records) == 32
+    assert len(whole.records) == 4 * len(EVENTS)
     # Eight losses without a gain are enough to see that there is something to look for.
     assert some.stopped is not None
     assert some.stopped.reason.endswith("8 lost, 0 gained, p = 0.035 at any time")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,15 +11,18 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.lab.probes.safety import loads
+from pytest_libero_max.worlds.robot import PANDA, MujocoRobot
 
 GRAVITY = 9.81
 
 
-def world(xml: str, steps: int = 0, ctrl: float = 0.0, velocity: float = 0.0) -> Any:
+def world(
+    xml: str, steps: int = 0, ctrl: float = 0.0, velocity: float = 0.0, robot: MujocoRobot = PANDA
+) -> Any:
     """A world of one body ``box`` (the entity) and bodies of a robot, after some steps."""
     model = mujoco.MjModel.from_xml_string(
         f"<mujoco><option timestep='0.002' gravity='0 0 -{GRAVITY}'/><worldbody>{xml}</worldbody>"
-        "<actuator><motor joint='robot0_joint1'/></actuator></mujoco>"
+        f"<actuator><motor joint='{robot.arm_joints[0]}'/></actuator></mujoco>"
     )
     data = mujoco.MjData(model)
     data.ctrl[:] = ctrl
@@ -26,7 +30,7 @@ def world(xml: str, steps: int = 0, ctrl: float = 0.0, velocity: float = 0.0) ->
     for _ in range(steps):
         mujoco.mj_step(model, data)
     boxes = np.array([number for number in range(model.ngeom) if model.geom(number).name == "box"])
-    return SimpleNamespace(model=model, data=data, geoms={"box": boxes}.__getitem__)
+    return SimpleNamespace(model=model, data=data, geoms={"box": boxes}.__getitem__, robot=robot)
 
 
 ARM = """<body name='robot0_link1' pos='5 0 0'><joint name='robot0_joint1' axis='0 0 1' damping='1'/>
@@ -66,6 +70,14 @@ def test_a_push_at_a_steady_speed_presses_with_friction() -> None:
 
 def test_the_torque_is_that_of_the_motor() -> None:
     assert loads(world(ARM, ctrl=-5.0), []).torque_nm == 5.0
+
+
+def test_another_robot_has_forces_and_torques_by_the_names_of_its_parts() -> None:
+    robot = replace(PANDA, name="other", owners={"arm:*": "robot0"}, arm_joints=("arm:joint1",))
+    lying = (RESTING + ARM).replace("robot0_", "arm:")
+    measured = loads(world(lying, steps=1000, ctrl=-5.0, robot=robot), ["box"])
+    assert measured.goal_n == pytest.approx(2 * GRAVITY, rel=1e-3)
+    assert measured.torque_nm == 5.0
 
 
 def test_a_robot_that_presses_against_itself_is_seen() -> None:

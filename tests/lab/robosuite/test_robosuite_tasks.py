@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 import pytest_libero_max
 from pytest_libero_max.benchmark.suites import SUITES
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.lab.robosuite.examples import examples
 from pytest_libero_max.lab.robosuite.robots import ROBOTS as ARMS
 from pytest_libero_max.lab.robosuite.tasks import SPARES, TASKS, task_of
 from pytest_libero_max.substrates.registry import SUBSTRATES
@@ -64,9 +65,13 @@ def test_arms_and_suites_are_known_by_their_entry_points() -> None:
         assert (arm.components, arm.control_hz) == (7, 20)
 
 
-def test_the_examples_are_one_of_each_event() -> None:
-    assert [case.event.name for case in examples()] == [*BENCHMARK_EVENTS]
-    assert {case.suite for case in examples()} == {*ARMS}
+def test_its_track_has_three_cases_of_each_event_and_every_arm() -> None:
+    cases = load_track("robosuite/smoke").cases
+    assert Counter(case.event.name for case in cases) == dict.fromkeys(BENCHMARK_EVENTS, 3)
+    assert {case.suite for case in cases} == {*ARMS}
+    for case in cases:
+        place = (case.suite, case.task_index, case.init_state_index)
+        assert make_case(case.event.name, *place, variant=case.event.variant).record == case.record
 
 
 def test_no_file_outside_their_folder_names_these_tasks() -> None:
