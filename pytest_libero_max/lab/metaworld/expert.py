@@ -35,13 +35,15 @@ class MetaworldExpert:
                 f"{self.spec.name} plays the tasks of Meta-World: --libero-max-substrate=metaworld."
             )
         self._world = episode.world
-        self._policy: Any = ENV_POLICY_MAP[self._world.task]()
+        kind: Any = ENV_POLICY_MAP[self._world.task]
+        self._policy = kind()
 
     def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that actions will be clipped
             action = self._policy.get_action(self._world.task_observation())
-        return np.clip(action, -1.0, 1.0, dtype=np.float64)[None]
+        clipped: NDArray[np.float64] = np.clip(action, -1.0, 1.0, dtype=np.float64)
+        return clipped[None]
 
 
 VERSION = 1

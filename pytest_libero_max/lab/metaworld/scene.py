@@ -14,7 +14,7 @@ from pytest_libero_max.lab.metaworld.installation import lacking_packages
 from pytest_libero_max.lab.metaworld.robot import MAIN_CAMERA, SAWYER
 from pytest_libero_max.lab.metaworld.spares import SPARES, add_to
 from pytest_libero_max.lab.metaworld.tasks import TABLE, Task
-from pytest_libero_max.worlds.contract import Entity
+from pytest_libero_max.worlds.contract import Entity, EntityKind
 from pytest_libero_max.worlds.rendering import gl
 
 gl.prepare()
@@ -42,7 +42,7 @@ def build(task: Task, spares: Collection[str]) -> Any:
     from metaworld.env_dict import ALL_V3_ENVIRONMENTS
 
     kind = ALL_V3_ENVIRONMENTS[task.name]
-    env = (kind if not spares else _with_spares(kind, spares))()
+    env: Any = (kind if not spares else _with_spares(kind, spares))()
     # What set_task() does, but that places are not frozen: draws come from the generator that a reset seeds.
     env._set_task_called, env._partially_observable = True, False
     env._freeze_rand_vec, env.seeded_rand_vec = False, True
@@ -75,7 +75,7 @@ def entities_of(model: mujoco.MjModel, task: Task, spares: Collection[str]) -> d
     """Return what a case can name: things of the task, spare objects, and what else stands there."""
     entities = [Entity(TABLE, TABLE, "surface", _TABLE_BODY)]
     for thing in task.things.values():
-        kind = "object" if thing.free else "fixture"
+        kind: EntityKind = "object" if thing.free else "fixture"
         entities.append(Entity(thing.name, thing.name, kind, thing.body, TABLE if thing.body else None))
     if task.part is not None:
         entities.append(Entity(task.part.name, task.part.name, "fixture", task.part.body))

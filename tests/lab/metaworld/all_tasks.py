@@ -26,12 +26,14 @@ def scripted(name: str) -> Callable[[Array], Array]:
     """Return the package's own policy of a task, with actions clipped."""
     from metaworld.policies import ENV_POLICY_MAP
 
-    policy = ENV_POLICY_MAP[name]()
+    kind: Any = ENV_POLICY_MAP[name]
+    policy = kind()
 
     def act(observation: Array) -> Array:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return np.clip(policy.get_action(observation), -1.0, 1.0, dtype=np.float64)
+            action: Array = np.clip(policy.get_action(observation), -1.0, 1.0, dtype=np.float64)
+        return action
 
     return act
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -10,12 +11,14 @@ import numpy as np
 import pytest
 
 import pytest_libero_max
+from pytest_libero_max.benchmark import tracks
 from pytest_libero_max.errors import ActionError, ManifestError, SubstrateError
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.lab.metaworld import installation
 from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.lab.metaworld.tasks import all_tasks, contents
+from pytest_libero_max.makers.construction.verification import verify
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.contract import Episode, Query
@@ -217,3 +220,14 @@ def test_no_other_file_of_the_package_names_it() -> None:
     names = re.compile(r"metaworld|meta-world|SawyerXYZ", re.IGNORECASE)
     files = (file for file in package.rglob("*.py") if FOLDER not in file.parents)
     assert [file for file in files if names.search(file.read_text(encoding="utf-8"))] == []
+
+
+def test_the_frozen_tracks_are_balanced_and_follow_from_their_identities() -> None:
+    folder = tracks.FOLDER / "metaworld"
+    assert verify(folder)
+    mt50 = tracks.load_track("metaworld/mt50")
+    assert Counter(case.event.name for case in mt50) == dict.fromkeys(BENCHMARK_EVENTS, 64)
+    assert len({case.task_index for case in mt50}) == MT50.tasks
+    smoke = tracks.load_track("metaworld/smoke")
+    assert Counter(case.event.name for case in smoke) == dict.fromkeys(BENCHMARK_EVENTS, 3)
+    assert len({case.task_index for case in smoke}) == len(smoke) == 24

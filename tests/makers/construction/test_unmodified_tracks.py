@@ -65,9 +65,9 @@ KIND = SubstrateKind(
 
 @pytest.fixture(autouse=True)
 def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    for registry, value in ((SUITES, SUITE), (SUBSTRATES, KIND)):
-        known = registry._known()  # a registry holds what is installed, and nobody adds to it in other ways
-        monkeypatch.setattr(registry, "_loaders", {**known, value.name: lambda value=value: value})
+    # A registry holds what is installed, and nobody adds to it in other ways.
+    monkeypatch.setattr(SUITES, "_loaders", {**SUITES._known(), SUITE.name: lambda: SUITE})
+    monkeypatch.setattr(SUBSTRATES, "_loaders", {**SUBSTRATES._known(), KIND.name: lambda: KIND})
 
 
 @pytest.fixture
@@ -183,7 +183,8 @@ def test_a_room_says_which_share_of_its_places_stays_inside() -> None:
     assert room.share(0.1, -0.05) == pytest.approx(0.25)
     assert room.share(0.0, 0.12) == 0.0
     line = Room((0.0, 0.5), (0.2, 0.5))
-    assert (line.share(0.1, 0.0), line.share(0.0, 0.01)) == (pytest.approx(0.5), 0.0)
+    assert line.share(0.1, 0.0) == pytest.approx(0.5)
+    assert line.share(0.0, 0.01) == 0.0
     assert [room.holds(x, 0.0) for x in (0.2, 0.21)] == [True, False]
 
 
