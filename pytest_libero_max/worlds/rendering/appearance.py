@@ -23,6 +23,7 @@ MOVED_M = 5e-3
 
 _CUBE = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1))).reshape(3, -1).T
 """(8, 3) corners of a cube around its middle, which is two wide."""
+_CUBE.flags.writeable = False
 
 Points = NDArray[np.float64]
 """(n, 3) m, world frame: corners of a thing."""
