@@ -11,12 +11,7 @@ from pytest_libero_max.substrates.registry import contents_of
 
 
 def make_case(
-    event: str,
-    suite: str,
-    task_index: int,
-    init_state_index: int = 0,
-    *,
-    variant: int = 0,
+    event: str, suite: str, task_index: int, init_state_index: int = 0, *, variant: int = 0
 ) -> Case:
     """Return the case of an event in an unmodified task; the same arguments give the same case.
 
