@@ -108,8 +108,8 @@ def test_a_change_of_one_camera_leaves_the_other_picture_alone(world: TinyWorld)
 
 def test_what_no_way_reaches_is_refused(world: TinyWorld, manifest: Manifest, tmp_path: Path) -> None:
     case = manifest.cases[0]
-    far = replace(case, event=replace(case.event, trigger=Proximity("box_1", 1e-6).to_dict()))
-    with pytest.raises(OptionError, match="does not come within 1e-06 m of box_1"):
+    far = replace(case, event=replace(case.event, trigger=Proximity("box_1", 1e-12).to_dict()))
+    with pytest.raises(OptionError, match="does not come within 1e-12 m of box_1"):
         write_event_pictures(tmp_path / "pictures", world, far, 48)
     assert not (tmp_path / "pictures").exists()
 

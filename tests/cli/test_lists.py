@@ -34,8 +34,17 @@ def test_one_profile_is_explained_with_the_commands_that_use_it(capsys: pytest.C
     assert "Suites: libero_goal." in capsys.readouterr().out
 
 
-WITH_AN_ADAPTER = ("served", "wrapped", "cosmos_policy", "fastwam", "lightwam", "smolvla", "molmoact2")
-"""Behind a server that its user writes, like the three whose authors have none, or one that is refused."""
+WITH_AN_ADAPTER = (
+    "served",
+    "wrapped",
+    "cosmos_policy",
+    "fastwam",
+    "lightwam",
+    "smolvla",
+    "molmoact2",
+    "robomimic",
+)
+"""Behind a server that its user writes, like the four whose authors have none, or one that is refused."""
 
 
 @pytest.mark.parametrize("name", profile_names())

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import cv2
@@ -25,19 +26,26 @@ import numpy as np
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.events.registry import resolve_event
 from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.references import parse_reference, shipped_names, shipped_version
+from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
+from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import Array
 from tests.mujoco_line import LINE
 
 FILE = Path(__file__).with_name("golden_actions.json" if LINE == "3.3" else f"golden_actions_{LINE}.json")
 PICTURE = Path(__file__).with_name("golden_view.png")
+
+WORLDS = MappingProxyType({"metaworld-expert": "metaworld", "robosuite-expert": "robosuite"})
+"""Substrates of the policies that play other tasks than LIBERO's: the first case of each suite in the smoke
+track."""
 
 SCENES = (
     ("libero_spatial", 0, "target_relocation"),
@@ -52,6 +60,8 @@ CAMERA, IMAGE_SIZE = "agentview", 256
 
 def actions_of(name: str, substrate: EmbeddedSubstrate) -> dict[str, str]:
     """Number and digest of a policy's actions, by what it was shown."""
+    if name in WORLDS:
+        return _actions_elsewhere(name, WORLDS[name])
     shown: dict[str, Callable[[], Sequence[Array]]]
     if name in ("expert", "stale_expert"):
         shown = {
@@ -63,16 +73,28 @@ def actions_of(name: str, substrate: EmbeddedSubstrate) -> dict[str, str]:
     return {scene: _told(actions()) for scene, actions in shown.items()}
 
 
+def _actions_elsewhere(name: str, world: str) -> dict[str, str]:
+    cases = {case.suite: case for case in reversed(load_track(f"{world}/smoke").cases)}
+    substrate = open_substrate(world, SubstrateOptions())
+    try:
+        return {suite: _told(_pair(name, cases[suite], substrate)) for suite in sorted(cases)}
+    finally:
+        substrate.close()
+
+
 def _told(actions: Sequence[Array]) -> str:
     rounded = np.round(np.asarray(actions, dtype=np.float64), 3) + 0.0  # no negative zero
     return f"{len(rounded)} actions {hashlib.sha256(rounded.tobytes()).hexdigest()[:16]}"
 
 
 def _played(name: str, suite: str, task: int, event: str, substrate: EmbeddedSubstrate) -> Sequence[Array]:
-    """The actions of Base, and then those of Dynamic."""
     metadata, identity = task_metadata(suite, task), Identity("libero", suite, task, 0)
     record = case_record(identity, resolve_event(event, 0, metadata, identity), metadata.name)
-    case: Case = parse_case(record)
+    return _pair(name, parse_case(record), substrate)
+
+
+def _pair(name: str, case: Case, substrate: Substrate) -> Sequence[Array]:
+    """The actions of Base, and then those of Dynamic."""
     policy = load_policy(name)
     policy.spec = replace(policy.spec, cameras=())
     pair = measure_pair(case, substrate.world(case), policy, arms=arms_of(case))

@@ -38,7 +38,7 @@ def test_built_in_policies_are_loaded_by_name_from_an_empty_folder(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     check_reference(name)
-    assert load_policy(name).spec.name.replace("-", "_") == name
+    assert load_policy(name).spec.name.replace("-", "_") == name.replace("-", "_")
 
 
 def test_a_built_in_name_wins_over_a_file_and_a_module_which_are_named_otherwise(
@@ -73,7 +73,7 @@ def test_a_package_offers_a_policy_by_name(offer: Offer) -> None:
     assert "my_vla" not in sys.modules
     with pytest.raises(AdapterError, match=r"my_vla:Own\.spec=None, but must be a PolicySpec"):
         load_policy("my-vla")
-    with pytest.raises(AdapterError, match=r"Did you mean 'my-vla'\? Known: expert, my-vla, noop"):
+    with pytest.raises(AdapterError, match=r"Did you mean 'my-vla'\? Known: expert, .*my-vla, noop"):
         check_reference("my_vl")
 
 

@@ -177,6 +177,7 @@ def case_of(source: str, suite: str, index: int) -> Case:
     fields = {
         "case_id": "a-case",
         "source": source,
+        "unmodified": source == "libero",
         "source_category": "Any",
         "suite": suite,
         "task_index": index,

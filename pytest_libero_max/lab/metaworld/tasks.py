@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.events.kinds.receptacle_relocation import DISTANCES_M as _RECEPTACLE_M
 from pytest_libero_max.events.kinds.target_relocation import DISTANCES_M as _TARGET_M
@@ -75,7 +76,7 @@ class Task:
 @cache
 def all_tasks() -> tuple[Task, ...]:
     """Return the tasks by their index."""
-    rows = tomllib.loads(Path(__file__).with_name("tasks.toml").read_text(encoding="utf-8"))["task"]
+    rows = tomllib.loads(read_text(Path(__file__).with_name("tasks.toml")))["task"]
     return tuple(map(_task, rows))
 
 
