@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.conformance.playable import playable_cases
 from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.policies.check import Actions, ask, check_cameras, start
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query, query_seed
@@ -70,8 +71,8 @@ def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_in
         observations.append(world.observe(spec.cameras, spec.image_size))
         if spec.privileged:
             states.append(world.snapshot())
-    seen = world if spec.privileged else None
-    episode = Episode(suite, task_index, world.language, 195, 220, seen, robot=world.robot)
+    live = world if spec.privileged else None
+    episode = Episode(suite, task_index, world.language, 195, 220, live, robot=world.robot)
     return Shown(episode, tuple(observations), tuple(states))
 
 
@@ -210,7 +211,7 @@ def open_policy(
 
 
 def first_scene(policy: Policy, substrate: str) -> Shown:
-    """Return observations of the first scene that a policy plays: of a substrate's examples, or of ``smoke``.
+    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`.
 
     Raises:
         AdapterError: It plays none, is for another robot, or wants a camera that the scene does not have.
@@ -236,11 +237,8 @@ def first_scene(policy: Policy, substrate: str) -> Shown:
 
 
 def _first_case(policy: Policy, chosen: ChosenSubstrate) -> Case:
-    """Return the first example of a substrate, or case of ``smoke``, that the policy supports."""
-    from pytest_libero_max.benchmark.tracks import load_track
-    from pytest_libero_max.substrates.registry import SUBSTRATES
-
-    cases = SUBSTRATES[chosen.name].examples(chosen.options) or load_track("smoke").cases
+    """Return the first case with which a substrate is examined that the policy supports."""
+    cases = playable_cases(chosen, chosen.name)
     case = next((case for case in cases if policy.spec.supports(case.suite)), None)
     if case is None:
         raise AdapterError.seen(

@@ -9,9 +9,9 @@ import numpy as np
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.conformance.playable import playable_cases
 from pytest_libero_max.pairing.changing import begin_world
-from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions
+from pytest_libero_max.substrates.contract import Substrate
 from pytest_libero_max.worlds.contract import Array, World
 from pytest_libero_max.worlds.robot import ACTION_DIM
 
@@ -69,25 +69,9 @@ def open_subject(name: str) -> SubstrateSubject:
     use_one_blas_thread()
     chosen = chosen_substrate(name)
     kind = SUBSTRATES[chosen.name]
-    playable = tuple(kind.examples(chosen.options)) or _of_tracks(kind, chosen.options, name)
+    playable = playable_cases(chosen, name)
     substrate = kind.open(chosen.options)
     return SubstrateSubject(substrate, playable if _fits(substrate, playable) else (), name)
-
-
-def _of_tracks(kind: SubstrateKind, options: SubstrateOptions, name: str) -> tuple[Case, ...]:
-    """Return the cases of the first default track of which some can be played."""
-    tracks, reason = kind.tracks(options), ""
-    for track in tracks.defaults:
-        cases = load_track(tracks.name(track)).cases
-        lacking = kind.unplayable(options, cases)
-        playable = tuple(case for case in cases if case.case_id not in lacking)
-        if playable:
-            return playable
-        reason = next(iter(lacking.values()))
-    raise SubstrateError(
-        f"{name} plays no case of {' or '.join(tracks.defaults)}: {reason}. Give a substrate of other suites "
-        "cases to be examined with: SubstrateKind(examples=...)."
-    )
 
 
 def _fits(substrate: Substrate, cases: Sequence[Case]) -> bool:

@@ -11,11 +11,13 @@ import pytest
 import pytest_libero_max
 from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.benchmark.tracks import load_track
+from pytest_libero_max.conformance.policy.subject import first_scene
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.lab.robosuite.robots import ROBOTS as ARMS
 from pytest_libero_max.lab.robosuite.tasks import SPARES, TASKS, task_of
+from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.registry import SUBSTRATES
 from pytest_libero_max.worlds.robot import ROBOTS
 
@@ -83,3 +85,10 @@ def test_no_file_outside_their_folder_names_these_tasks() -> None:
         if words.search(file.read_text(encoding="utf-8"))
     }
     assert {name.rpartition("/")[0] for name in naming} <= {"lab/robosuite"}
+
+
+def test_policies_are_examined_on_the_track_of_their_substrate() -> None:
+    shown = first_scene(load_policy("robosuite-expert"), "robosuite")
+    assert shown.episode.suite in ARMS
+    assert shown.episode.robot is ARMS[shown.episode.suite]
+    shown.episode.world.close()  # type: ignore[union-attr]
