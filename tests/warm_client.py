@@ -1,4 +1,4 @@
-"""How a process is asked of ``tests/warm_server.py``: what a request is, and how it is sent.
+"""Requests to ``tests/warm_server.py`` for a process, and the way in which they are sent.
 
 A program that has imported nothing else speaks it as well, so that what a shell starts is forked, too:
 :func:`be_python` is all that the interpreter of :func:`tests.warm_processes.python_program` does.
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 
 class Request(NamedTuple):
-    """How an interpreter is started: with ``code`` or, where there is none, with a module."""
+    """Start of an interpreter: with ``code`` or, where there is none, with a module."""
 
     code: str
     module: str

@@ -39,7 +39,7 @@ ROOT = Path(__file__).parents[1]
 _PLAIN: Any = subprocess.Popen
 
 _STREAMS = ("p2cread", "c2pwrite", "errwrite")
-"""What a new process has for its standard streams, in the words of :class:`subprocess.Popen`."""
+"""Standard streams of a new process, in the words of :class:`subprocess.Popen`."""
 
 _UNUSUAL = ("executable", "preexec_fn", "pass_fds", "shell", "start_new_session")
 """Arguments that the server does not know."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pytest_libero_max.benchmark.suites import VARIED
+from pytest_libero_max.benchmark.suites import SUITES, VARIED
 
 SAMPLERS: Mapping[str, str] = MappingProxyType(
     {
@@ -66,6 +66,11 @@ class Identity:
     """Source category of a LIBERO-PRO task, for example ``view_occlusion``; otherwise empty."""
     draw: Draw | None = None
     """The fresh draw of the case; None for the frozen tracks."""
+
+    @classmethod
+    def unmodified(cls, suite: str, task_index: int, init_state_index: int) -> Identity:
+        """Return the configuration of a task as its benchmark has it."""
+        return cls(SUITES[suite].benchmark, suite, task_index, init_state_index)
 
     @property
     def sampler(self) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pytest_libero_max.benchmark.cases import Case, parse_case
 from pytest_libero_max.benchmark.identity import Identity
 from pytest_libero_max.benchmark.records import case_record
-from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.events.registry import resolve_event
 from pytest_libero_max.substrates.registry import contents_of
 
@@ -25,5 +24,5 @@ def make_case(
         ManifestError: There is no such event or variant, or the task cannot host it.
     """
     task = contents_of(suite, task_index)
-    identity = Identity(SUITES[suite].benchmark, suite, task_index, init_state_index)
+    identity = Identity.unmodified(suite, task_index, init_state_index)
     return parse_case(case_record(identity, resolve_event(event, variant, task, identity), task.name))

@@ -23,11 +23,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.identity import Identity
-from pytest_libero_max.benchmark.records import case_record
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.events.registry import resolve_event
+from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.policies.contract import Episode, Query, query_seed
@@ -36,7 +34,6 @@ from pytest_libero_max.policies.references import parse_reference, shipped_names
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.registry import open_substrate
-from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.worlds.contract import Array
 from tests.mujoco_line import LINE
 
@@ -88,9 +85,7 @@ def _told(actions: Sequence[Array]) -> str:
 
 
 def _played(name: str, suite: str, task: int, event: str, substrate: EmbeddedSubstrate) -> Sequence[Array]:
-    metadata, identity = task_metadata(suite, task), Identity("libero", suite, task, 0)
-    record = case_record(identity, resolve_event(event, 0, metadata, identity), metadata.name)
-    return _pair(name, parse_case(record), substrate)
+    return _pair(name, make_case(event, suite, task), substrate)
 
 
 def _pair(name: str, case: Case, substrate: Substrate) -> Sequence[Array]:
@@ -133,9 +128,7 @@ def golden() -> Any:
 
 def _take_picture(substrate: EmbeddedSubstrate) -> None:
     suite, task, init = SERVO_SCENE
-    metadata, identity = task_metadata(suite, task), Identity("libero", suite, task, init)
-    scenario = resolve_event("illumination_switch", 0, metadata, identity)
-    world = substrate.world(parse_case(case_record(identity, scenario, metadata.name)))
+    world = substrate.world(make_case("illumination_switch", suite, task, init))
     world.reset(init)
     image = world.observe((CAMERA,), IMAGE_SIZE)[f"{CAMERA}_image"]
     cv2.imwrite(str(PICTURE), image[:, :, ::-1])

@@ -12,6 +12,7 @@ from pytest_libero_max.lab.metaworld.spares import SPARES
 from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.lab.metaworld.tasks import task
 from pytest_libero_max.lab.metaworld.world import MetaworldWorld
+from pytest_libero_max.substrates.kept_worlds import KeptWorlds
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.rendering import context
 
@@ -37,18 +38,17 @@ class MetaworldSubstrate:
     name = NAME
 
     def __init__(self) -> None:
-        self._worlds: dict[tuple[int, tuple[str, ...]], MetaworldWorld] = {}
+        self._worlds = KeptWorlds[tuple[int, tuple[str, ...]], MetaworldWorld]()
 
     def world(self, case: Case) -> MetaworldWorld:
         if case.suite != MT50.name:
             raise SubstrateError.seen("suite", case.suite, f", but {NAME} has {MT50.name}.")
         key = case.task_index, spares_of(case)
-        if key in self._worlds and self._worlds[key].spoiled:
-            self._worlds.pop(key).close()
-        world = self._worlds.pop(key, None) or MetaworldWorld(task(case.task_index), key[1])
-        self._worlds[key] = world  # the last one used is the last one to go
-        while len(self._worlds) > WORLDS:
-            self._worlds.pop(next(iter(self._worlds))).close()
+        kept = self._worlds.used(key)
+        if kept is not None:
+            return kept
+        world = self._worlds[key] = MetaworldWorld(task(case.task_index), key[1])
+        self._worlds.shrink(WORLDS)
         return world
 
     def fingerprint(self, images: bool = False) -> Mapping[str, str]:
@@ -59,6 +59,4 @@ class MetaworldSubstrate:
         return {package: version(package) for package in _RESULT_PACKAGES}
 
     def close(self) -> None:
-        for world in self._worlds.values():
-            world.close()
-        self._worlds.clear()
+        self._worlds.close()

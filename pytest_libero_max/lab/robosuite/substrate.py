@@ -10,6 +10,7 @@ from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.lab.robosuite.robots import BENCHMARK, ROBOTS
 from pytest_libero_max.lab.robosuite.tasks import task_of
 from pytest_libero_max.lab.robosuite.world import TaskWorld
+from pytest_libero_max.substrates.kept_worlds import KeptWorlds
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.rendering import context
 
@@ -28,7 +29,7 @@ class RobosuiteSubstrate:
     name = BENCHMARK
 
     def __init__(self) -> None:
-        self._worlds: dict[tuple[str, int], TaskWorld] = {}
+        self._worlds = KeptWorlds[tuple[str, int], TaskWorld]()
 
     def world(self, case: Case) -> TaskWorld:
         return self.task_world(case.suite, case.task_index)
@@ -42,16 +43,12 @@ class RobosuiteSubstrate:
         if suite not in ROBOTS:
             raise SubstrateError.seen("suite", suite, f" is none of robosuite. {did_you_mean(suite, ROBOTS)}")
         task, key = task_of(index), (suite, index)
-        world = self._worlds.pop(key, None)
-        if world is not None and world.spoiled:
-            world.close()
-            world = None
-        if world is None:
-            while len(self._worlds) >= KEPT_WORLDS:
-                self._worlds.pop(next(iter(self._worlds))).close()
-            world = TaskWorld(task, ROBOTS[suite])
-            world.open_task = self.task_world
-        self._worlds[key] = world  # the last one used is the last one to go
+        kept = self._worlds.used(key)
+        if kept is not None:
+            return kept
+        self._worlds.shrink(KEPT_WORLDS - 1)
+        world = self._worlds[key] = TaskWorld(task, ROBOTS[suite])
+        world.open_task = self.task_world
         return world
 
     def fingerprint(self, images: bool = False) -> Mapping[str, str]:
@@ -64,6 +61,4 @@ class RobosuiteSubstrate:
         }
 
     def close(self) -> None:
-        for world in self._worlds.values():
-            world.close()
-        self._worlds.clear()
+        self._worlds.close()

@@ -76,7 +76,7 @@ class Task:
 
     @property
     def metadata(self) -> TaskMetadata:
-        """What the choice of an event depends on."""
+        """Contents of the scene, by which events are chosen."""
         present = (*self.things, *self.spares)
         objects = {entity.name: entity.category for entity in present if entity.kind == "object"}
         predicate, *arguments = self.goal

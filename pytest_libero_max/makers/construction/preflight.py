@@ -352,10 +352,10 @@ def _roots(world: OnMujoco) -> dict[str, int]:
 
 
 def _out_of_reach(world: OnMujoco, change: Change) -> Iterable[Problem]:
-    names, robot = [world.model.body(i).name for i in range(world.model.nbody)], world.robot
-    if not isinstance(robot, MujocoRobot) or robot.base_body not in names:
+    robot = world.robot
+    if change.operation != "move_object" or not isinstance(robot, MujocoRobot):
         return
-    if change.operation != "move_object":
+    if robot.base_body not in (world.model.body(number).name for number in range(world.model.nbody)):
         return
     base = world.data.body(robot.base_body).xpos
     for name in _moved(change):

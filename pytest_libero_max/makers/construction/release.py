@@ -100,8 +100,8 @@ def write_release(release: Release, folder: Path) -> None:
         for one in found
     )
     _write_table(folder / REJECTED, ("case_id", "check", "detail"), rejected)
-    seen = (f"{camera}_{when}" for when in ("before", "after") for camera in release.cameras)
-    _write_table(folder / SIGHTS, ("case_id", "role", "entity", *seen), sights)
+    pixels = (f"{camera}_{when}" for when in ("before", "after") for camera in release.cameras)
+    _write_table(folder / SIGHTS, ("case_id", "role", "entity", *pixels), sights)
     tables = [REJECTED, SIGHTS, CERTIFICATES]
     if release.unexamined:
         _write_table(folder / UNEXAMINED, ("case_id", "missing"), release.unexamined.items())

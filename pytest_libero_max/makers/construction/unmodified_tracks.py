@@ -81,14 +81,9 @@ class Population:
             for event in BENCHMARK_EVENTS
         }
 
-    def identity(self, place: Place) -> Identity:
-        """Return the identity of a configuration."""
-        suite, index = place.task
-        return Identity(SUITES[suite].benchmark, suite, index, place.state)
-
     def case_id(self, place: Place) -> str:
         """Return the id of the case that :meth:`case` makes."""
-        return self.identity(place).case_id(*place.cell)
+        return Identity.unmodified(*place.task, place.state).case_id(*place.cell)
 
     def case(self, place: Place) -> Case:
         """Return the case of a cell on a configuration."""

@@ -22,6 +22,7 @@ from pytest_libero_max.substrates.embedded.scene import (
     joints_of,
     resolve,
 )
+from pytest_libero_max.substrates.kept_worlds import KeptWorlds
 from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.worlds import threads
 from pytest_libero_max.worlds.contract import Array, Goal
@@ -191,7 +192,7 @@ class EmbeddedSubstrate:
     def __init__(self, scenes: int = SCENES, *, images: str = SubstrateOptions.images) -> None:
         self._images = images
         self._limit = max(scenes, 2)  # a remodelled scene and the one that it takes its starts from
-        self._worlds: dict[tuple[str, int, Remodel], EmbeddedWorld] = {}
+        self._worlds = KeptWorlds[tuple[str, int, Remodel], EmbeddedWorld]()
         self._starts: dict[tuple[str, int, int], Mapping[str, Array]] = {}
 
     def world(self, case: Case) -> EmbeddedWorld:
@@ -206,11 +207,9 @@ class EmbeddedSubstrate:
 
     def _world(self, suite: str, index: int, plan: Remodel) -> EmbeddedWorld:
         key = (suite, index, plan)
-        if key in self._worlds and self._worlds[key].spoiled:
-            self._worlds.pop(key).close()
-        if key in self._worlds:
-            self._worlds[key] = self._worlds.pop(key)  # the last one used is the last one to go
-            return self._worlds[key]
+        kept = self._worlds.used(key)
+        if kept is not None:
+            return kept
         scene = _scene(suite, index)
         if plan == _AS_IT_IS:
             world = EmbeddedWorld(scene, images=self._images)
@@ -220,9 +219,7 @@ class EmbeddedSubstrate:
             world = EmbeddedWorld(remodelled(scene, plan), plan, starts, images=self._images)
         world.open_task = self._task_world
         self._worlds[key] = world
-        if len(self._worlds) > self._limit:
-            while len(self._worlds) > self._limit:
-                self._worlds.pop(next(iter(self._worlds))).close()
+        if self._worlds.shrink(self._limit):
             return_free_memory()
         return world
 
@@ -254,6 +251,4 @@ class EmbeddedSubstrate:
         return threads.fingerprint()
 
     def close(self) -> None:
-        for world in self._worlds.values():
-            world.close()
-        self._worlds.clear()
+        self._worlds.close()

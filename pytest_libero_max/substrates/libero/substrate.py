@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.substrates.kept_worlds import KeptWorlds
 from pytest_libero_max.substrates.libero.initial_states import read_states
 from pytest_libero_max.substrates.libero.installation import Installation, find_installations
 from pytest_libero_max.substrates.libero.joints import Joints, by_joint
@@ -74,7 +75,7 @@ class LiberoSubstrate:
         self.semantics = semantics
         self.instruction = instruction
         self._variation_of = variation_of
-        self._worlds: dict[str, LiberoWorld] = {}
+        self._worlds = KeptWorlds[str, LiberoWorld]()
 
     def installation_for(self, source: str) -> Installation:
         """Return the installation that plays cases of a source.
@@ -151,11 +152,9 @@ class LiberoSubstrate:
 
     def _world(self, installation: Installation, task: Task, seed: int) -> LiberoWorld:
         scene = f"{NAME}{task.source}/{task.suite}/{task.index}?seed={seed}"
-        if scene in self._worlds and self._worlds[scene].spoiled:
-            self._worlds.pop(scene).close()
-        if scene in self._worlds:
-            self._worlds[scene] = self._worlds.pop(scene)  # the last one used is the last one to go
-            return self._worlds[scene]
+        kept = self._worlds.used(scene)
+        if kept is not None:
+            return kept
         self._make_room()
         for earlier, world in self._worlds.items():
             world.rest(shareable=f"/{task.suite}/" in earlier)
@@ -179,9 +178,7 @@ class LiberoSubstrate:
         An environment refers to itself, so that it stays until cycles are collected, which Python would do
         much later: it does not see the gigabytes.
         """
-        if len(self._worlds) >= KEPT_WORLDS:
-            while len(self._worlds) >= KEPT_WORLDS:
-                self._worlds.pop(next(iter(self._worlds))).close()
+        if self._worlds.shrink(KEPT_WORLDS - 1):
             gc.collect()
 
     def fingerprint(self, images: bool = False) -> Mapping[str, str]:
@@ -209,9 +206,7 @@ class LiberoSubstrate:
         }
 
     def close(self) -> None:
-        for world in self._worlds.values():
-            world.close()
-        self._worlds.clear()
+        self._worlds.close()
 
 
 def _states(installation: Installation, task: Task, built: Built, seed: int) -> Array:
