@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.lab.studies.audit import Audit
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.document import Document, Section, Table
-from pytest_libero_max.report.formats import Change, Counts, counted
+from pytest_libero_max.report.document import Section, Table
+from pytest_libero_max.report.formats import Change, Counts
 from pytest_libero_max.report.measures import MEASURE, Measured, Rows, measures_of
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.report_document import Report
@@ -51,15 +51,6 @@ QUANTITIES = {
 _VERDICT = "verdict"
 _NO_BASE = "Base never succeeds"
 _LEVEL = 0.05
-
-_SAYS = {
-    "needed": "It needs: with less of it, it succeeds less than in Base",
-    "better without": "It succeeds more without",
-    "no case differs": "Changed no case",
-    "not shown to matter": "Not shown to matter with so many cases",
-    _NO_BASE: "Nothing is known, because Base never succeeds",
-}
-"""Beginnings of the sentences by verdict, the most important first."""
 
 
 class AuditOfInputs(ReportSection):
@@ -160,35 +151,3 @@ def input_tables(report: Report) -> list[Table]:
         )
     head = ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict")
     return [Table(TITLE, head, cells, NOTE, narrow=4).explaining_intervals(INTERVAL_NOTE)]
-
-
-def audit_document(report: Report) -> Document:
-    """Return the policy, what it needs in words, and the table.
-
-    Args:
-        report: Of a run of the study ``audit``, with a pair.
-    """
-    assert report.policy is not None
-    (table,) = input_tables(report)
-    policy = report.policy
-    played = (
-        f"{counted(report.pairs.played, 'case')}; H={policy['horizon']}, Q={policy['query_interval']}; "
-        f"cameras: {', '.join(policy['cameras']) or 'none'}."
-    )
-    reads = (
-        "It reads the simulator (privileged): it can do without any of its inputs, and what follows says "
-        "only which of them it uses besides."
-    )
-    return Document(
-        f"Audit: what {policy['name']} needs",
-        texts=[played, *([reads] if policy["privileged"] else [])],
-        sections=[Section(items=[*_sentences(table.texts())]), Section(tables=[table])],
-    )
-
-
-def _sentences(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield one sentence for each verdict, with what was changed in its arms."""
-    for verdict, says in _SAYS.items():
-        arms = [f"{row[1]} ({row[2]})" for row in rows if row[-1] == verdict]
-        if arms:
-            yield f"{says}: {'; '.join(arms)}."

@@ -110,8 +110,8 @@ def test_a_run_is_exported_with_its_step(folder: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(
         paired_eval, "export", lambda name, run, place: exported.append((name, run.step, place))
     )
-    PairedEval(Reacher(), every=3, exports=["tensorboard=logs", "ctrf=x"], **HOW)(3)
-    assert exported == [("tensorboard", 3, Path("logs")), ("ctrf", 3, Path("x"))]
+    PairedEval(Reacher(), every=3, exports=["tensorboard=logs", "mlflow=x"], **HOW)(3)
+    assert exported == [("tensorboard", 3, Path("logs")), ("mlflow", 3, Path("x"))]
 
 
 def test_generators_are_put_back() -> None:
