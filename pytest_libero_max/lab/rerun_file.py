@@ -58,11 +58,7 @@ class Scene(View):
 
 
 def scenes(size: int) -> Look:
-    """Return a look that records where everything in a world is.
-
-    Args:
-        size: Side of an image in pixels.
-    """
+    """Return a look that records where everything in a world is, with images of ``size`` pixels."""
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
         assert isinstance(world, OnMujoco)
@@ -103,12 +99,9 @@ def write_recording(
     ticks: Iterable[Tick],
     overwrite: bool = False,
 ) -> None:
-    """Write a recording; the folder is made if missing. One that cannot be completed leaves no file.
+    """Write a recording (``.rrd``); one that cannot be completed leaves no file.
 
     Args:
-        path: Ends in ``.rrd``.
-        record: The pair.
-        traces: Of its arms.
         ticks: Seen with :func:`scenes`.
         overwrite: True if a file that is there already may be replaced.
 

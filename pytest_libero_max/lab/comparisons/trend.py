@@ -41,12 +41,7 @@ def causes_of(folder: Path, cases: Collection[str]) -> Counter[str]:
 
 
 def trend_of(comparison: Comparison, causes: Causes) -> Document:
-    """Return runs in their order as a document.
-
-    Args:
-        comparison: The runs in their order, with short names, on the cases that all have measured.
-        causes: See :data:`Causes`.
-    """
+    """Return runs in their order as a document, on the cases that all have measured."""
     common = counted(comparison.pairs.common, "common case")
     names = [*_numbered(comparison)]
     all_causes = [cause for cause, _ in _ordered(sum(causes, Counter()))]

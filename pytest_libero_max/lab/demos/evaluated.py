@@ -47,7 +47,6 @@ def collect_run(
     An arm that equals an earlier one is left out.
 
     Args:
-        run_folder: A run that has ended. Its pairs without traces are left out.
         folder: Folder of the episodes, made if missing; what it holds already is not made again.
         image_size: Side of the images, pixels.
         report: Called with the number of finished pairs and of all, after each pair.
@@ -58,7 +57,6 @@ def collect_run(
 
     Raises:
         OptionError: The folder was begun with something else, or no pair has traces.
-        ReportError: The run cannot be read.
         ProtocolError: A pair comes out otherwise than it was recorded.
     """
     with open_recorded(run_folder, cases, installations, assets) as run:

@@ -139,11 +139,7 @@ def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
 
 
 def begin_folder(folder: Path, settings: Settings) -> None:
-    """Make a folder for episodes, or check that it was begun with the same settings.
-
-    Raises:
-        OptionError: It was begun with others.
-    """
+    """Make a folder for episodes, or refuse one that was begun with other settings."""
     path = folder / SETTINGS
     wanted = {"format": 1, **settings.to_dict()}
     if path.exists():

@@ -52,7 +52,6 @@ def index_html(index: RunIndex, beside: Path) -> str:
     """Render published runs as a page with a table for each set of cases.
 
     Args:
-        index: The runs.
         beside: Folder of the page, from which its links lead to the runs.
     """
     scripts = ("sorting.js",) if index.groups else ()

@@ -14,9 +14,8 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.events.kinds.receptacle_relocation import DISTANCES_M as _RECEPTACLE_M
 from pytest_libero_max.events.kinds.target_relocation import DISTANCES_M as _TARGET_M
 from pytest_libero_max.events.relocation import has_room
-from pytest_libero_max.lab.metaworld.robot import HAND_CAMERA, MAIN_CAMERA
+from pytest_libero_max.lab.metaworld.robot import HAND_CAMERA, MAIN_CAMERA, MT50
 from pytest_libero_max.lab.metaworld.spares import SPARES
-from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.tasks.contents import InitialPlacement, Relation, Room, TaskMetadata
 
 TABLE = "table"

@@ -32,8 +32,7 @@ class RemoteSession:
 
     Args:
         workerinput: Values that the controller sends its workers, as xdist's does.
-        commands: Stream of commands, a line of JSON each.
-        answers: Stream of answers, a line of JSON each.
+        commands: Stream of commands, a line of JSON each, like ``answers``.
     """
 
     def __init__(self, workerinput: Json, commands: BinaryIO, answers: BinaryIO) -> None:

@@ -331,11 +331,7 @@ _CURE = (
 
 
 def _require_alone(config: pytest.Config) -> None:
-    """Refuse options that also hand out the tests, or need them in this process.
-
-    Raises:
-        pytest.UsageError: There is such an option.
-    """
+    """Refuse options that also hand out the tests, or need them in this process."""
     if config.getoption("tx", None):
         raise pytest.UsageError(
             "--libero-max-ray and -n both hand out the pairs. Leave -n away; where the ini file has it, add "

@@ -162,11 +162,7 @@ def understand(scene: SceneKnowledge, instruction: str) -> Wish:
 def act(
     scene: SceneKnowledge, memory: Memory, image: NDArray[np.uint8], hand: Hand, instruction: str
 ) -> Memory:
-    """Return the objects seen now, and the route to follow from now on.
-
-    Args:
-        image: (256, 256, 3), upright.
-    """
+    """Return the objects seen now in an upright (256, 256, 3) image, and the route to follow from now on."""
     wish = understand(scene, instruction)
     route, target = memory.route, memory.target
     holding = bool(route) and route[0].grip == CLOSED
@@ -237,13 +233,7 @@ def _pick(scene: SceneKnowledge, hand: Hand, wish: Wish, target: Array) -> Route
 
 
 def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array, start: Array) -> Route:
-    """Up with the target, over the destination, down, open the fingers, and up again.
-
-    Args:
-        target: Its position at the start, (3,) m.
-        destination: Its destination, (3,) m.
-        start: Position of the hand at the start, (3,) m.
-    """
+    """Up with the target, over the destination, down, open the fingers, and up again; (3,) m at the start."""
     hanging = float(wish.grip[2])
     low = hanging + _ON_TOP_M
     if scene.drop:

@@ -26,12 +26,6 @@ class Repeats(Study):
 
     The plays of a case are one item, one record and one pair: no statistic counts them as further pairs.
     Other seeds are given to the queries; what a policy draws from its episode's seed alone stays the same.
-
-    Args:
-        plays: Number of plays of each case, the first included.
-
-    Raises:
-        OptionError: There are fewer than two.
     """
 
     name = "repeats"

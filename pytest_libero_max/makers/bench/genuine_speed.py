@@ -74,11 +74,7 @@ class GenuineTimes:
 def measure_genuine(
     substrate: LiberoSubstrate, suite: str = "libero_spatial", *, steps: int = 60, repeats: int = 1
 ) -> GenuineTimes:
-    """Time control steps and one pair of the original track, of a suite, on a genuine scene.
-
-    Args:
-        suite: Of which suite the first ``camera_shift`` pair of the original track is played.
-        steps: Control steps to measure, with random actions.
+    """Time random control steps and the first ``camera_shift`` pair of a suite of the original track.
 
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
@@ -167,12 +163,7 @@ def _steps(world: LiberoWorld, plain: Any, seeing: Any, case: Case, steps: int) 
 
 
 def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list[Array]:
-    """Return the joint positions in which rollouts end in the package's environment, without the event.
-
-    Args:
-        env: The package's wrapper.
-        rollouts: (n, 7) actions of each.
-    """
+    """Return the joint positions in which (n, 7) actions end in the package's environment."""
     ends = []
     for actions in rollouts:
         _start(env, world, case)

@@ -91,15 +91,10 @@ class StepTimes:
 def measure_stepping(
     suite: str = "libero_spatial", index: int = 0, *, steps: int = 60, size: int = 256, images: bool = True
 ) -> StepTimes:
-    """Time control steps with random actions.
-
-    Args:
-        size: Side of the images in pixels.
-        images: True to measure images too; without OpenGL they are left out in any case.
+    """Time control steps with random actions, and images of ``size`` pixels where there is OpenGL.
 
     Raises:
-        SimulatorError: Our step and robosuite's did not arrive at the same state, so that their times
-            could not be compared.
+        SimulatorError: Our step and robosuite's parted, so that their times could not be compared.
     """
     scene = build_scene(suite, index)
     world = EmbeddedWorld(scene)

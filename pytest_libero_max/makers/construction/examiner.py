@@ -78,7 +78,6 @@ class Examiner:
 
     Results are kept in folders named by everything that they depend on (:func:`inputs_digest`). Interrupted
     work is resumed; after a change of any of it, work begins again in another folder.
-
     Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
     """
 
@@ -120,10 +119,7 @@ class Examiner:
         return self._find(EXAMINED, cases, Ledger(self.path(), Preflight), _examine, _passed)
 
     def certify(self, cases: Sequence[Case], expert: str) -> Mapping[str, Certificate]:
-        """Certificates by case id, in the order of the cases.
-
-        Args:
-            expert: Adapter of the scripted expert, as on the command line of a run.
+        """Certificates by case id, in the order of the cases, from the play of a scripted expert.
 
         Raises:
             AdapterError: The expert broke its contract, or cannot be loaded.
@@ -161,11 +157,7 @@ class Examiner:
 class Ledger(Generic[Found]):
     """Results of cases, in a file that has a line for each as soon as it is known.
 
-    Args:
-        path: The file, which need not exist. A last line that was cut off is removed from it.
-
-    Raises:
-        ManifestError: A line is damaged.
+    A last line that was cut off is removed from it; a damaged one is a ManifestError.
     """
 
     def __init__(self, path: Path, kind: type[Found]) -> None:
@@ -201,9 +193,6 @@ def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions 
 
     These are the versions of packages and installations, the source variations, the identity of the expert,
     and :data:`RULES_VERSION`. After a change of any of them, old examinations no longer hold.
-
-    Raises:
-        AdapterError: The expert is not found.
     """
     return canonical_digest(
         {

@@ -27,21 +27,13 @@ _ONCE = "Cases of all tracks, each counted once:"
 
 
 def write_overview(folder: Path) -> None:
-    """Write the ``README.md`` of a folder of tracks.
-
-    Raises:
-        ManifestError: A file is missing or is not the one that was frozen.
-    """
+    """Write the ``README.md`` of a folder of tracks."""
     head = ["# Frozen cases", "", "Written by `libero-max dev build` from the files beside it.", ""]
     (folder / OVERVIEW).write_text("\n".join([*head, *overview_lines(folder), ""]), encoding="utf-8")
 
 
 def overview_lines(folder: Path) -> list[str]:
-    """Return the tracks of a folder, rejected cases and the expert's successes, as Markdown.
-
-    Raises:
-        ManifestError: A file is missing or is not the one that was frozen.
-    """
+    """Return the tracks of a folder, rejected cases and the expert's successes, as Markdown."""
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
     own = {name: tracks[name] for name in own_tracks(folder)}

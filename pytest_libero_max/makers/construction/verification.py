@@ -57,13 +57,10 @@ from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 
 def verify(folder: Path) -> list[str]:
-    """Check every track of a folder, on the embedded scenes or on genuine ones.
-
-    Returns:
-        The checks that passed, a line each.
+    """Check every track of a folder; return the checks that passed, a line each.
 
     Raises:
-        ManifestError: The first thing that is not.
+        ManifestError: The first thing that is not as it must be.
     """
     if (folder / COMMITMENT).exists():
         return list(_draw_checks(folder))
@@ -110,21 +107,21 @@ def _require_listed(folder: Path) -> None:
 
 
 def _checks(folder: Path) -> Iterator[str]:
+    """Yield checks of the embedded tracks; those that take long come last."""
     _require_listed(folder)
-    whole, original = load_track("max", folder), load_track("original", folder)
-    rejected = read_rejected(folder)
+    tracks = {name: load_track(name, folder) for name in ("max", "original", *SPLITS)}
+    whole, original = tracks["max"], tracks["original"]
+    yield _quotas(whole)
+    yield _difficulties(whole)
+    yield from _table_checks(folder, (*whole, *original, *tracks["beyond"]))
+    for name, split in SPLITS.items():
+        _require_same(name, tracks[name], split(whole))
+        yield f"{name}: {counted(len(tracks[name]), 'case')}, drawn from max, digest {tracks[name].digest}"
+    _require_same("original", original, build_original(read_rejected(folder)))
+    yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
     for case in whole:
         _require_identity(case)
     yield f"max: {counted(len(whole), 'case')}, each as its identity demands, digest {whole.digest}"
-    yield _quotas(whole)
-    yield _difficulties(whole)
-    _require_same("original", original, build_original(rejected))
-    yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
-    for name, split in SPLITS.items():
-        manifest = load_track(name, folder)
-        _require_same(name, manifest, split(whole))
-        yield f"{name}: {counted(len(manifest), 'case')}, drawn from max, digest {manifest.digest}"
-    yield from _table_checks(folder, (*whole, *original, *load_track("beyond", folder)))
 
 
 def _table_checks(folder: Path, cases: Iterable[Case]) -> Iterator[str]:

@@ -16,7 +16,7 @@ from pytest_libero_max.errors import ActionError, ManifestError, SubstrateError
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.lab.metaworld import installation
-from pytest_libero_max.lab.metaworld.suite import MT50
+from pytest_libero_max.lab.metaworld.robot import MT50
 from pytest_libero_max.lab.metaworld.tasks import all_tasks, contents
 from pytest_libero_max.makers.construction.verification import verify
 from pytest_libero_max.policies.clients.reply import Reply

@@ -15,8 +15,7 @@ import pytest
 from pytest_libero_max import Episode, Query, read_pairs
 from pytest_libero_max.errors import DiskError, OptionError
 from pytest_libero_max.lab.training import PairedEval, paired_eval
-from pytest_libero_max.lab.training.paired_eval import Evaluated
-from pytest_libero_max.lab.training.undisturbed import undisturbed
+from pytest_libero_max.lab.training.paired_eval import Evaluated, undisturbed
 from tests.evaluation.test_evaluate import SPEC, Reacher
 from tests.plugin.conftest import BUDGET, tiny_manifest
 from tests.short_episodes import shorten_here

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.changes.pixels import SensorCorruption
 from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.lab.wrappers.image_quality import assess
-from pytest_libero_max.lab.wrappers.restoration import COUNTS, RestoringPolicy, restore
+from pytest_libero_max.lab.wrappers.restoration import COUNTS, RestoringPolicy, assess, restore
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import play_pair
 from pytest_libero_max.policies.check import check_policy, notes_of, remembers

@@ -42,11 +42,7 @@ GROUP_REPLICATES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Columns of cases, one row a case.
-
-    Raises:
-        ReportError: The columns differ in length.
-    """
+    """Columns of cases of one length, one row a case."""
 
     successes: Mapping[str, BoolArray]
     """(n,) bool by condition, whether the task was completed."""
@@ -120,11 +116,7 @@ def contrasts_of_contrasts(
     pairs: Sequence[tuple[tuple[str, str], tuple[str, str]]],
     names: Sequence[tuple[str, str]],
 ) -> tuple[ConditionContrast, ...]:
-    """For each pair of contrasts, the first difference less the second, over the same cases.
-
-    Args:
-        names: What is compared in each.
-    """
+    """For each pair of contrasts, the first difference less the second, over the same cases, by name."""
     columns = [conditions.difference(*first) - conditions.difference(*second) for first, second in pairs]
     return _contrasts(conditions, names, columns, partial(bounded_means, largest=2))
 

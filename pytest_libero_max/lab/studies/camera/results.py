@@ -35,16 +35,7 @@ _LISTED = 16
 
 
 def camera_results(strengths: Strengths, records: Sequence[PairRecord], tasks: Sequence[str]) -> Camera:
-    """Compute everything that is reported of a camera study.
-
-    Args:
-        strengths: The arms of the study.
-        records: Measured cases.
-        tasks: The reference task of each.
-
-    Raises:
-        ReportError: A record lacks an arm of the study.
-    """
+    """Compute everything that is reported of a camera study, from records and the reference task of each."""
     labels = {BASE: "Base"}
     for share, (reset, middle) in strengths.items():
         end = f" {share:.0%}" if len(strengths) > 1 else ""
