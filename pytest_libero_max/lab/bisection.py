@@ -355,15 +355,12 @@ class Runs:
             raise OptionError(f"{path}: {error}. Give another --output.") from error
 
     def folder(self, revision: Revision) -> Path:
-        """Folder of the run of a revision."""
         return self._output / revision.folder
 
     def log(self, revision: Revision) -> Path:
-        """Return the path of what pytest printed for a revision."""
         return self._output / f"{revision.folder}.log"
 
     def stored(self, revision: Revision) -> StoredRun | None:
-        """Return the run of a revision; None where there is none."""
         with suppress(ReportError):
             return read_pairs(self.folder(revision))
         return None
@@ -449,7 +446,6 @@ class Runs:
 
 
 def _split(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return the arguments of pytest, and those of them that name the cases, with absolute paths."""
     reader = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     for name in ("policy", "track", "manifest", *_OURS):
         reader.add_argument(f"--libero-max-{name}", dest=name, nargs="?", const="")

@@ -183,7 +183,6 @@ def _fleet_words(fleet: Fleet) -> str:
 
 
 def _too_many(costs: Sequence[Cost], played: Played, fleet: Fleet) -> list[str]:
-    """Return a line where there are more workers than one controller can feed."""
     most = workers_fed(costs, fleet)
     if played.bottleneck != "controller" or most is None or fleet.workers <= most:
         return []

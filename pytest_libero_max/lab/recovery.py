@@ -116,7 +116,6 @@ class _Columns:
     configuration: NDArray[np.str_]
 
     def part(self, rows: NDArray[np.bool_]) -> _Columns:
-        """Return some of the cases."""
         success = {key: values[rows] for key, values in self.success.items()}
         return _Columns(success, self.category[rows], self.configuration[rows])
 
@@ -244,7 +243,6 @@ def _corruption(record: PairRecord) -> str:
 
 
 def _mode(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Mode:
-    """Return the rates of a mode, its activity, and its cost."""
     n = len(columns.category)
     rates = {arm: ratio_of(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC)}
     notes = {arm: _notes(records, arm) for arm in (BASE, DYNAMIC)}
@@ -271,7 +269,6 @@ def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
 
 
 def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return the mode, the mode it is compared with, and the quantity of each effect."""
     rows = [
         (mode, NATIVE, quantity) for mode in reversed(others) for quantity in ("dynamic", "base", "closure")
     ]

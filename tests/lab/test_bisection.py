@@ -35,7 +35,7 @@ def test_a_run_has_ended_when_all_is_measured_or_its_rule_says_so() -> None:
     assert not has_ended(run_of((), played=8), by_rule=True)
     assert has_ended(run_of((), played=8, stopped=by_rule), by_rule=True)
     assert not has_ended(run_of((), played=8, stopped=by_rule), by_rule=False)
-    assert not has_ended(run_of((), played=8, stopped=Stopped("the disk is full", 20)), by_rule=True)
+    assert not has_ended(run_of((), played=8, stopped=Stopped("a full disk", 20)), by_rule=True)
     broken = StoredRun(
         Run(tuple(PLANNED), PROVENANCE), (), (error_of(PLANNED[0]),), torn=False, stopped=by_rule
     )

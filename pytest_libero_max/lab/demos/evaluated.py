@@ -85,8 +85,6 @@ def collect_run(
 def _arms(
     case: Case, world: World, record: PairRecord, traces: Mapping[str, ArmTrace], image_size: int
 ) -> dict[str, Demonstration]:
-    """Return the distinct arms of a recorded pair."""
-
     def look(name: str, step: int, world: World, before: View | None) -> View:
         observation = world.observe(CAMERAS, image_size)
         return _Seen({}, opening_m(world, observation), observation=observation)

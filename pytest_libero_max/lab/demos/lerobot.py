@@ -114,7 +114,6 @@ class Writer:
         self._side = 0
 
     def write(self, paths: Sequence[Path]) -> None:
-        """Write everything."""
         import pyarrow.parquet as parquet
 
         number, size, writer = -1, FILE_BYTES, None
@@ -296,13 +295,7 @@ _INDEXED_BY_TASK = {
     "index_columns": ["task"],
     "column_indexes": [],
     "columns": [
-        {
-            "name": name,
-            "field_name": name,
-            "pandas_type": kind,
-            "numpy_type": numpy,
-            "metadata": None,
-        }
+        {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
         for name, kind, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
     ],
     "pandas_version": "2.2.0",

@@ -34,7 +34,6 @@ def write(run: ExportedRun, place: Path) -> list[Path]:
 
 
 def _values(shown: Any) -> Any:
-    """Yield a summary for each number, for the table, and for each film."""
     summaries = required("tensorboard.compat.proto.summary_pb2", _NAME)
     summary, value = summaries.Summary, summaries.Summary.Value
     for name, number in shown.numbers.items():

@@ -135,7 +135,6 @@ def _model(run: IndexedRun) -> str:
 
 
 def _date(report: Report) -> str:
-    """Return the day on which a run began, UTC; empty where that was not recorded."""
     return str(report.provenance.get("started") or "")[:_DAY]
 
 

@@ -37,9 +37,7 @@ SAWYER = MujocoRobot(
     noop=(0.0, 0.0, 0.0, -1.0),
     control_hz=80,
     cameras=(MAIN_CAMERA, HAND_CAMERA),
-    state=MappingProxyType(
-        {"agent_pos": 4, "hand_quat": 4, "joint_pos": 7, "joint_vel": 7, "finger_pos": 2},
-    ),
+    state=MappingProxyType({"agent_pos": 4, "hand_quat": 4, "joint_pos": 7, "joint_vel": 7, "finger_pos": 2}),
     joints_key="joint_pos",
     fingers_key="finger_pos",
     arm_joints=tuple(f"right_j{number}" for number in range(7)),

@@ -129,7 +129,6 @@ def _room(corners: tuple[float, float, float, float]) -> Room:
 
 
 def _impossible(row: Task, metadata: TaskMetadata) -> dict[str, str]:
-    """Return the events that a task cannot host, with the reason."""
     moves = {
         "target_relocation": (row.target, _TARGET_M[-1]),
         "receptacle_relocation": (row.receptacle, _RECEPTACLE_M[-1]),

@@ -98,7 +98,6 @@ class Safety(Probe[Seen]):
     cost = "one solution of the contacts, 0.4 ms a step on the embedded substrate"
 
     def start(self, view: View) -> Seen:
-        """Return the places of everything."""
         world = view.world
         rests = rests_of(world)
         subjects = goal_entities(view)
@@ -106,7 +105,6 @@ class Safety(Probe[Seen]):
         return Seen(subjects, rests, last)
 
     def step(self, state: Seen, view: View) -> Seen:
-        """Return what is greater than before."""
         world = view.world
         if len(view.trajectory.firings) != state.firings:
             state = _after_change(state, view)
@@ -136,7 +134,6 @@ class Safety(Probe[Seen]):
         return replace(state, tilt_deg=tilt, loose_m_s=loose, bystander_m=bystander, last=tuple(last))
 
     def columns(self, state: Seen, view: View) -> Mapping[str, Any]:
-        """Return the greatest of each, to four decimals."""
         names = (column.name for column in self.schema)
         return {name: round(getattr(state, name), 4) for name in names}
 

@@ -58,7 +58,6 @@ class Cluster:
             ) from None
 
     def capacity(self) -> int:
-        """Return the number of actors that the cluster has room for now."""
         return actor_capacity(self._ray.nodes(), self._cpus, self._gpus)
 
     def resources(self) -> str:
@@ -96,18 +95,15 @@ class Cluster:
             return Death(CrashError(f"Its actor or node was lost: {_line(error)}"), "", "")
 
     def end(self, actor: Any) -> None:
-        """Kill an actor."""
         with suppress(Exception):  # it is gone already, or the whole cluster is
             self._ray.kill(actor, no_restart=True)
 
     def finish(self, actors: Sequence[Any]) -> None:
-        """Let idle actors end their sessions."""
         answers = [actor.finish.remote() for actor in actors]
         if answers:
             self._ray.wait(answers, num_returns=len(answers), timeout=_FINISH_S)
 
     def close(self) -> None:
-        """Disconnect; the cluster keeps running."""
         self._ray.shutdown()
 
 

@@ -99,7 +99,6 @@ class RemoteSession:
         self._warnings.append({"told": told, "when": when, "nodeid": nodeid, "location": location})
 
     def answer(self, answer: Json) -> None:
-        """Write an answer, with the warnings since the last one."""
         text = json.dumps(sendable({**answer, "warnings": self._warnings}), default=repr)
         self._warnings.clear()
         self._answers.write(text.encode() + b"\n")

@@ -130,12 +130,7 @@ JOBS: Mapping[str, Job] = MappingProxyType(
             "Can", BIN_FLOOR_M, point_m=(0.0, 0.0, 0.02), goal=_in_its_bin, near_m=0.05, slack_m=0.02
         ),
         "NutAssemblySquare": Job(
-            "SquareNut",
-            0.82,
-            point_m=(0.06, 0.0, 0.0),
-            across=(0.0, 1.0, 0.0),
-            goal=_on_the_peg,
-            square=True,
+            "SquareNut", 0.82, point_m=(0.06, 0.0, 0.0), across=(0.0, 1.0, 0.0), goal=_on_the_peg, square=True
         ),
     }
 )
@@ -155,12 +150,7 @@ class RobosuiteExpert:
     """Plans anew at every query. It asks for the images that a learned policy would get, and ignores them."""
 
     spec = PolicySpec(
-        "robosuite-expert",
-        horizon=10,
-        query_interval=5,
-        privileged=True,
-        robot=None,
-        suites=tuple(ROBOTS),
+        "robosuite-expert", horizon=10, query_interval=5, privileged=True, robot=None, suites=tuple(ROBOTS)
     )
 
     def reset(self, episode: Episode) -> None:
@@ -198,7 +188,6 @@ def plan(world: TaskWorld, hand: Hand) -> Route:
 
 
 def _is_there(world: TaskWorld, job: Job) -> bool:
-    """Return True if the target lies where it was to be let go."""
     if job.goal is None:
         return False
     off = world.position(job.target) - job.goal(world)

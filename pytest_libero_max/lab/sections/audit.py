@@ -60,7 +60,6 @@ class AuditOfInputs(ReportSection):
     option = "--libero-max-study=audit"
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return success with an input changed, besides Base over the same cases."""
         study = played.protocol.get("study") or {}
         if not played.records or study.get("name") != Audit.name:
             return {}
@@ -79,14 +78,12 @@ class AuditOfInputs(ReportSection):
         return {TITLE: rows}
 
     def quantity(self, name: str) -> Measured | None:
-        """Return the number with a name such as ``audit.no_state.change``."""
         section, _, rest = name.partition(".")
         arm, _, key = rest.partition(".")
         known = section == self.name and arm and key in QUANTITIES
         return _measured(arm, key) if known else None
 
     def shown(self, report: Report) -> Mapping[str, Section]:
-        """Return one table with an arm in each row."""
         tables = input_tables(report)
         return {TITLE: Section(tables=tables)} if tables else {}
 
@@ -97,7 +94,6 @@ def _measured(arm: str, key: str) -> Measured:
 
 
 def _arms(records: Sequence[PairRecord]) -> list[str]:
-    """Return the arms in which an input is changed, in their order."""
     usual = (BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN)
     return [name for name in dict.fromkeys(name for it in records for name in it.arms) if name not in usual]
 
@@ -108,7 +104,6 @@ def _ends(arm: str, records: Sequence[PairRecord]) -> list[tuple[bool, bool]]:
 
 
 def _arm(name: str, ends: Sequence[tuple[bool, bool]], log10_p: float | None) -> Rows:
-    """Return the numbers of an arm."""
     base, changed = zip(*ends, strict=True)
     rows = _measured(name, "success").share(changed, with_interval=False)
     rows |= _measured(name, "change").change(base, changed)

@@ -38,7 +38,6 @@ class RepeatedCases(ReportSection):
     notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return changes, flips and variances over the plays of each case."""
         study = played.protocol.get("study") or {}
         if not played.records or study.get("name") != Repeats.name:
             return {}

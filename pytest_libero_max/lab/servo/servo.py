@@ -78,12 +78,7 @@ class ServoPolicy:
     """Looks, plans a route where something has moved, and follows it."""
 
     spec = PolicySpec(
-        "servo",
-        horizon=10,
-        query_interval=5,
-        cameras=(CAMERA,),
-        image_size=IMAGE_SIZE,
-        suites=tuple(SCENES),
+        "servo", horizon=10, query_interval=5, cameras=(CAMERA,), image_size=IMAGE_SIZE, suites=tuple(SCENES)
     )
 
     def reset(self, episode: Episode) -> None:
@@ -215,7 +210,6 @@ def _is_at_end(hand: Hand, route: Route) -> bool:
 
 
 def _is_at(aim: tuple[Array, Array], target: Array, destination: Array) -> bool:
-    """Return True if target and destination are seen where the route leads."""
     moves = [now - then for now, then in zip((target, destination), aim, strict=True)]
     return all(float(np.linalg.norm(move)) <= _MOVED_M for move in moves)
 
@@ -255,7 +249,6 @@ def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array,
 def _waypoint(
     wish: Wish, position: Array, grip: float, tolerance_m: float = 0.005, wait: int = 0
 ) -> Waypoint:
-    """Return a waypoint of a hand that points down."""
     return Waypoint(position, wish.angle, grip, tolerance_m, wait)
 
 

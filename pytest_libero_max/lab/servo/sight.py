@@ -179,7 +179,6 @@ def _row_scores(
 
 
 def _climb(likely: Chances, camera: NominalCamera, shape: Shape, position: Array) -> Sighting:
-    """Move uphill in ever smaller steps."""
     best = score(likely, camera, shape, position)
     ways = [np.array([i, j, 0.0]) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
     for step in _FINE_M:

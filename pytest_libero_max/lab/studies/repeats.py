@@ -41,11 +41,6 @@ class Repeats(Study):
 
     @classmethod
     def of(cls, settings: str | None) -> Self:
-        """Read the number of plays.
-
-        Raises:
-            OptionError: It is no integer of at least 2.
-        """
         if settings is None:
             return cls()
         if not settings.isdecimal() or int(settings) < LEAST_PLAYS:
@@ -63,14 +58,10 @@ class Repeats(Study):
             later = dynamic.schedule
             for _ in range(play - 1):
                 later = (start, *map(one_later, later))
-            found += [
-                Arm(repeated(BASE, play), (start,) * (play - 1)),
-                Arm(repeated(DYNAMIC, play), later),
-            ]
+            found += [Arm(repeated(BASE, play), (start,) * (play - 1)), Arm(repeated(DYNAMIC, play), later)]
         return tuple(found)
 
     def to_dict(self) -> Json:
-        """Return the study, with the number of plays where it is not the usual one."""
         return super().to_dict() | ({} if self.plays == PLAYS else {"settings": str(self.plays)})
 
 

@@ -51,11 +51,6 @@ class Sweep(Study):
 
     @classmethod
     def of(cls, settings: str | None) -> Self:
-        """Read settings with commas between them.
-
-        Raises:
-            OptionError: There is none, one twice, or one of another form.
-        """
         if settings is None:
             raise OptionError(
                 f"The study {cls.name} needs its settings: --libero-max-study={cls.name}:{cls.example}."

@@ -243,7 +243,6 @@ def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
 def _use(
     configuration: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
 ) -> tuple[int, int]:
-    """Return the number of times that the task is used: in the cell, then in the category."""
     task = configuration.variation.suite, configuration.variation.index
     return here[task], usage[task]
 

@@ -79,7 +79,6 @@ def _seen(
 
 
 def _with_arrows(image: Image, world: World, camera: str, moved: Sequence[tuple[Points, Points]]) -> Image:
-    """Return a picture with the old place of each thing that moved, and an arrow to the new one."""
     import cv2
 
     drawn = np.ascontiguousarray(image)

@@ -221,7 +221,6 @@ def _candidates(source: str, cell: Cell, frozen: Frozen, draw: Draw) -> list[_Ca
 
 
 def _preferred(candidates: Iterable[_Candidate], case: Case) -> list[_Candidate]:
-    """Return the possible partners of a case, the best first."""
     task = _task(case)
 
     def preference(candidate: _Candidate) -> tuple[bool, bool, int, int]:

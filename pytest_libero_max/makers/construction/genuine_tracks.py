@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
 from itertools import product
 
 from pytest_libero_max.benchmark.cases import Case
@@ -71,29 +70,22 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     return examined.release(tracks, unexamined)
 
 
-@dataclass(frozen=True)
-class Candidates:
-    """Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
-
-    catalogue: Catalogue
-    by_source: Mapping[str, Sequence[Configuration]]
+Candidates = Mapping[str, Sequence[Configuration]]
+"""Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
 
 
 def candidates_of(catalogue: Catalogue) -> Candidates:
     """Candidates of smoke, the same on every machine with the packages."""
-    return Candidates(
-        catalogue,
-        {
-            source: [
-                Configuration(variation, init, catalogue)
-                for variation in catalogue.variations(source)
-                if not catalogue.lacks(variation, models=False)
-                and (source == "pro" or variation.difficulty is not None)
-                for init in range(PRO_STATES if source == "pro" else 1)
-            ]
-            for source in SOURCES
-        },
-    )
+    return {
+        source: [
+            Configuration(variation, init, catalogue)
+            for variation in catalogue.variations(source)
+            if not catalogue.lacks(variation, models=False)
+            and (source == "pro" or variation.difficulty is not None)
+            for init in range(PRO_STATES if source == "pro" else 1)
+        ]
+        for source in SOURCES
+    }
 
 
 def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
@@ -132,7 +124,7 @@ def _first(
     candidates: Candidates, source: str, event: str, draw: int, excluded: Set[str], used: Counter[str]
 ) -> Configuration:
     """Return the first configuration for a place, in the order of :func:`select_smoke`."""
-    ids = {candidate.identity.case_id(event, draw): candidate for candidate in candidates.by_source[source]}
+    ids = {candidate.identity.case_id(event, draw): candidate for candidate in candidates[source]}
     tried = used.copy()
     for name in excluded & ids.keys():
         tried.update((ids[name].variation.suite, ids[name].variation.category))
@@ -142,7 +134,7 @@ def _first(
         return tried[variation.suite], tried[variation.category], seed_of(SMOKE_SAMPLER, name)
 
     for name in sorted(ids.keys() - excluded, key=preference):
-        if eligible(event, candidates.catalogue.metadata(ids[name].variation)):
+        if eligible(event, ids[name].catalogue.metadata(ids[name].variation)):
             return ids[name]
     raise ManifestError(f"{event}, variant {draw}: every configuration of {source} was rejected.")
 

@@ -14,11 +14,7 @@ from pytest_libero_max.benchmark.tracks import load_track, own_tracks, track_nam
 from pytest_libero_max.events.configurations import Cell, cell_of
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.makers.construction.preflight import CHECKS, Preflight
-from pytest_libero_max.makers.construction.release import (
-    read_rejected,
-    read_sights,
-    read_unexamined,
-)
+from pytest_libero_max.makers.construction.release import read_rejected, read_sights, read_unexamined
 from pytest_libero_max.makers.construction.visibility import IMAGE_SIZE, MIN_PIXELS, Sight
 
 OVERVIEW = "README.md"
@@ -107,7 +103,6 @@ def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certifi
 
 
 def _program_lines(cases: Iterable[Case], certificates: Mapping[str, Certificate]) -> list[str]:
-    """Lines on the expert's results on the cases that have a program."""
     labelled = [(case.program.name, case) for case in cases if case.program is not None]
     if not labelled:
         return []

@@ -66,7 +66,6 @@ class Population:
 
     @cached_property
     def tasks(self) -> Mapping[Task, TaskMetadata]:
-        """Contents of every task."""
         return {
             (suite, index): self._contents(suite, index)
             for suite in self.suites
@@ -75,18 +74,15 @@ class Population:
 
     @cached_property
     def hosts(self) -> Mapping[str, tuple[Task, ...]]:
-        """Tasks that can host each event."""
         return {
             event: tuple(task for task, contents in self.tasks.items() if eligible(event, contents))
             for event in BENCHMARK_EVENTS
         }
 
     def case_id(self, place: Place) -> str:
-        """Return the id of the case that :meth:`case` makes."""
         return Identity.unmodified(*place.task, place.state).case_id(*place.cell)
 
     def case(self, place: Place) -> Case:
-        """Return the case of a cell on a configuration."""
         return make_case(place.cell.event, *place.task, place.state, variant=place.cell.variant)
 
     def cells(self, per_event: int) -> Mapping[Cell, int]:
@@ -214,11 +210,7 @@ def require_drawn(name: str, manifest: Manifest) -> Iterator[str]:
     """Yield checks of a track: every case is the one that its identity demands, events have equally many."""
     for case in manifest:
         made = make_case(
-            case.event.name,
-            case.suite,
-            case.task_index,
-            case.init_state_index,
-            variant=case.event.variant,
+            case.event.name, case.suite, case.task_index, case.init_state_index, variant=case.event.variant
         )
         if made.record != case.record:
             raise ManifestError(f"{name}: {case.case_id!r} differs from the case that its identity demands.")

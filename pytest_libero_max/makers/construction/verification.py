@@ -27,12 +27,7 @@ from pytest_libero_max.benchmark.tracks import (
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.configurations import Cell, Configuration, cell_of
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.makers.construction.case_selection import (
-    LEVELS,
-    PLUS_PER_CELL,
-    PRO_PER_CELL,
-    cells_of,
-)
+from pytest_libero_max.makers.construction.case_selection import LEVELS, PLUS_PER_CELL, PRO_PER_CELL, cells_of
 from pytest_libero_max.makers.construction.configurations import hosts
 from pytest_libero_max.makers.construction.fresh_draw import (
     COMMITMENT,
@@ -73,7 +68,6 @@ def verify(folder: Path) -> list[str]:
 
 
 def _unmodified_checks(folder: Path, tracks: Mapping[str, Manifest]) -> Iterator[str]:
-    """Yield checks of tracks of unmodified tasks."""
     for name, track in tracks.items():
         yield from require_drawn(name, track)
     yield from _table_checks(folder, (case for track in tracks.values() for case in track))
@@ -120,7 +114,7 @@ def _checks(folder: Path) -> Iterator[str]:
     _require_same("original", original, build_original(read_rejected(folder)))
     yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
     for case in whole:
-        _require_identity(case)
+        require_identity(case)
     yield f"max: {counted(len(whole), 'case')}, each as its identity demands, digest {whole.digest}"
 
 
@@ -188,7 +182,8 @@ def _require_own_names(case: Case) -> None:
         raise ManifestError(f"case {case.case_id!r} has {names}, but its identity demands {expected}.")
 
 
-def _require_identity(case: Case) -> None:
+def require_identity(case: Case) -> None:
+    """Refuse a case that is not the one that its identity demands."""
     try:
         configuration = Configuration(own_variation(case), case.init_state_index)
     except SubstrateError as error:

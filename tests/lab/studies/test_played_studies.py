@@ -240,10 +240,7 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
         (("-o", "libero_max_delays=2"), "*It is spelled --libero-max-study=latency:SETTINGS.*"),
         (("--libero-max-study=latency:0,2",), "*expected steps from 1 to 999*"),
         (("--libero-max-study=latency:2,2",), "*at least one, each once*"),
-        (
-            ("--libero-max-study=latency:2", "--libero-max-latency=1steps"),
-            "*plays delays of its own*",
-        ),
+        (("--libero-max-study=latency:2", "--libero-max-latency=1steps"), "*plays delays of its own*"),
         (
             ("--libero-max-latency=200",),
             "*--libero-max-latency='200': expected a whole number with its unit*",

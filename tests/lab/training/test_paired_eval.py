@@ -52,7 +52,7 @@ def test_pairs_are_played_every_so_many_steps_and_once_for_a_step(
     assert [pair.case_id for pair in runs[0].run.planned] == [pair.case_id for pair in runs[1].run.planned]
     assert policy.spec is SPEC
     (line,) = [text for text in caplog.messages if text.startswith("step 2: ")]
-    assert "Base 0.0%, Dynamic 0.0%, change not measurable" in line
+    assert "Base 0.0%, Dynamic 0.0%" in line
     assert len(repr(paired.history[0])) < 100
 
 
@@ -77,7 +77,7 @@ def test_an_evaluation_that_fails_is_logged_and_the_training_goes_on(
     with monkeypatch.context() as patched:
         patched.setattr(paired_eval, "evaluate", full)
         assert paired(1) is None
-    assert "there is no evaluation" in caplog.text
+    assert "no evaluation" in caplog.text
     assert paired(2) is not None
     assert [each.step for each in paired.history] == [2]
 

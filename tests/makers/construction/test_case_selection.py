@@ -77,7 +77,8 @@ def test_tasks_are_used_evenly(selected: tuple[Case, ...]) -> None:
     assert max(used.values()) == 1
 
 
-def test_a_cell_that_cannot_be_filled_is_named() -> None:
+def test_a_cell_that_cannot_be_filled_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(case_selection, "PLUS_CATEGORIES", ())
     cell = cells_of("semantic")[0]
     everything = {
         f"pro-semantic-{suite}-t{task:02d}-i{init:02d}-{cell.event}-d0-p195"
@@ -89,8 +90,9 @@ def test_a_cell_that_cannot_be_filled_is_named() -> None:
         propose({}, everything)
 
 
-def test_cells_that_want_the_same_tasks_are_named_together() -> None:
+def test_cells_that_want_the_same_tasks_are_named_together(monkeypatch: pytest.MonkeyPatch) -> None:
     category = "Background Textures"
+    monkeypatch.setattr(case_selection, "PLUS_CATEGORIES", (category,))
     cells = [cell for cell in cells_of(category) if cell.event == "distractor_burst"]
     hosting = [variation for variation, events in hosts("plus", category) if "distractor_burst" in events]
     failed = {Configuration(variation, 0).case_id(cell) for variation in hosting[90:] for cell in cells}

@@ -30,13 +30,13 @@ BATCH = SUBSTRATES["tiny"].batch
 
 @pytest.fixture(scope="module")
 def cases() -> list[Case]:
-    """More than two batches of a tiny world's cases, sensible and not."""
+    """More than a batch of a tiny world's cases, sensible and not."""
     made = [move(0.06, 0.0), insertion(0.14, 0.0), insertion(0.03, 0.0)]
     return [
         replace(
             made[n % 3], case_id=f"case-{n:02d}", record={**made[n % 3].record, "case_id": f"case-{n:02d}"}
         )
-        for n in range(2 * BATCH + 3)
+        for n in range(BATCH + 2)
     ]
 
 

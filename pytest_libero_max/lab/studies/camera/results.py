@@ -43,8 +43,11 @@ def camera_results(strengths: Strengths, records: Sequence[PairRecord], tasks: S
     successes = {
         arm: np.array([record.arm(arm).success for record in records], dtype=np.bool_) for arm in labels
     }
-    conditions = Conditions.of(
-        successes, [record.source for record in records], tasks, [record.configuration for record in records]
+    conditions = Conditions(
+        successes,
+        source=np.array([record.source for record in records], dtype=np.str_),
+        task=np.array(tasks, dtype=np.str_),
+        configuration=np.array([record.configuration for record in records], dtype=np.str_),
     )
     return Camera(
         conditions=labels,
@@ -60,7 +63,6 @@ def camera_results(strengths: Strengths, records: Sequence[PairRecord], tasks: S
 
 
 def _pairs(strengths: Strengths) -> list[tuple[str, str]]:
-    """Return the contrasts: within each strength, and of each timing between the strengths."""
     pairs = [
         pair
         for reset, middle in strengths.values()
@@ -72,7 +74,6 @@ def _pairs(strengths: Strengths) -> list[tuple[str, str]]:
 
 
 def _gaps(strengths: Strengths, conditions: Conditions) -> list[ConditionContrast]:
-    """Mid-task less Reset at one strength, less the same at another."""
     gap = {share: (middle, reset) for share, (reset, middle) in strengths.items()}
     pairs = list(combinations(strengths, 2))
     gaps = [(gap[strong], gap[weak]) for weak, strong in pairs]
@@ -167,7 +168,6 @@ def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -
 
 
 def _distance_m(record: PairRecord) -> float:
-    """Return the distance of the case's trigger."""
     schedule = record.arm(DYNAMIC).schedule
     within_m: Any = schedule[0]["trigger"].get("distance_m") if schedule else None
     if type(within_m) not in (int, float) or not 0 <= within_m < float("inf"):
@@ -244,11 +244,7 @@ def camera_tables(study: Camera) -> list[Table]:
     rates = [(label, study.rates[arm]) for arm, label in labels.items()]
     return [
         table_of(
-            "Success",
-            "Condition",
-            [_OF_RATE[0], *within, _OF_RATE[1]],
-            rates,
-            narrow=2,
+            "Success", "Condition", [_OF_RATE[0], *within, _OF_RATE[1]], rates, narrow=2
         ).explaining_intervals(
             "Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution with the "
             "composition of the sources kept. They are for comparison with the paper, and far too narrow for "
@@ -275,10 +271,7 @@ def camera_tables(study: Camera) -> list[Table]:
             else []
         ),
         table_of(
-            "Contrasts by source, and over groups of cases",
-            "Contrast",
-            [*changes, *groups],
-            [*named, *gaps],
+            "Contrasts by source, and over groups of cases", "Contrast", [*changes, *groups], [*named, *gaps]
         ).explaining_intervals(
             "By source, the same interval as over all cases. Reference tasks are resampled jointly across "
             "the sources, whose shares stay fixed; tasks of each source, and configurations (task and "
