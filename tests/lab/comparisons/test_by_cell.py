@@ -88,7 +88,7 @@ def test_an_able_policy_is_rarely_called_fitted() -> None:
     )
     assert called <= 2
     found = judged((0.8, 0.6), (0.8, 0.6))
-    assert any(line.startswith("no over-fitting") for line in _lines(found))
+    assert any("no over-fitting" in line for line in _lines(found))
 
 
 def test_cells_of_one_run_alone_are_left_out() -> None:
@@ -97,7 +97,7 @@ def test_cells_of_one_run_alone_are_left_out() -> None:
         run_of([pair for pair in NEW if pair.source == "pro"], 0.9, 0.9, "new", 2),
     )
     assert (found.cells, found.left_out) == (16, 80)
-    assert "80 cases" in _lines(found)
+    assert any("80 cases" in line for line in _lines(found))
 
 
 def test_what_cannot_be_compared_is_refused() -> None:

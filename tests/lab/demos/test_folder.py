@@ -201,7 +201,7 @@ def test_the_command_records_on_the_embedded_scenes(
         *("2 of 2 episodes played", end),
     ]
     demo, about = load(tmp_path / "episodes" / "libero_object-t00-i10-base.npz")
-    assert demo.instruction.startswith("alphabet soup")
+    assert "alphabet soup" in demo.instruction
     assert demo.observations["agentview_image"].shape == (len(demo.actions), 16, 16, 3)
     assert (about["event"], about["arm"], about["success"]) == (None, "base", True)
     recovery, about = load(tmp_path / "episodes" / "libero_object-t00-i10-target_relocation-v0.npz")

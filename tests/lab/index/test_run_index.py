@@ -130,7 +130,7 @@ def test_the_installation_of_a_run_stands_beside_the_digest_of_its_pairs(publish
     known = {name: cells[cells.index(digest) - 1] for name, digest in digests.items() if name[0] == "a"}
     assert known == {"a-good": "bc025597906d", "a-middle": "", "a-bad": ""}
     heads = re.findall(r"<th scope='col'>(.*?)</th>", text)
-    assert heads.count("Fingerprint") == 1, "no run of the other cases has one"
+    assert sum("Fingerprint" in head for head in heads) == 1, "no run of the other cases has one"
 
 
 def test_rows_are_sorted_by_a_click_on_a_heading(browser: Any, published: Path, tmp_path: Path) -> None:
@@ -181,7 +181,7 @@ def test_a_model_is_an_address_on_the_web(
 ) -> None:
     run, folder = unaltered.parent / "run-a-good", tmp_path / "published"
     assert main(["publish", "pack", str(run), str(folder), "--model", model]) != 0
-    assert f"--model={model!r}an address" in capsys.readouterr().err
+    assert f"--model={model!r}" in capsys.readouterr().err
     assert not folder.exists()
     shutil.copytree(unaltered / "a-good", folder)
     (folder / "about.json").write_text(json.dumps({"model": model}))

@@ -146,7 +146,7 @@ def test_a_run_is_compared_on_the_same_cases(folder: Path) -> None:
             Run(other, PROVENANCE), tuple(record_of(pair, True, True) for pair in other), (), torn=False
         )
     )
-    assert contrast_with(results, strangers) == "no case of"
+    assert "no case of" in str(contrast_with(results, strangers))
 
 
 def replace_digest(pair: PlannedPair) -> PlannedPair:

@@ -105,7 +105,7 @@ def test_without_a_regression_or_an_event_it_says_so() -> None:
 def test_few_pairs_have_no_threshold() -> None:
     few = [scored(0, CALM, CALM)]
     assert measures(few) == {}
-    assert f"{LEAST} in each half" in str(rows(few)["Alarms"])
+    assert f"{LEAST} pairs" in str(rows(few)["Alarms"])
 
 
 def test_it_is_a_section_of_the_report_for_each_monitor_and_for_no_other_probe() -> None:

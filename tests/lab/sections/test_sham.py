@@ -88,7 +88,7 @@ def test_a_smaller_floor_is_compared_and_none_of_a_policy_that_repeats_itself() 
     assert texts(ended(ssss=10, sfff=8, fsss=2), repeatable=True) == []
     assert len(texts(ended(ssff=0, sfsf=30, ssss=10))) == 1
     (unknown,) = texts([])
-    assert unknown.endswith("--libero-max-noise=sham:1.")
+    assert "--libero-max-noise=sham:1" in unknown
     assert "40 of 40 pairs" in texts(ended(sfsf=30, ssss=10))[0]
 
 

@@ -23,7 +23,6 @@ from pytest_libero_max.benchmark.tracks import (
     write_frozen,
 )
 from pytest_libero_max.errors import ManifestError
-from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.makers.construction.release import FILES, REJECTED, SIGHTS, write_splits
 from pytest_libero_max.makers.construction.splits import SPLITS
 from pytest_libero_max.makers.construction.verification import require_identity, verify
@@ -79,35 +78,6 @@ def test_the_frozen_tracks_are_right() -> None:
     assert any(line.startswith("max: 8000 cases") for line in lines)
     assert any("7 x 16 cells of 50" in line for line in lines)
     assert any("1075, 1137, 1135, 1135, 1118" in line for line in lines)
-
-
-def test_lite_keeps_the_shares_of_max(whole: Manifest) -> None:
-    lite = load_track("lite")
-    assert Counter((case.event.name, case.source) for case in lite) == {
-        (event, source): count for event in BENCHMARK_EVENTS for source, count in (("plus", 70), ("pro", 30))
-    }
-    assert {case.case_id for case in lite} < {case.case_id for case in whole}
-    order = [(case.event.name, case.source, case.case_id) for case in lite]
-    assert order == sorted(order)
-
-
-def test_camera_is_every_camera_shift(whole: Manifest) -> None:
-    shifts = [case for case in whole if case.event.name == "camera_shift"]
-    assert list(load_track("camera")) == shifts
-    assert len(shifts) == 1000
-
-
-def test_recovery_is_spread_over_categories_and_corruptions() -> None:
-    recovery, development = load_track("recovery"), load_track("recovery_development")
-    assert Counter(case.source for case in recovery) == {"plus": 210, "pro": 90}
-    assert Counter(case.event.variant for case in recovery) == {0: 150, 1: 150}
-    plus = Counter((c.source_category, c.event.variant) for c in recovery if c.source == "plus")
-    assert Counter(plus.values()) == {15: 14}
-    pro = Counter(case.source_category for case in recovery if case.source == "pro")
-    assert Counter(pro.values()) == {9: 10}
-    assert len(development) == 16
-    assert not {case.case_id for case in development} & {case.case_id for case in recovery}
-    assert {case.event.name for case in (*recovery, *development)} == {"sensor_noise_onset"}
 
 
 def test_the_splits_can_be_drawn_again(copied: Path) -> None:
