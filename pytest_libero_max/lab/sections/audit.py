@@ -103,17 +103,17 @@ def _ends(arm: str, records: Sequence[PairRecord]) -> list[tuple[bool, bool]]:
     return [(record.base_success, bool(record.arms[arm].success)) for record in records if arm in record.arms]
 
 
-def _arm(name: str, ends: Sequence[tuple[bool, bool]], log10_p: float | None) -> Rows:
+def _arm(name: str, ends: list[tuple[bool, bool]], log10_p: float | None) -> Rows:
     base, changed = zip(*ends, strict=True)
     rows = _measured(name, "success").share(changed, with_interval=False)
     rows |= _measured(name, "change").change(base, changed)
-    rows |= _measured(name, "lost").row([*ends].count((True, False)))
-    rows |= _measured(name, "gained").row([*ends].count((False, True)))
+    rows |= _measured(name, "lost").row(ends.count((True, False)))
+    rows |= _measured(name, "gained").row(ends.count((False, True)))
     return rows | _measured(name, "p").row(None if log10_p is None else 10**log10_p)
 
 
-def _verdict(ends: Sequence[tuple[bool, bool]], log10_p: float | None) -> str:
-    lost, gained = [*ends].count((True, False)), [*ends].count((False, True))
+def _verdict(ends: list[tuple[bool, bool]], log10_p: float | None) -> str:
+    lost, gained = ends.count((True, False)), ends.count((False, True))
     if log10_p is None:
         return "n/a"
     if lost == gained == 0:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,11 @@ from pytest_libero_max.lab.studies.camera.blocks import (
     JointOutcome,
 )
 from pytest_libero_max.lab.studies.camera.conditions import Conditions, contrasts, contrasts_of_contrasts
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import NOT_AVAILABLE, Change, Interval, Number, Rate, interval_text
 from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.stats.blocks import Bootstrap
-from pytest_libero_max.stats.outcome_table import BoolArray
 
 Strengths = Mapping[float, tuple[str, str]]
 """Names of the arms of Reset and Mid-task by strength."""
@@ -85,86 +84,83 @@ def _gaps(strengths: Strengths, conditions: Conditions) -> list[ConditionContras
 # Approach of the hand.
 
 
-@dataclass(frozen=True)
-class _Cases:
-    """What is known of each case at a strength, (n,) bool."""
+class _Case(NamedTuple):
+    """What is known of a case at a strength."""
 
-    base: BoolArray
-    """Base succeeds."""
-    reset: BoolArray
-    """Reset does."""
-    middle: BoolArray
-    """Mid-task does."""
-    entered: BoolArray
+    base: bool
+    """Base succeeds, as Reset and Mid-task do below."""
+    reset: bool
+    middle: bool
+    entered: bool
     """In Reset the hand came within the trigger's distance."""
-    triggered: BoolArray
+    triggered: bool
     """The event fired in Mid-task."""
-    responded: BoolArray
+    responded: bool
     """A query followed it."""
-    fresh: BoolArray
+    fresh: bool
     """No stale action was executed."""
 
     @property
-    def lost_in_reset(self) -> BoolArray:
-        return self.base & self.middle & ~self.reset
+    def lost_in_reset(self) -> bool:
+        return self.base and self.middle and not self.reset
 
     @property
-    def lost_in_middle(self) -> BoolArray:
-        return self.base & self.reset & ~self.middle
+    def lost_in_middle(self) -> bool:
+        return self.base and self.reset and not self.middle
 
 
-_APPROACH: tuple[tuple[str, str, Callable[[_Cases], BoolArray]], ...] = (
-    ("triggered", "Event fired in Mid-task", lambda row: row.triggered),
-    ("query_after_the_event", "... and a query followed it", lambda row: row.responded),
+_APPROACH: tuple[tuple[str, str, Callable[[_Case], bool]], ...] = (
+    ("triggered", "Event fired in Mid-task", lambda it: it.triggered),
+    ("query_after_the_event", "... and a query followed it", lambda it: it.responded),
     (
         "reset_failed_never_entered", "Reset fails, the hand never came within the trigger's distance",
-        lambda row: ~row.reset & ~row.entered,
+        lambda it: not it.reset and not it.entered,
     ),
     (
         "reset_failed_entered", "Reset fails after it came within the distance",
-        lambda row: ~row.reset & row.entered,
+        lambda it: not it.reset and it.entered,
     ),
     (
         "reset_succeeded_never_entered", "Reset succeeds without coming within the distance",
-        lambda row: row.reset & ~row.entered,
+        lambda it: it.reset and not it.entered,
     ),
     (
         "reset_succeeded_entered", "Reset succeeds after it came within the distance",
-        lambda row: row.reset & row.entered,
+        lambda it: it.reset and it.entered,
     ),
-    ("lost_in_reset", "Base and Mid-task succeed, Reset fails", lambda row: row.lost_in_reset),
+    ("lost_in_reset", "Base and Mid-task succeed, Reset fails", lambda it: it.lost_in_reset),
     (
         "lost_in_reset_never_entered", "... of these: Reset never came within the distance",
-        lambda row: row.lost_in_reset & ~row.entered,
+        lambda it: it.lost_in_reset and not it.entered,
     ),
-    ("lost_in_middle", "Base and Reset succeed, Mid-task fails", lambda row: row.lost_in_middle),
+    ("lost_in_middle", "Base and Reset succeed, Mid-task fails", lambda it: it.lost_in_middle),
     (
         "lost_in_middle_with_a_query", "... of these: a query followed the event",
-        lambda row: row.lost_in_middle & row.responded,
+        lambda it: it.lost_in_middle and it.responded,
     ),
     (
         "lost_in_middle_without_stale_actions", "... of these: and no stale action was executed",
-        lambda row: row.lost_in_middle & row.responded & row.fresh,
+        lambda it: it.lost_in_middle and it.responded and it.fresh,
     ),
 )  # fmt: skip
 """Names, titles and rules of the counts of cases."""
 
 
 def _approach(records: Sequence[PairRecord], reset: str, middle: str) -> dict[str, int]:
-    cases = _Cases(
-        base=_flags(records, lambda record: record.base_success),
-        reset=_flags(records, lambda record: record.arm(reset).success),
-        middle=_flags(records, lambda record: record.arm(middle).success),
-        entered=_flags(records, lambda record: record.arm(reset).min_distance_m <= _distance_m(record)),
-        triggered=_flags(records, lambda record: bool(record.arm(middle).firings)),
-        responded=_flags(records, lambda record: record.arm(middle).response_step is not None),
-        fresh=_flags(records, lambda record: record.arm(middle).stale_actions == 0),
+    cases = [_case(record, record.arm(reset), record.arm(middle)) for record in records]
+    return {key: sum(map(rule, cases)) for key, _, rule in _APPROACH}
+
+
+def _case(record: PairRecord, reset: ArmRecord, middle: ArmRecord) -> _Case:
+    return _Case(
+        base=record.base_success,
+        reset=bool(reset.success),
+        middle=bool(middle.success),
+        entered=reset.min_distance_m <= _distance_m(record),
+        triggered=bool(middle.firings),
+        responded=middle.response_step is not None,
+        fresh=middle.stale_actions == 0,
     )
-    return {key: int(rule(cases).sum()) for key, _, rule in _APPROACH}
-
-
-def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -> BoolArray:
-    return np.array([holds(record) for record in records], dtype=np.bool_)
 
 
 def _distance_m(record: PairRecord) -> float:
