@@ -45,42 +45,13 @@ GROUPS = {
 _PARTS = {
     "list": (
         "What there is",
-        {
-            "tracks": "cases",
-            "cases": "cases",
-            "events": "events",
-            "programs": "programs",
-            "profiles": "profiles",
-            "published": "published",
-            "words": "words",
-        },
+        dict.fromkeys(("tracks", "cases", "events", "programs", "profiles", "published", "words"), "lists"),
     ),
     "plan": ("What a run takes and what it can show", {"pairs": "power", "gates": "power"}),
     "shards": ("A run in several parts, on several machines", {"slurm": "slurm", "merge": "merge"}),
     "publish": ("Results for others", {"pack": "publish", "verify": "publish"}),
 }
 """The commands of this package that hold others: what these have in common, and the module of each."""
-
-FORMERLY = {
-    "show": "list cases",
-    "power": "plan pairs, or plan gates",
-    "verify": "dev verify, or publish verify",
-    "verify-run": "publish verify",
-    "launch": "shards slurm",
-    "poses": "lab rerun",
-    "watch": "runs --follow",
-    "trend": "compare --over-time",
-    "export": "report --export",
-    "plan.": "plan time RUN",
-    "publish.": "publish pack RUN FOLDER",
-    "bench-scenes": "dev bench scenes",
-    "bench-images": "dev bench device",
-    "bench-device": "dev bench device",
-    "bench-genuine": "dev bench genuine",
-    "dev bench images": "dev bench device",
-    "dev bench serving": "dev bench device",
-}
-"""New names of commands; of a group, with its dot, what it did itself. Those in a group are found there."""
 
 
 def _own() -> Mapping[str, Callable[[], object]]:
@@ -156,12 +127,10 @@ class CommandPlace(_Action):
 
     def hint(self, name: str) -> str:
         """Return the group of a command that does not belong here, or the name that was probably meant."""
-        closest = did_you_mean(name, self.names())
-        if self.prefix:
-            alone = FORMERLY.get(self.prefix)
-            return f"{closest} Without a part it was what is now libero-max {alone}" if alone else closest
         grouped = [key.replace(".", " ") for key in COMMANDS if key.endswith(f".{name}")]
-        return f"It is now libero-max {grouped[0]}" if grouped else closest
+        if grouped and not self.prefix:
+            return f"It is libero-max {grouped[0]}."
+        return did_you_mean(name, self.names())
 
     def require(self, name: str) -> None:
         """Add a command if it belongs here.

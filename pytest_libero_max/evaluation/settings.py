@@ -264,28 +264,5 @@ class Settings(ProtocolSettings):
         return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
 
 
-GONE = {
-    "cadence": "study=cadence:SETTINGS",
-    "delays": "study=latency:SETTINGS",
-    "repeats": "study=repeats:PLAYS",
-    "query-timeout": "timeout=query:S",
-    "step-timeout": "timeout=step:S",
-    "pair-timeout": "timeout=pair:S",
-    "semantics": "substrate=libero:semantics=WHICH",
-    "instruction": "substrate=libero:instruction=WHICH",
-    "source-variations": "substrate=libero:variations=WHICH",
-    "restore": "wrap=restore:MODE",
-    "adaptive": "wrap=adaptive:WATCH",
-    "noise-floor": "noise=floor:PAIRS",
-    "sham": "noise=sham:SHARE",
-    "film-limit": "film=WHICH:PAIRS",
-    "ray-actors": "ray=ADDRESS,actors=N",
-    "ray-cpus": "ray=ADDRESS,cpus=N",
-    "ray-gpus": "ray=ADDRESS,gpus=N",
-    "ray-ship": "ray=ADDRESS,ship",
-}
-"""Options of before, with what says the same now."""
-
-
 OPTIONS = options_of(Settings)
 """Every option, in the order of the help."""

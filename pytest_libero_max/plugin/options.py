@@ -5,7 +5,6 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
-import argparse
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +16,7 @@ import pytest
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
-from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
+from pytest_libero_max.evaluation.settings import OPTIONS, Settings
 from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.runs.replay_command import Places
@@ -57,15 +56,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         if option.switch:
             kind = "bool"
         parser.addini(option.key, f"See {option.flag}", kind, default=None)
-
-    for name in GONE:
-        group.addoption(
-            f"--libero-max-{name}", dest=_gone(name), nargs="?", const=True, help=argparse.SUPPRESS
-        )
-
-
-def _gone(name: str) -> str:
-    return f"libero_max_{name.replace('-', '_')}"
 
 
 def resolve(config: pytest.Config) -> Settings:
@@ -117,23 +107,17 @@ def given(config: pytest.Config, name: str) -> bool:
 
 
 def require_known_keys(config: pytest.Config) -> None:
-    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns.
+    """Check the keys of ini file and ``-o`` that look like ours: pytest only warns.
 
     Raises:
-        pytest.UsageError: One is unknown; suggests what says the same, or the closest.
+        pytest.UsageError: One is unknown; suggests the closest.
     """
     known = {option.key for option in OPTIONS}
-    gone = {_gone(name): f"It is spelled --libero-max-{instead}." for name, instead in GONE.items()}
-    for name in GONE:
-        if config.getoption(_gone(name)) is not None:
-            raise pytest.UsageError(f"--libero-max-{name}: unknown. {gone[_gone(name)]}")
     overridden = (text.partition("=")[0].strip() for text in config.option.override_ini or ())
     for key in (*in_file(config), *overridden):
         ours = key.lower().replace("-", "_")
         if ours.startswith("libero_max") and key not in known:
-            raise pytest.UsageError(
-                f"ini option {key}: unknown. {gone.get(ours) or did_you_mean(ours, known)}"
-            )
+            raise pytest.UsageError(f"ini option {key}: unknown. {did_you_mean(ours, known)}")
 
 
 def in_order(config: pytest.Config) -> bool:
