@@ -40,7 +40,6 @@ from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.report_document import ChangedPair
 from pytest_libero_max.runs import provenance
-from pytest_libero_max.runs.kept_fingerprint import kept
 from pytest_libero_max.runs.lock import require_free
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import replay_command
@@ -275,7 +274,6 @@ class RunKeeper:
             protocol=settings.recorded("protocol"),
             command=command,
             folder=folder,
-            fingerprint=kept(self.substrate),
         )
 
     # What arrives.

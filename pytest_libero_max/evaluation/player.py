@@ -17,7 +17,6 @@ from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.record_rules import SERVER
-from pytest_libero_max.runs.costs import PAIR, WORLD
 from pytest_libero_max.runs.media import TRACES_NAME
 
 if TYPE_CHECKING:
@@ -31,6 +30,12 @@ Result = TypeVar("Result")
 
 BROKEN_POLICY = "the policy cannot be played"
 """Reason of a stop: every other pair would end in the same way."""
+
+PAIR = "pair_s"
+"""Among the timings of a pair: all of it and the building of its scene, but not the loading of the policy."""
+
+WORLD = "world_s"
+"""Among the timings of a pair: the building of its scene; almost nothing where it is built already."""
 
 AGAIN_AFTER = 8
 """Pairs that a process has played when it plays its first one again, once."""

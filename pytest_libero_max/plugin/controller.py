@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Generator, Iterable
 from typing import Any, NoReturn
@@ -128,23 +127,8 @@ class RunController:
         """Look at the output folder, which only a session that plays may touch."""
         if only_lists(self.config):
             return
-        self._require_other_process()
         with usage_errors():
             self._remark = self.keeper.check_folder()
-
-    def _require_other_process(self) -> None:
-        """Refuse gates in the process that plays, whatever another plugin made of the options.
-
-        Raises:
-            pytest.UsageError: No worker, actor or process of its own will play the pairs.
-        """
-        settings = self.settings
-        apart = self.config.pluginmanager.has_plugin("dsession") or settings.ray is not None
-        if settings.gate and not (apart or settings.isolate or self.has_all):
-            raise pytest.UsageError(
-                "The pairs would be played in the process that decides the gates, and a policy could end it: "
-                "another plugin or -p no:dsession keeps the workers away. Add --libero-max-isolate."
-            )
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, self.keeper.run_cases.manifest
@@ -295,21 +279,6 @@ class RunController:
             yield
         finally:  # whatever another plugin's hook has raised
             self.end.finish(session)
-            _leave_out_hypothesis_summary(self.config)
-
-
-def _leave_out_hypothesis_summary(config: pytest.Config) -> None:
-    """Unregister Hypothesis's plugin, whose summary imports Hypothesis, in a session that did not use it."""
-    plugin = config.pluginmanager.get_plugin("hypothesispytest")
-    terminal = config.pluginmanager.get_plugin("terminalreporter")
-    if plugin is None or terminal is None or "hypothesis" in sys.modules:
-        return
-    if config.getoption("--hypothesis-show-statistics", False):
-        return
-    reports = [report for group in terminal.stats.values() for report in group]
-    # Reports of tests that other processes ran carry their statistics and failing examples.
-    if not any(name.startswith("_hypothesis_") for report in reports for name in vars(report)):
-        config.pluginmanager.unregister(plugin)
 
 
 def _origin(substrate: Json) -> str:

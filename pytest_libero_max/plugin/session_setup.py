@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Generator
 from typing import Any
 
@@ -92,12 +93,23 @@ def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
     """Choose the distribution of a session that plays, and its exit status."""
     if hasattr(config, "workerinput") or not collection.is_run(config):
         return (yield)
-    from pytest_libero_max.plugin.processes.left_running import end_in_spite_of_them
-
     _choose_distribution(config)
     status = yield from _keep_status(config)
-    end_in_spite_of_them(config, int(status))
+    _name_what_runs_on()
     return status
+
+
+def _name_what_runs_on() -> None:
+    """Name what Python will wait for at its end, perhaps for ever, so that a silent wait is explained."""
+    started = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
+    children = sys.modules.get("multiprocessing")  # whose children it waits for as well
+    started += children.active_children() if children is not None else []
+    if names := ", ".join(repr(one.name) for one in started if not one.daemon):
+        print(
+            f"libero-max: still running: {names}. Python waits until it ends: let the adapter end what it "
+            "starts, or start it with daemon=True.",
+            file=sys.stderr,
+        )
 
 
 def _choose_distribution(config: pytest.Config) -> None:

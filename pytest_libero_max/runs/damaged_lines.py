@@ -71,21 +71,13 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
         OSError: A file cannot be read or written.
     """
     *lines, torn = path.read_bytes().split(b"\n")
-    aside = [line + b"\n" for number, line in enumerate(lines, start=1) if number in numbers]
-    aside += [torn + b"\n"] if torn else []
-    with path.with_name(DAMAGED_NAME).open("a+b") as file:
-        file.seek(0)
-        if not file.read().endswith(b"".join(aside)):  # as after an attempt for which there was no room
-            _write(file, aside)
-    if not numbers:
-        os.truncate(path, path.stat().st_size - len(torn))
-        return
+    aside = [line for number, line in enumerate(lines, start=1) if number in numbers]
     repaired = path.with_name(f"{path.name}.repaired")
     try:
         with repaired.open("wb") as file:
-            _write(
-                file, [line + b"\n" for number, line in enumerate(lines, start=1) if number not in numbers]
-            )
+            _write(file, [line for number, line in enumerate(lines, start=1) if number not in numbers])
+        with path.with_name(DAMAGED_NAME).open("ab") as file:
+            _write(file, [*aside, *([torn] if torn else [])])
     except OSError:
         repaired.unlink()
         raise
@@ -93,6 +85,6 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
 
 
 def _write(file: BinaryIO, lines: Iterable[bytes]) -> None:
-    file.writelines(lines)
+    file.writelines(line + b"\n" for line in lines)
     file.flush()
     os.fsync(file.fileno())

@@ -33,7 +33,6 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, Version, require_version
-from pytest_libero_max.runs.costs import Kind
 from pytest_libero_max.runs.protocol import renamed, require_settings
 
 Moment = Annotated[
@@ -104,11 +103,6 @@ class PlannedPair(Document, frozen=True, kw_only=True):
     def program(self) -> str:
         """Name of the program that the pair plays, with which its item id ends; empty where it has none."""
         return self.item_id.partition(f"-{self.event_variant}-")[2]
-
-    @property
-    def kind(self) -> Kind:
-        """Kind of the pair, from which its cost is expected."""
-        return Kind(self.suite, self.task, self.event)
 
     @classmethod
     def of(cls, case: Case) -> PlannedPair:

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pytest_libero_max.errors import counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.work_left import WorkLeft
 
 LETTERS = {
     "preserved_success": "P",
@@ -47,21 +46,10 @@ class PairCounts:
     errors: int = 0
     """Number of errors, those of pairs that were measured afterwards included."""
     _unsupported: int | None = None
-    _work: WorkLeft | None = None
-
-    @property
-    def work(self) -> WorkLeft:
-        """Work left of the planned pairs."""
-        if self._work is None:
-            self._work = WorkLeft(self.planned)
-        return self._work
 
     def add(self, pair: PairRecord | PairError) -> None:
         """Count a pair, or an error in its place."""
-        if pair.item_id not in self.letters:
-            self.work.remove(pair.item_id)
         if isinstance(pair, PairRecord):
-            self.work.learn(pair)
             self.letters[pair.item_id] = letter_of(pair)
             if self._unsupported is None:
                 self._unsupported = len(unsupported_pairs(self.planned, pair.policy))
@@ -112,14 +100,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds left, expected from the costs of the measured pairs; None where nothing is known yet.
-
-        Where their costs are unknown, from the pace of this session.
-        """
-        if self.seconds:
-            left = self.counts.work.seconds_left(self.before, self.seconds, self.playing)
-            if left is not None:
-                return left
+        """Seconds left at the pace of this session; None before its first pair."""
         pace = self.per_minute
         return None if pace is None else 60.0 * max(self.planned - self.done, 0) / pace
 

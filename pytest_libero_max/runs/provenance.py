@@ -47,7 +47,6 @@ def collect(
     gl_backend: str | None = None,
     started: datetime | None = None,
     folder: Path | None = None,
-    fingerprint: str | None = None,
 ) -> Json:
     """Gather the provenance of a run. Imports none of the packages whose versions it names.
 
@@ -68,8 +67,6 @@ def collect(
         gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
         started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
-        fingerprint: Fingerprint of the installation, as ``libero-max lab fingerprint`` prints it; None if it
-            was not taken.
     """
     begun = datetime.now(UTC) if started is None else started.astimezone(UTC)
     return {
@@ -82,7 +79,6 @@ def collect(
             "processor": processor(),
             "cores": os.cpu_count(),
         },
-        "fingerprint": fingerprint,
         "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
         "git": git_state(folder or Path.cwd()),
         "substrate": _public_values(substrate),

@@ -3,8 +3,7 @@
 The first line is the run (``"line": "run"``: provenance and the planned pairs), every other line a measured
 pair (``"line": "pair"``) or a pair that could not be measured (``"line": "error"``). A run that was stopped
 ends with a line that says why (``"line": "stopped"``); pairs behind it are those of a resumed run. Only the
-controller writes the file, a line at a time. The system has a line before the next pair is dealt with, so a
-process that is killed loses none, and the disk has it within :data:`SYNC_S`.
+controller writes the file, a line at a time, and the disk has each before the next pair is dealt with.
 """
 
 from __future__ import annotations
@@ -12,8 +11,6 @@ from __future__ import annotations
 import gc
 import json
 import os
-import threading
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -42,9 +39,6 @@ from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
 """The same file in a published run; it is read, never written to."""
-
-SYNC_S = 0.5
-"""Least time between two waits for the disk, in seconds: a machine that fails loses the lines since then."""
 
 COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
 """Files that are computed from the pairs and lie beside them."""
@@ -115,10 +109,6 @@ class PairStore:
         self._append_to_existing = False
         self._resumed: StoredRun | None = None
         self._broken: OSError | None = None
-        self._late: OSError | None = None  # the same, where no caller knows of it yet
-        self._synced = 0.0  # when the last wait for the disk ended, on the monotonic clock
-        self._sync: threading.Timer | None = None
-        self._lock = threading.Lock()  # of the file, against the timer
         require_writable(folder)
         require_free(folder)
 
@@ -211,10 +201,10 @@ class PairStore:
         self._resumed = None
 
     def append(self, pair: PairRecord | PairError) -> None:
-        """Write one pair. The disk has it on return, or :data:`SYNC_S` later where others came just before.
+        """Write one pair; the disk has it on return.
 
         Raises:
-            DiskError: The file cannot be written any more, or the disk has failed since the last line.
+            DiskError: The file cannot be written any more.
             OtherRunError: The pair was played with something else than the run's other pairs.
             ReportError: The pair is not one of the run's, was measured or refused before, or holds what JSON
                 does not know.
@@ -250,7 +240,6 @@ class PairStore:
                 self._require_there()
             if stopped is not None:
                 self._write_line(_line("stopped", stopped))
-            self._sync_rest()
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}.") from error
         finally:
@@ -261,34 +250,24 @@ class PairStore:
             self._append_to_existing = True
 
     def _shut(self) -> None:
-        with self._lock:
-            if self._sync is not None:
-                self._sync.cancel()
-            if self._file is not None:
-                self._file.close()
-            self._file = self._sync = None
+        if self._file is not None:
+            self._file.close()
+        self._file = None
 
     def _write_line(self, line: bytes) -> None:
         if self._file is None:
             self.begin()
         assert self._file is not None
         if self._broken is not None:
-            self._late = None
             raise DiskError(
                 f"Cannot write {self.path}: an earlier write failed ({self._broken}), and a line behind it "
                 "could not be read. Make room and resume."
             )
         try:
-            with self._lock:
-                self._require_there()
-                if self._file.write(line) != len(line):
-                    raise OSError("only a part of the line was written")
-                if time.monotonic() - self._synced >= SYNC_S:
-                    self._wait_for_disk()
-                elif self._sync is None:
-                    self._sync = threading.Timer(SYNC_S, self._sync_late)
-                    self._sync.daemon = True
-                    self._sync.start()
+            self._require_there()
+            if self._file.write(line) != len(line):
+                raise OSError("only a part of the line was written")
+            os.fsync(self._file.fileno())
         except OSError as error:
             self._broken = error
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
@@ -303,35 +282,6 @@ class PairStore:
             raise DiskError(
                 f"Cannot write {self.path}: it was removed while the run wrote to it. Begin the run again."
             )
-
-    def _wait_for_disk(self) -> None:
-        assert self._file is not None
-        os.fsync(self._file.fileno())
-        self._synced = time.monotonic()
-
-    def _sync_late(self) -> None:
-        """Wait for the disk in a thread of its own, for lines that came soon after others."""
-        with self._lock:
-            self._sync = None
-            if self._file is None or self._file.closed:
-                return
-            try:
-                self._wait_for_disk()
-            except OSError as error:
-                self._broken = self._late = error
-
-    def _sync_rest(self) -> None:
-        """Wait for the lines that the disk may not have.
-
-        Raises:
-            OSError: It fails, or has failed since the last line.
-        """
-        with self._lock:
-            late, self._late = self._late, None
-            if late is not None:
-                raise late
-            if self._sync is not None and self._broken is None:
-                self._wait_for_disk()
 
 
 def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:

@@ -66,11 +66,8 @@ def pytest_runtest_protocol(item, nextitem):
 
 WAYS = {
     "report hook": Way(10, "def pytest_libero_max_report(report): raise SystemExit(0)"),
-    "report hook, os._exit": Way(10, "def pytest_libero_max_report(report): os._exit(0)"),
     "report hook, pytest.exit": Way(10, "def pytest_libero_max_report(report): pytest.exit('', 0)"),
     "reported hook": Way(10, "def pytest_libero_max_reported(numbers): raise SystemExit(0)"),
-    "reported hook, os._exit": Way(10, "def pytest_libero_max_reported(numbers): os._exit(0)"),
-    "reported hook, execvp": Way(10, "def pytest_libero_max_reported(numbers): os.execvp('true', ['true'])"),
     "reported hook, pytest.exit": Way(10, "def pytest_libero_max_reported(numbers): pytest.exit('', 0)"),
     "reported hook, unprintable": Way(
         10,
@@ -95,7 +92,6 @@ def pytest_libero_max_report(config):
 """,
     ),
     "stored hook": Way(10, "def pytest_libero_max_pair_stored(pair): raise SystemExit(0)"),
-    "stored hook, os._exit": Way(10, "def pytest_libero_max_pair_stored(pair): os._exit(0)"),
     "stored hook, pytest.exit": Way(10, "def pytest_libero_max_pair_stored(pair): pytest.exit('', 0)"),
     "session start": Way(3, "def pytest_sessionstart(): raise SystemExit(0)"),
     "session start, pytest.exit": Way(11, "def pytest_sessionstart(): pytest.exit('', 0)"),
@@ -219,7 +215,6 @@ def pytest_collection_modifyitems(items):
         11, policy=EXIT, arguments=(*ASKED, "--tx=popen", "-n0", "--dist=load"), workers=True, subprocess=True
     ),
     "no xdist": Way(11, policy=EXIT, arguments=(*ASKED, "-p", "no:xdist"), workers=True, subprocess=True),
-    "no session of xdist": Way(4, policy=EXIT, arguments=(*ASKED, "-p", "no:dsession"), workers=True),
     "a debugger": Way(4, arguments=(*ASKED, "--pdb"), workers=True),
     "a debugger with automatic workers": Way(4, arguments=(*ASKED, "--pdb", "-n", "auto"), workers=True),
     "a query that is too slow": Way(

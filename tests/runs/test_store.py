@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
@@ -15,12 +14,11 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, ReportError
+from pytest_libero_max.errors import OptionError, OtherRunError, ReportError
 from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.policies.wrappers import WRAPPERS
-from pytest_libero_max.runs import store as store_module
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_of
 from pytest_libero_max.runs.store import PairStore, read_pairs, read_to_resume
@@ -61,37 +59,18 @@ def test_half_a_character_from_the_command_line_leaves_the_run_readable(tmp_path
         assert read_pairs(store.path).run.provenance["command"] == [expected]
 
 
-def test_a_line_is_on_disk_before_the_next_pair(tmp_path: Path, run: Run) -> None:
-    store = PairStore(tmp_path, run)
-    assert not store.path.exists()
-    store.append(record_of(run.planned[0], True, True))
-    assert len(read_pairs(store.path, ended=False).records) == 1
-    store.close()
-
-
-def test_lines_that_come_fast_wait_for_the_disk_together_and_no_longer_than_said(
+def test_a_line_is_on_disk_before_the_next_pair(
     tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     synced: list[int] = []
-    late = threading.Event()
-
-    def sync(descriptor: int) -> None:
-        synced.append(os.fstat(descriptor).st_size)
-        if threading.current_thread() is not threading.main_thread():
-            late.set()
-
-    monkeypatch.setattr(os, "fsync", sync)
-    monkeypatch.setattr(store_module, "SYNC_S", 0.2)
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(os.fstat(descriptor).st_size))
     store = PairStore(tmp_path, run)
-    store.append(record_of(run.planned[0], True, True))
-    store.append(record_of(run.planned[1], True, True))
+    assert not store.path.exists()
+    for pair in run.planned[:2]:
+        store.append(record_of(pair, True, True))
+        assert synced[-1] == store.path.stat().st_size
     assert len(read_pairs(store.path, ended=False).records) == 2
-    assert late.wait(10)
-    assert synced[-1] == store.path.stat().st_size
-    assert len(synced) == 2
-    store.append(record_of(run.planned[2], True, True))
     store.close()
-    assert synced[-1] == store.path.stat().st_size
 
 
 def test_a_process_that_is_killed_loses_no_line(tmp_path: Path) -> None:
@@ -104,27 +83,6 @@ def test_a_process_that_is_killed_loses_no_line(tmp_path: Path) -> None:
     )
     assert subprocess.run([sys.executable, "-c", script, str(tmp_path)], check=False).returncode == -9
     assert len(read_pairs(tmp_path / "pairs.jsonl", ended=False).records) == 3
-
-
-@pytest.mark.parametrize("more", [True, False])
-def test_a_disk_that_fails_late_is_told_by_the_next_line_or_the_end(
-    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch, more: bool
-) -> None:
-    failed = threading.Event()
-
-    def full(descriptor: int) -> None:
-        failed.set()
-        raise OSError("No space left on device")
-
-    monkeypatch.setattr(store_module, "SYNC_S", 0.2)
-    store = PairStore(tmp_path, run)
-    store.begin()
-    monkeypatch.setattr(os, "fsync", full)
-    store.append(record_of(run.planned[0], True, True))
-    assert failed.wait(10)
-    with pytest.raises(DiskError, match="No space left on device"):
-        store.append(record_of(run.planned[1], True, True)) if more else store.close()
-    store.close()
 
 
 def test_a_run_without_a_pair_still_says_what_was_planned(tmp_path: Path, run: Run) -> None:
@@ -283,7 +241,6 @@ def test_after_a_failed_write_nothing_is_put_behind_the_damage(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
-        patch.setattr(store_module, "SYNC_S", 0.0)
         with pytest.raises(ReportError, match=r"No space left on device\. Is the disk full"):
             store.append(record_of(run.planned[1], True, True))
     with pytest.raises(ReportError, match="an earlier write failed"):

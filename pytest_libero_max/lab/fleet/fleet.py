@@ -13,7 +13,7 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pytest_libero_max.runs.costs import Cost
+from pytest_libero_max.lab.fleet.costs import Cost
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import replace
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.sharding import shard
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.lab.fleet.costs import Cost, CostModel, Kind
 from pytest_libero_max.lab.fleet.fleet import Fleet, Played, play, workers_fed
 from pytest_libero_max.report.formats import counted
-from pytest_libero_max.runs.costs import Cost, CostModel
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.progress import duration
 from pytest_libero_max.runs.store import StoredRun
@@ -26,7 +26,7 @@ def learn(stored: StoredRun) -> CostModel:
         raise ReportError("The run has no measured pair. Play a few, for example --libero-max-limit=32.")
     model, planned = CostModel(), {pair.case_id: pair for pair in stored.run.planned}
     for record in stored.records:
-        model.add(planned[record.case_id].kind, record)
+        model.add(Kind.of(planned[record.case_id]), record)
     return model
 
 
@@ -52,7 +52,7 @@ def plan_lines(stored: StoredRun, pairs: Iterable[PlannedPair], what: str, fleet
     model, chosen = learn(stored), playable(pairs, stored)
     if not chosen:
         raise ReportError(f"The policy of the run supports no suite of {what}.")
-    costs = [model.drawn(pair.kind, pair.case_id) for pair in chosen]
+    costs = [model.drawn(Kind.of(pair), pair.case_id) for pair in chosen]
     if fleet.servers and fleet.query_s is None:
         calls = sum(cost.calls for cost in costs)
         fleet = replace(fleet, query_s=sum(cost.policy_s for cost in costs) / max(calls, 1.0))
@@ -131,7 +131,7 @@ def shard_lines(stored: StoredRun, cases: Sequence[Case], count: int) -> list[st
     seconds = []
     for number in range(1, count + 1):
         pairs = playable(map(PlannedPair.of, shard(cases, number, count)), stored)
-        seconds.append(sum(model.drawn(pair.kind, pair.case_id).seconds for pair in pairs))
+        seconds.append(sum(model.drawn(Kind.of(pair), pair.case_id).seconds for pair in pairs))
     mean, longest = sum(seconds) / count, max(seconds)
     if not mean:
         raise ReportError("The policy of the run supports no suite of these cases.")

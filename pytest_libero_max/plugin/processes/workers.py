@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -25,9 +24,6 @@ DISTS = ("worksteal", "load")
 _INTERRUPTED = "keyboard-interrupt"
 """Error with which xdist reports a worker after Ctrl-C; it also stops the session."""
 
-_STARTS = 5
-"""Start attempts per worker before giving up."""
-
 _PATIENCE_S = 5.0
 """Time for a worker that has closed its connection to exit, s."""
 
@@ -44,13 +40,6 @@ class Workers:
         self._deaths: dict[Any, Death] = {}
         self._retries = Retries(settings, number_of_workers(config), "workers", stop)
         config.pluginmanager.register(self._retries)
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_xdist_setupnodes(self) -> None:
-        """Retry the start of a worker that dies before it is connected, where xdist would end the session."""
-        session: Any = self._config.pluginmanager.get_plugin("dsession")
-        manager = session.nodemanager
-        manager.setup_node = started_again(manager.setup_node, manager.group.allocate_id)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
@@ -96,22 +85,6 @@ def number_of_workers(config: pytest.Config) -> int:
     specs: list[str] = config.getoption("tx", None) or [""]
     counts = (spec.partition("*")[0] for spec in specs)
     return sum(int(count) if count.isdecimal() else 1 for count in counts)
-
-
-def started_again(
-    setup_node: Callable[[Any, Any], Any], allocate_id: Callable[[Any], None]
-) -> Callable[[Any, Any], Any]:
-    """Return ``setup_node`` with retries for a worker that dies before it is connected."""
-
-    def start(spec: Any, putevent: Any) -> Any:
-        for _ in range(_STARTS - 1):
-            with suppress(EOFError, OSError):
-                return setup_node(spec, putevent)
-            spec.id = None
-            allocate_id(spec)
-        return setup_node(spec, putevent)
-
-    return start
 
 
 def let_workers_restart(config: pytest.Config, settings: Settings, pairs: int) -> None:

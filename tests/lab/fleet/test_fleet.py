@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_libero_max.lab.fleet.costs import Cost
 from pytest_libero_max.lab.fleet.fleet import Fleet, play, workers_fed
-from pytest_libero_max.runs.costs import Cost
 
 PAIR = Cost(worker_s=2.0, calls=10, policy_s=1.0)
 
