@@ -57,18 +57,6 @@ _FILES = MappingProxyType(
                 "a27250e163aef96f5188b8a93d73f970284720ead0002e4235854f1d6f2e1588",
             ),
         ),
-        "3.0.0-candidate": (
-            (*_MAX, "5125847a8070bc478f149ff41bc8cbdb13b3b138b9ac596ba51ec1a6814f807a"),
-            (*_MAX, "fd73840bc0d39fc9e3cb1ea357c4d9cc37c42070d9a8e0dd757302c283a3bab4"),
-            (*_MAX, "758b27fbdaf7dbee06a5daf7ab29d7e8f1e41d7482db10c8df2f034c0d2fa231"),
-            (*_MAX, "ef3b24a2f56d70e34c26217255bce31af04ac7fc2d9dc9bcd2012dca1d1226cf"),
-            (*_HARD, "974c406a0c5bacfbf7ad07d6cf884a0e1f06c7509660b3a05dc6b59d320966aa"),
-            (*_HARD, "0695b901ad6993b303fc1383f146fccf1630f19d3f45f048e8d20ce5b2696580"),
-            (*_HARD, "e6453c2daeb838ae850708091150c67fc072e2fe265fd9bd33f67158cbc6c6f7"),
-            (*_HARD, "9bdeebb20a9553f6a20efbc73c6d3ce872e2b30fbcab1bf23a0d26e20418590f"),
-            (*_COMPARISON, "2393ad916318b5dab82d716c89bbbc03aca4893bb3204b1be63f78c53f6d301f"),
-            (*_COMPARISON, "75ff9705ba7ca2f27ab52231bd7688d5cfda67e04d8b9559d7b42c705d5fe9ed"),
-        ),
         "2.0.0": (
             (
                 "libero_max_5600.json",

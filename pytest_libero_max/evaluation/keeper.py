@@ -30,7 +30,6 @@ from pytest_libero_max.errors import (
 from pytest_libero_max.evaluation.case_support import require_support
 from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.resolving import about
-from pytest_libero_max.evaluation.resource_checks import require_disk_space
 from pytest_libero_max.evaluation.run_cases import RunCases, markers_of
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.stopping import Stop
@@ -184,7 +183,6 @@ class RunKeeper:
         settings = self.settings
         require_writable(settings.output)
         require_free(settings.output)
-        require_disk_space(settings.output, len(self.cases))
         if settings.gate:
             from pytest_libero_max.report.gate_results import require_usable, require_watched
 

@@ -227,16 +227,14 @@ class Settings(ProtocolSettings):
         group="machines",
     )
     output: Path = setting(
-        "FOLDER|auto",
-        f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
-        "--libero-max-resume the last of them",
+        "FOLDER",
+        "Folder for pairs.jsonl and report.json",
         text,
         default=DEFAULT_OUTPUT,
     )
     compare: str | None = setting(
-        "RUN|last",
-        "At the end, compare the run with this one; last: with the last complete run of the same cases "
-        "beside the output folder",
+        "RUN",
+        "At the end, compare the run with this one",
         text,
         session=True,
     )

@@ -69,8 +69,6 @@ def resolve(config: pytest.Config) -> Settings:
     with usage_errors():
         settings = resolving.resolve(values, config.invocation_params.dir, given)
     # Workers are given the options: what is chosen by this machine's files and environment is kept in them.
-    if values["output"] == "auto":
-        config.option.libero_max_output = str(settings.output)
     if settings.latency.drawn:  # the folder of a recorded run may be missing where a worker is
         config.option.libero_max_latency = str(settings.latency)
     if settings.shard is not None:

@@ -195,10 +195,10 @@ class RunEnd:
         """Return the comparison that was asked for, or why there is none; None where none was asked for."""
         from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
 
-        asked, run = self.settings.compare, self.keeper.run
-        if asked is None or run is None:
+        asked = self.settings.compare
+        if asked is None or self.keeper.run is None:
             return None
-        return comparison_at_the_end(asked, self.settings.output, run, here)
+        return comparison_at_the_end(asked, self.settings.output, here)
 
     def _suites_lines(self, report: Report) -> list[str]:
         """Return the option with which the limit takes no unsupported pair, if it took one."""
