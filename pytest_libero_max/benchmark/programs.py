@@ -213,7 +213,6 @@ def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
     """Return what a JSON or TOML file spells.
 
     Args:
-        path: Its path; the format follows from ``.toml``.
         noun: What it holds, for messages.
         parse: Turns its value into that.
 

@@ -125,7 +125,6 @@ def recognise(content: bytes, path: Path, benchmark_id: str | None = None) -> Re
     """Return the released file that a manifest is, or is like; None for another manifest.
 
     Args:
-        content: The manifest's bytes, unpacked.
         path: The file; a name like that of a released one, with or without ``.gz``, makes it like that one.
         benchmark_id: Its own id; that of a released one is recognised as well.
     """

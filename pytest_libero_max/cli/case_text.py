@@ -33,7 +33,6 @@ def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]
     """Return the lines of a case: description, event, command to play it alone, object in the manifest.
 
     Args:
-        case: The case.
         certificates: Those of the frozen cases, by id; empty where the case is none of them.
     """
     kind = EVENTS[case.event.name]
@@ -96,8 +95,6 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
 
     Args:
         folder: Made if missing.
-        world: The world of the case.
-        case: The case.
         size: Side of a picture, pixels.
 
     Returns:

@@ -159,7 +159,6 @@ class CommandPlace(_Action):
         """Add a command that holds the commands whose entry points begin with its name and a dot.
 
         Args:
-            name: Its name.
             help: What its commands have in common; their names are added.
         """
         begin = f"{self.prefix}{name}."

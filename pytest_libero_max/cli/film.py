@@ -62,7 +62,6 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
     """Add the arguments for the pairs to play again, their pictures, and the place of the files.
 
     Args:
-        command: The command.
         folder: Name of the folder for its files, in the folder of the run.
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
@@ -125,7 +124,6 @@ def write_each(
     """Play the chosen pairs again and write a file for each; return 1 if one was refused, else 0.
 
     Args:
-        options: See :func:`add_pairs`.
         name: Of the folder for the files, in that of the run.
         path_of: Path of the file of a pair, in a folder.
         writer: Writer of the file for a run with this provenance.

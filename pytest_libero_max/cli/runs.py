@@ -91,12 +91,7 @@ def _run_folders(folder: Path) -> set[Path]:
 
 
 def _row(name: str, seen: Seen) -> tuple[str, ...]:
-    """Return the cells of a run.
-
-    Args:
-        name: Path of the run below the folder that is listed.
-        seen: Its status.
-    """
+    """Return the cells of a run."""
     began = _began(seen)[:16].replace("T", " ")
     cases = seen.run.provenance["case_set"]["name"]
     return (name, seen.run.provenance["policy"]["reference"], cases, *_rates(seen), _status(seen), began)

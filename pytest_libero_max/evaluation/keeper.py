@@ -69,10 +69,6 @@ class RunKeeper:
     """Keeps a run, from before its first pair to its reports.
 
     Args:
-        settings: Of the run.
-        cases: Its cases.
-        source: Of its policy.
-        stop: Of the run.
         start: Folder that paths of other runs in gates start from.
         by_hand: True if the user has chosen the pairs by name, so that one that cannot play is an error of
             its own.

@@ -102,7 +102,6 @@ class PairPlayer:
     """Plays pairs of a run in this process.
 
     Args:
-        source: Of the policy, with the settings of the run; asked for its identity once it can be played.
         with_second_base: Item ids of the cases whose Base is played twice.
     """
 
@@ -120,8 +119,6 @@ class PairPlayer:
         """Play a pair.
 
         Args:
-            case: The case.
-            sources: Of policy and worlds.
             process: This process, which knows the phase of what is raised.
 
         Raises:

@@ -193,7 +193,6 @@ def check_policies_of_arms(settings: Settings, *references: str) -> None:
     """Check the policies that arms of the study name, without loading anything.
 
     Args:
-        settings: The settings.
         references: Of the other policies that play in the same processes.
 
     Raises:

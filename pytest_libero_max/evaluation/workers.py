@@ -87,7 +87,6 @@ class OwnSources:
     """Policy and worlds of a process that plays pairs by itself; opened when the first pair needs them.
 
     Args:
-        source: Of the policy.
         begun_s: When the run began, seconds since the epoch.
         seat: Number of this process among those that play.
     """
@@ -129,10 +128,7 @@ class CasePlayer:
     """Plays pairs with sources of its own, and returns what became of each as JSON values.
 
     Args:
-        job: Of the run.
         second: Item ids of the cases whose Base is played twice.
-        process: This process.
-        seat: Its number.
     """
 
     def __init__(self, job: Job, second: Iterable[str], process: Playing, seat: int = 0) -> None:
@@ -185,8 +181,6 @@ class Workers:
     """The workers of a run.
 
     Args:
-        job: Of the run.
-        keeper: Of the run.
         receive: Called with the item id of a pair and the answer about it.
         began: Called with the item id of a pair that begins.
     """

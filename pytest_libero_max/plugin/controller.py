@@ -57,13 +57,6 @@ from pytest_libero_max.substrates.registry import SUBSTRATES
 class RunController:
     """Registered on the controller of a distributed run, or on the only process of a plain one.
 
-    Attributes:
-        keeper: Of the run.
-        cases: Its cases, by item id.
-        progress: Plugin that shows the progress.
-        stop: Plugin that stops the run.
-        end: Plugin that reports at the end.
-
     Raises:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
             is asked for is not installed; at the start of the session: the output folder cannot be written

@@ -42,7 +42,6 @@ class RunProgress:
     """Registered beside the run's controller, which calls :meth:`begin`.
 
     Args:
-        config: pytest's config.
         form: ``auto``, ``live``, ``lines`` or ``none``.
     """
 

@@ -60,7 +60,6 @@ def stop_run(item: pytest.Item, reason: str) -> None:
     """Stop the run from the process that plays a pair: here at once, elsewhere by way of the controller.
 
     Args:
-        item: The pair.
         reason: Cause that would end every later pair in the same way, without a period.
     """
     item.config.stash[_GATE].closed = True

@@ -14,7 +14,6 @@ def call_user_hook(
     """Call a hook; ``SystemExit`` in it is an exception like others, so that gates decide the status.
 
     Args:
-        hook: The hook.
         may_raise: Exceptions that are left to the caller, beside a keyboard interrupt.
         arguments: Of the hook.
 

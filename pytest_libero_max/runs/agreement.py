@@ -282,7 +282,6 @@ def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) 
     """Return the fields in which two objects differ, with both values; a missing field counts.
 
     Args:
-        part: Name of the objects.
         one: The values that are named first.
         other: The values that are named second.
         ignored: Fields that may differ, by name or as ``part.name``.

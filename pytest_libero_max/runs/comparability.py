@@ -331,8 +331,6 @@ def measurement_differences(one: Run, other: Run, *, declared: bool = False) -> 
     """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``.
 
     Args:
-        one: A run.
-        other: Another run.
         declared: True if both say by which weights their pairs were played (:func:`declare_weights`). Then
             the addresses of their servers may differ, because their records say whether the weights do.
     """

@@ -123,10 +123,7 @@ def columns_of(
     """Return the columns of the statistics, one row a record.
 
     Args:
-        records: Measured pairs.
         tasks: The task of each, see :class:`~pytest_libero_max.runs.plan.PlannedPair`.
-        base: Name of the arm in which nothing happens.
-        dynamic: Name of the arm in which the event does.
 
     Raises:
         ReportError: A record lacks one of the arms.

@@ -48,7 +48,6 @@ def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -
     """Return the cases of a run: those of a frozen track by its name, otherwise those that a user names.
 
     Args:
-        provenance: Header of the run.
         asked: Track or path of a manifest, as the user names it; None: the track of the run.
         option: The option by which it is named.
 

@@ -126,7 +126,6 @@ def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> li
     """Return the planned pairs whose suite a policy declares that it does not support.
 
     Args:
-        planned: Planned pairs.
         policy: The policy's spec as played, None where no pair was.
     """
     suites = None if policy is None else policy.get("suites")

@@ -109,7 +109,6 @@ def progress_text(progress: Progress, now: float | None = None) -> str:
     """Return one line: pairs done, outcomes, errors, pace, time left. A narrow terminal cuts its end off.
 
     Args:
-        progress: The progress.
         now: Seconds since the epoch, for when the run will be ready; None: leave that out.
     """
     done = f"{progress.done} of {counted(progress.planned, 'pair')}"

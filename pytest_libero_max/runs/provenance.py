@@ -123,7 +123,6 @@ def redacted(command: Sequence[str], environment: Mapping[str, str] | None = Non
     """Return a command line fit to be published: no value of a secret, no user in a URL, no home folder.
 
     Args:
-        command: Arguments, the program first.
         environment: Environment that holds ``HOME``; by default that of the process.
     """
     return [

@@ -67,7 +67,6 @@ def replay_command(run: StoredRun | RunOutcomes, places: Places | None = None) -
     It is empty for the run of a program that alone has its policy.
 
     Args:
-        run: The run.
         places: Places on this machine. None: those that the run names, and then nothing but people may
             execute the command.
     """
@@ -105,7 +104,6 @@ def replay_text(replay: Sequence[str], item_id: str = "") -> str:
     """Return how to play a case again, in a line.
 
     Args:
-        replay: Result of :func:`replay_command`.
         item_id: The case; empty for none yet.
     """
     return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_PROGRAM

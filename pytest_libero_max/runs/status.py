@@ -46,7 +46,6 @@ def note_of(
 
     Args:
         began: Time at which this session began to play.
-        now: Now.
         before: Pairs that a resumed run had already.
         playing: Begin of each running pair, by item id.
         workers: Worker of each running pair, by item id, where there are several.
@@ -140,7 +139,6 @@ def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
     """Return a line for each of several runs, for example shards, and a line for all of them.
 
     Args:
-        runs: Status of each run.
         now: Seconds since the epoch, for when they will be ready; None: leave that out.
     """
     lines = [

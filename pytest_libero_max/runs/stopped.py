@@ -93,7 +93,6 @@ def ended_by_rule(
 
     Args:
         stopped: Stop of the run; None where it was not stopped.
-        planned: Planned pairs.
         policy: The policy's spec as played, which says what suites it supports.
         measured: Case ids of the measured pairs.
     """

@@ -122,9 +122,7 @@ class PairStore:
         :func:`.damaged_lines.set_lines_aside`.
 
         Args:
-            folder: Output folder.
             run: The run to resume.
-            stored: Result of :func:`read_to_resume`; None to read it now.
             policy: The policy's spec, where it is known before it plays.
 
         Returns:
@@ -436,7 +434,6 @@ def read_to_resume(folder: Path, cases: Mapping[str, Case] | None = None) -> Sto
     """Read a run that may be resumed; None where the folder holds not even the whole first line.
 
     Args:
-        folder: Output folder.
         cases: The cases of its manifest by id: a record that contradicts its case is a damaged line.
 
     Raises:

@@ -59,8 +59,6 @@ class Study:
         """Return the arms beside Base and Dynamic; not those that are these, at the policy's own cadence.
 
         Args:
-            case: The case.
-            spec: The policy's spec.
             strength: Share of the event's change in the whole run.
 
         Raises:

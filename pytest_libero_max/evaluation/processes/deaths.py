@@ -27,10 +27,8 @@ class Deaths:
     """Counts the deaths of the processes that play pairs.
 
     Args:
-        settings: Of the run.
         processes: Number of processes that play at once.
         kind: Their name for messages: ``workers``.
-        stop: Of the run.
     """
 
     def __init__(self, settings: Settings, processes: int, kind: str, stop: Stop) -> None:
@@ -64,8 +62,6 @@ class Deaths:
         not played again: it stays missing.
 
         Args:
-            case: The pair.
-            death: Of the process.
             play_again: Gives the pair to another process; returns whether that is possible.
         """
         if case.item_id in self._measured:  # it died between this pair and the next
