@@ -22,4 +22,8 @@ def matches(expression: str, names: Collection[str]) -> bool:
         raise OptionError.seen(
             "expression", expression, f": {error}. Write parts of names with and, or, not and brackets."
         ) from None
-    return compiled.evaluate(lambda word, **_: any(word.lower() in name for name in lower))
+
+    def holds(word: str, /, **_: str | int | bool | None) -> bool:
+        return any(word.lower() in name for name in lower)
+
+    return compiled.evaluate(holds)

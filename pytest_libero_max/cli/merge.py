@@ -44,11 +44,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _declared(provenance: Json, asked: Sequence[Gate]) -> tuple[Gate, ...]:
-    """Return the gates that the shards were given.
-
-    Raises:
-        OptionError: One names a run, which is opened only if the user names it as well.
-    """
+    """Return the gates that the shards were given."""
     from pytest_libero_max.report.gates import parse_gates
 
     given = {gate.text for gate in asked}

@@ -93,11 +93,7 @@ def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path]
 
 
 def _refuse_options_of_results(options: argparse.Namespace) -> None:
-    """Refuse what is for results of other runners alone.
-
-    Raises:
-        OptionError: It is given.
-    """
+    """Refuse what is for results of other runners alone."""
     from pytest_libero_max.errors import OptionError
 
     for name in ("cases", "beside"):

@@ -147,9 +147,6 @@ class PairPlayer:
         """After some pairs play the first one again: it comes out otherwise if the policy remembers them.
 
         Base alone is played again: half of the time, and the other arms share its beginning and its policy.
-
-        Raises:
-            RefusalError: It came out otherwise than before.
         """
         if not policy.spec.repeatable:
             return
@@ -211,11 +208,7 @@ class PairPlayer:
     def _played_by(
         self, arms: tuple[Arm, ...], case: Case, world: World, process: Playing
     ) -> tuple[Arm, ...]:
-        """Load the policies that arms name; return the arms whose policy plays the suite of the case.
-
-        Raises:
-            AdapterError: One cannot be loaded, or wants a camera that the world lacks.
-        """
+        """Load the policies that arms name; return the arms whose policy plays the suite of the case."""
         from pytest_libero_max.policies.check import check_cameras
         from pytest_libero_max.policies.loading import installed_policy, load_policy
 
@@ -305,11 +298,7 @@ class PairPlayer:
         return []
 
     def _require_declared_spec(self, policy: Policy) -> None:
-        """Check that the policy's spec is that of before its first pair.
-
-        Raises:
-            RefusalError: Its spec has changed.
-        """
+        """Check that the policy's spec is that of before its first pair."""
         from pytest_libero_max.policies.check import require_spec
 
         if self._declared is None or self._declared[0] is not policy:

@@ -9,7 +9,7 @@ import os
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeAlias
 
 from pytest_libero_max.errors import counted
 
@@ -30,23 +30,17 @@ class DamagedLine:
         return f"line {self.number}: {self.why}"
 
 
-@dataclass(frozen=True)
-class FileState:
-    """Identity of a file's content: equal if the file was not altered."""
+FileState: TypeAlias = tuple[int, int, int]
+"""Inode, size and time of the last write, ns: equal if a file was not altered."""
 
-    inode: int
-    size: int
-    altered_ns: int
-    """Time of the last write, in ns since the epoch."""
 
-    @classmethod
-    def of(cls, path: Path) -> FileState | None:
-        """Return the present state of a file; None where there is none."""
-        try:
-            status = path.stat()
-        except OSError:
-            return None
-        return cls(status.st_ino, status.st_size, status.st_mtime_ns)
+def file_state(path: Path) -> FileState | None:
+    """Return the present state of a file; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def damage_said(damaged: Collection[DamagedLine]) -> list[str]:

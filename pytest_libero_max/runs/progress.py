@@ -84,8 +84,6 @@ class Progress:
     """Seconds since this session began to play; None where unknown."""
     playing: Mapping[str, float] = field(default_factory=dict)
     """Seconds that each running pair has been played, by item id."""
-    workers: Mapping[str, str] = field(default_factory=dict)
-    """Worker of each running pair, by item id, where there are several."""
 
     @property
     def done(self) -> int:
@@ -150,10 +148,7 @@ def letters_text(counts: PairCounts) -> str:
 def playing_lines(progress: Progress) -> list[str]:
     """Return a line for each running pair, the longest first."""
     by_time = sorted(progress.playing.items(), key=lambda item: -item[1])
-    return [
-        f"{progress.workers.get(name, '')} playing for {duration(seconds)}: {name}".strip()
-        for name, seconds in by_time
-    ]
+    return [f"playing for {duration(seconds)}: {name}" for name, seconds in by_time]
 
 
 def duration(seconds: float) -> str:

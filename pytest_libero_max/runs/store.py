@@ -29,7 +29,13 @@ from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, Repo
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.runs.agreement import Agreement, policy_differences
 from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
-from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
+from pytest_libero_max.runs.damaged_lines import (
+    DAMAGED_NAME,
+    DamagedLine,
+    FileState,
+    file_state,
+    set_lines_aside,
+)
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
 from pytest_libero_max.runs.outside import require_inside
@@ -190,7 +196,7 @@ class PairStore:
         stored = self._resumed
         if stored is None:
             return
-        if FileState.of(self.path) != stored.state:
+        if file_state(self.path) != stored.state:
             raise OptionError(
                 f"{self.path} was written by another run since this one looked. Give the command again."
             )
@@ -271,11 +277,7 @@ class PairStore:
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
     def _require_there(self) -> None:
-        """Refuse to write into a file that was removed, which would take every line and keep none.
-
-        Raises:
-            DiskError: It was.
-        """
+        """Refuse to write into a file that was removed, which would take every line and keep none."""
         if not self.path.exists():
             raise DiskError(
                 f"Cannot write {self.path}: it was removed while the run wrote to it. Begin the run again."
@@ -359,12 +361,7 @@ _CURE = (
 
 
 def _read(path: Path, cases: Mapping[str, Case] | None = None) -> StoredRun:
-    """Read all valid lines.
-
-    Raises:
-        ReportError: The file cannot be read, or its first line is damaged.
-        OtherRunError: A line is of another run.
-    """
+    """Read all valid lines."""
     with _collector_paused():
         return _decoded(path, cases)
 
@@ -440,7 +437,7 @@ def read_to_resume(folder: Path, cases: Mapping[str, Case] | None = None) -> Sto
         ReportError: The first line is damaged, or another line is of another run; names the line.
     """
     path = folder / PAIRS_NAME
-    state = FileState.of(path)
+    state = file_state(path)
     if state is None:
         return None
     with path.open("rb") as file:

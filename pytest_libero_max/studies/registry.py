@@ -93,11 +93,7 @@ def _own() -> Mapping[str, Callable[[], object]]:
 
 
 def _of_package(point: EntryPoint) -> Callable[[str | None], Study]:
-    """Return what makes a study with settings, of the class that a package offers.
-
-    Raises:
-        ValueError: It is none, or one of its attributes breaks a rule.
-    """
+    """Return what makes a study with settings, of the class that a package offers."""
     name, kind = point.name, point.load()
     if not (isinstance(kind, type) and issubclass(kind, Study)):
         raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.Study")

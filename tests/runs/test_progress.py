@@ -60,8 +60,6 @@ def test_a_pair_that_is_measured_after_an_error_is_no_error() -> None:
 def test_the_pair_that_plays_longest_comes_first() -> None:
     progress = Progress(4, PairCounts(), playing={"a": 3.0, "b": 200.0})
     assert playing_lines(progress) == ["playing for 3 min: b", "playing for 3 s: a"]
-    progress = Progress(4, PairCounts(), playing={"a": 3.0}, workers={"a": "gw1", "b": "gw0"})
-    assert playing_lines(progress) == ["gw1 playing for 3 s: a"]
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ class RayRun:
     def __init__(self, controller: RunController) -> None:
         self._config, self._settings = config, settings = controller.config, controller.settings
         _require_alone(config)
-        self._cases, self._progress, self._stop = controller.cases, controller.progress, controller.stop
+        self._cases, self._stop = controller.cases, controller.stop
         assert settings.ray is not None
         self._asked = asked = settings.ray
         self._cluster: Cluster | None = None
@@ -211,7 +211,6 @@ class RayRun:
             item = self._items[name]
             self._idle.remove(actor)
             actor.pair, self._played_at = item, time.monotonic()
-            self._progress.began(item.case.item_id, actor.name)
             self._config.hook.pytest_runtest_logstart(nodeid=name, location=item.location)
             self._pending[actor.handle.play.remote(name)] = actor
 
