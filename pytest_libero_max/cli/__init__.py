@@ -17,7 +17,6 @@ from typing import Any
 
 from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.cli.commands import GROUPS, CommandPlace, add_place
-from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError
 
 PIPE_CLOSED = 141
@@ -51,9 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     options = argparse.Namespace()
     try:
-        command = parser()
-        complete(command)
-        options = command.parse_args(arguments)
+        options = parser().parse_args(arguments)
         return int(options.run(options) or 0)
     except LiberoMaxError as error:
         said = _named_as_here(f"libero-max: {error}", options)
