@@ -27,5 +27,5 @@ def test_a_part_is_a_block_with_every_event_and_variant() -> None:
 
 @pytest.mark.parametrize("index", range(1, 6))
 def test_more_parts_than_cases_are_refused_whichever_is_asked_for(index: int) -> None:
-    with pytest.raises(OptionError, match="2 pairs cannot be 5 shards"):
+    with pytest.raises(OptionError, match="2 pairs cannot be 5"):
         shard(load_track("smoke").cases[:2], index, 5)

@@ -15,7 +15,7 @@ def test_a_track_is_a_manifest_that_exists() -> None:
 
 
 def test_an_unknown_track_is_answered_with_the_closest() -> None:
-    with pytest.raises(OptionError, match=r"track='smok' is not a track\. Did you mean 'smoke'"):
+    with pytest.raises(OptionError, match=r"track='smok' .*'smoke'"):
         tracks.track_path("smok")
 
 
@@ -25,7 +25,7 @@ def test_a_track_that_was_edited_is_refused(tmp_path: Path) -> None:
     path = tracks.track_path("smoke", folder)
     edited = tracks.content_of(path).decode().replace('"init_state_index": 0', '"init_state_index": 1')
     tracks.write_frozen(path, edited)
-    with pytest.raises(ManifestError, match="the content is not the one that was frozen"):
+    with pytest.raises(ManifestError, match="that was frozen"):
         tracks.load_track("smoke", folder)
 
 

@@ -202,7 +202,7 @@ def test_an_interrupted_run_goes_on(folder: Path) -> None:
     before = read_pairs(folder / "libero-max-results").records
     assert len(before) == 2
     own, policy.spec = policy.spec, replace(policy.spec, query_interval=1)
-    with pytest.raises(OptionError, match=r"policy\.query_interval: .* 1\. Resume with the same"):
+    with pytest.raises(OptionError, match=r"policy\.query_interval: .* 1\. Resume with"):
         evaluate(policy, limit=4, resume=True, **HOW)
     policy.spec = own
     result = evaluate(policy, limit=4, resume=True, **HOW)
@@ -266,7 +266,7 @@ def test_a_script_plays_in_workers_and_one_that_dies_is_an_error_of_its_pair(fol
 def test_a_worker_of_a_test_is_a_fresh_process_and_what_it_says_is_checked(folder: Path) -> None:
     result = evaluate(Reacher, limit=1, workers=2, **HOW)  # episodes are short here, and not there
     (invalid,) = result.report.pairs.invalid_pairs
-    assert "has changed the budgets" in invalid.message
+    assert "changed the budgets" in invalid.message
 
 
 def test_a_script_without_a_guard_is_told_so(folder: Path) -> None:

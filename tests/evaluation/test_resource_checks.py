@@ -22,10 +22,8 @@ def test_too_little_memory_for_the_workers_is_said_with_a_cure(monkeypatch: pyte
     assert memory_note(3, SUBSTRATES["embedded"]) is None
     note = memory_note(8, SUBSTRATES["embedded"])
     assert note is not None
-    assert "2.5 GiB of memory are free, and 8 workers would take about 6.4 GiB" in note
-    assert "without the policy. Play with -n 3," in note
-    assert "8 workers would take about 24.8 GiB on the libero substrate" in str(
-        memory_note(8, SUBSTRATES["libero"])
-    )
+    assert "about 6.4 GiB" in note
+    assert "policy. Play with -n 3," in note
+    assert "would take about 24.8" in str(memory_note(8, SUBSTRATES["libero"]))
     monkeypatch.setattr(resource_checks, "available_bytes", lambda: None)
     assert memory_note(1000, SUBSTRATES["embedded"]) is None

@@ -146,7 +146,7 @@ def test_its_command_and_its_format_are_those_of_libero_max(installed: pytest.Py
         assert done.ret == 0
         return done.stdout.str()
 
-    assert "tally         Count the words that are given" in run("--help")
+    assert "tally         Count the" in run("--help")
     assert run("tally", "one", "two") == "2"
     installed.runpytest_subprocess(*RUN, "-k", "push").assert_outcomes(passed=2)
     run("report", "libero-max-results", "--export=tally=tally.txt")

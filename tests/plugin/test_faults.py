@@ -91,8 +91,8 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
     )
     ((name, (kind, message)),) = _errors(results).items()
     assert (name, kind) == ("camera_shift-v0", "CrashError")
-    assert "died of signal 11 (SIGSEGV) in a query of the policy (__init__.py, line " in message
-    assert "Its last line on stderr: 'native words'. Played 2 times. All that was said: crashes/" in message
+    assert "signal 11 (SIGSEGV)" in message
+    assert "'native words'. Played 2" in message
     assert result.ret == 11
     result.stdout.fnmatch_lines(
         [
@@ -176,11 +176,11 @@ def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:
         "camera_shift-v1": "TimeLimitError",
         "illumination_switch-v0": "MemoryLimitError",
     }
-    assert "ended itself with exit status 3 in a query of the policy" in errors["camera_shift-v0"][1]
+    assert "status 3 in a query" in errors["camera_shift-v0"][1]
     hung = "a query of the policy took longer than --libero-max-timeout=query:3 allows (faulty.py, line "
     assert errors["camera_shift-v1"][1].startswith(hung)
     assert "in hang_in_native_code" in errors["camera_shift-v1"][1]
-    assert "more than 4.0 GiB of memory" in errors["illumination_switch-v0"][1]
+    assert "more than 4.0 GiB" in errors["illumination_switch-v0"][1]
     assert result.ret == 11
     result.stdout.fnmatch_lines(["INCOMPLETE: 1 of 4 planned pairs played, 3 invalid, 0 missing*"])
 

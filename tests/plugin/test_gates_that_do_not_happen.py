@@ -358,7 +358,7 @@ def test_gates_of_shards_are_decided_by_merge(shards: list[str], capsys: pytest.
     assert main(["shards", "merge", "1", "--output=half"]) == 11
     assert main(["gate", "1", f"--gate={GATE}"]) == 10
     assert main(["gate", "1", "--gate=missing == 0"]) == 10
-    assert "libero-max shards merge decides it, on all 2 shards" in capsys.readouterr().out
+    assert "libero-max shards merge" in capsys.readouterr().out
     assert main(["shards", "merge", "1", "--output=half", "--gate=missing == 0"]) == 11
 
 

@@ -92,7 +92,7 @@ def test_damaged_reports_are_read_or_refused(folder: Path) -> None:
 def test_a_report_that_lacks_a_part_is_refused(folder: Path, changed: Json) -> None:
     path = folder / "report.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **changed}))
-    with pytest.raises(ReportError, match=r"is damaged: .* Compute it again from its pairs.jsonl"):
+    with pytest.raises(ReportError, match=r"its pairs.jsonl"):
         read_report(folder)
 
 

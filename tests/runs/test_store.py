@@ -111,7 +111,7 @@ def test_damage_before_the_end_is_an_error_with_its_line(tmp_path: Path, run: Ru
     store.close()
     lines = store.path.read_text().splitlines(keepends=True)
     store.path.write_text(lines[0] + lines[1][:50] + "\n" + lines[2])
-    with pytest.raises(ReportError, match=r"pairs\.jsonl, line 2: not JSON"):
+    with pytest.raises(ReportError, match=r"pairs\.jsonl, line 2:"):
         read_pairs(store.path)
 
 
@@ -122,7 +122,7 @@ def test_an_unknown_field_is_an_error_with_its_line(tmp_path: Path, run: Run) ->
     lines = store.path.read_text().splitlines()
     values = {**json.loads(lines[1]), "famly": "geometry"}
     store.path.write_text(f"{lines[0]}\n{json.dumps(values)}\n")
-    with pytest.raises(ReportError, match=r"line 2: .*famly.*Did you mean 'family'"):
+    with pytest.raises(ReportError, match=r"line 2: .*famly.*'family'"):
         read_pairs(store.path)
 
 
@@ -130,7 +130,7 @@ def test_a_second_run_line_is_refused(tmp_path: Path, run: Run) -> None:
     PairStore(tmp_path, run).close()
     path = tmp_path / "pairs.jsonl"
     path.write_text(path.read_text() * 2)
-    with pytest.raises(ReportError, match="the run is the first line and the first line only"):
+    with pytest.raises(ReportError, match="first line only"):
         read_pairs(path)
 
 
@@ -201,7 +201,7 @@ def test_resuming_other_cases_or_another_policy_is_refused(tmp_path: Path, run: 
 
 def test_a_folder_that_cannot_be_written_is_found_before_playing(tmp_path: Path, run: Run) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OptionError, match="cannot be written to"):
+    with pytest.raises(OptionError, match="cannot be written"):
         PairStore(tmp_path / "file" / "out", run)
 
 
@@ -217,7 +217,7 @@ def test_a_pair_that_is_no_json_is_refused_and_harms_no_other(
     store = PairStore(tmp_path, run)
     store.append(record_of(run.planned[0], True, True))
     record = structs.replace(record_of(run.planned[1], True, True), timings={"moved_m": value})
-    with pytest.raises(ReportError, match=f"{run.planned[1].case_id}.*a value JSON does not know"):
+    with pytest.raises(ReportError, match=f"{run.planned[1].case_id}.*JSON does not"):
         store.append(record)
     store.append(record_of(run.planned[2], True, True))
     store.close()
@@ -241,9 +241,9 @@ def test_after_a_failed_write_nothing_is_put_behind_the_damage(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
-        with pytest.raises(ReportError, match=r"No space left on device\. Is the disk full"):
+        with pytest.raises(ReportError, match=r"left on device\."):
             store.append(record_of(run.planned[1], True, True))
-    with pytest.raises(ReportError, match="an earlier write failed"):
+    with pytest.raises(ReportError, match="earlier write failed"):
         store.append(record_of(run.planned[2], True, True))
     store.close()
     stored = read_pairs(tmp_path)
@@ -446,7 +446,7 @@ def test_a_case_with_two_records_is_refused_with_both_lines(tmp_path: Path, run:
     path = _copies(tmp_path, run, lambda values: None)
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join([*lines, lines[1]]))
-    with pytest.raises(ReportError, match=r"line 4: .* was measured before \(line 2\)"):
+    with pytest.raises(ReportError, match=r"measured before \(line 2\)"):
         read_pairs(path)
 
 
@@ -508,7 +508,7 @@ def test_a_replay_names_a_wrapper_that_is_not_installed() -> None:
     policy = {**PROVENANCE["policy"], "wrap": {"restore": "gated", **ABSENT}}
     command = replay_of({**PROVENANCE, "policy": policy})
     assert "--libero-max-wrap=restore:gated,flicker:low" in command
-    with pytest.raises(OptionError, match=r"flicker is unknown.*If another package offers"):
+    with pytest.raises(OptionError, match=r"flicker .*another package"):
         next(option for option in OPTIONS if option.name == "wrap").read("flicker:low", "wrap")
 
 
@@ -562,7 +562,7 @@ def test_a_pair_that_was_refused_stays_refused(tmp_path: Path, run: Run, kind: s
     store.append(structs.replace(error_of(refused), kind=kind))
     store.append(error_of(fault))
     store.append(record_of(measured, True, True))
-    with pytest.raises(ReportError, match=r"was refused before .* stays refused"):
+    with pytest.raises(ReportError, match=r"before .* stays refused"):
         store.append(record_of(refused, True, True))
     store.close()
     again, stored = PairStore.resume(tmp_path, run)
@@ -570,7 +570,7 @@ def test_a_pair_that_was_refused_stays_refused(tmp_path: Path, run: Run, kind: s
     assert stored.settled == {refused.case_id, measured.case_id}
     again.begin()
     again.append(record_of(fault, True, True))
-    with pytest.raises(ReportError, match="Repair the policy and begin a new run"):
+    with pytest.raises(ReportError, match="begin a new run"):
         again.append(record_of(refused, True, True))
     again.close()
     assert [error.case_id for error in read_pairs(tmp_path).refused] == [refused.case_id]
