@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.evaluation.player import BROKEN_POLICY
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.rendering.context import RENDERING
 from tests.plugin.conftest import REACHER
@@ -36,7 +37,7 @@ def test_a_policy_that_cannot_be_constructed_stops_the_run_after_one_error(
     assert result.ret == 11
     pairs, report = results()
     assert [pair["line"] for pair in pairs] == ["error", "stopped"]
-    assert (pairs[0]["phase"], pairs[1]["reason"]) == ("policy", "policy cannot be")
+    assert (pairs[0]["phase"], pairs[1]["reason"]) == ("policy", BROKEN_POLICY)
     assert report["pairs"]["missing"] == 15
 
 

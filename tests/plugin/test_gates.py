@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pytest_libero_max.plugin import controller, session_setup
+from pytest_libero_max.plugin import session_setup
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]
@@ -27,7 +27,6 @@ def measured(rows: dict[str, Any]) -> dict[str, Any]:
 def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Sessions in this process: that gates have their pairs played by a worker is tested elsewhere."""
     monkeypatch.setattr(session_setup, "_decides_what_it_plays", lambda config: False)
-    monkeypatch.setattr(controller.RunController, "_require_other_process", lambda controller: None)
     return partial(run, subprocess=False)
 
 

@@ -16,8 +16,7 @@ FROZEN = ""
 """In the place of the plugin that shortens episodes with a table that can be edited."""
 
 
-@pytest.mark.parametrize("workers", ["-n0", "-n1"])
-@pytest.mark.parametrize("arm", ["base", "dynamic"])
+@pytest.mark.parametrize(("arm", "workers"), [("base", "-n0"), ("dynamic", "-n1")])
 def test_episodes_of_another_length_are_not_stored(
     run: Run, results: Results, pytester: pytest.Pytester, arm: str, workers: str
 ) -> None:

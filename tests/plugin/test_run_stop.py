@@ -105,14 +105,14 @@ def test_a_rule_stops_at_the_same_pair_for_any_number_of_workers(
 
 
 def test_a_stopped_run_goes_on_only_without_its_rule(run: Run, results: Results, enough: None) -> None:
-    run("--libero-max-stop=enough:3", "-n1", subprocess=True)
+    run("--libero-max-stop=enough:3", subprocess=True)
     before = len(results()[0]) - 1
-    again = run("--libero-max-stop=enough:3", "--libero-max-resume", "-n1", subprocess=True)
+    again = run("--libero-max-stop=enough:3", "--libero-max-resume", subprocess=True)
     lines, report = results()
     assert sum(line["line"] == "pair" for line in lines) == before
     assert report["pairs"]["stopped"]["at"] == 3
     assert again.ret == 0
-    on = run("--libero-max-resume", "-n1", subprocess=True)
+    on = run("--libero-max-resume")
     assert on.ret == 0
     assert results()[1]["pairs"]["complete"]
     assert results()[1]["pairs"]["stopped"] is None
@@ -213,12 +213,9 @@ def test_other_tests_are_played_after_a_rule_has_stopped_the_pairs(
     result.assert_outcomes(passed=3)
 
 
-@pytest.mark.parametrize("workers", ["1", "2"])
-def test_the_first_failure_stops_all_workers(
-    run: Run, results: Results, pytester: pytest.Pytester, workers: str
-) -> None:
+def test_the_first_failure_stops_all_workers(run: Run, results: Results, pytester: pytest.Pytester) -> None:
     policy = slow(pytester, broken=("camera_shift-v0", "receptacle_relocation-v0"), sleep_s=0.3)
-    result = run(f"-n{workers}", "-x", policy=policy, subprocess=True)
+    result = run("-n2", "-x", policy=policy, subprocess=True)
     lines, report = results()
     assert lines[-1]["line"] == "stopped"
     assert lines[-1]["rule"] is None
@@ -271,8 +268,7 @@ def test_a_run_is_resumed_in_its_order(run: Run) -> None:
         ),
     ],
 )
-@pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["plain", "n1"])
-def test_bogus_values_are_refused(run: Run, option: str, message: str, workers: tuple[str, ...]) -> None:
-    result = run(option, *workers, subprocess=bool(workers))
+def test_bogus_values_are_refused(run: Run, option: str, message: str) -> None:
+    result = run(option)
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines([message])
