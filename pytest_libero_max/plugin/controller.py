@@ -16,7 +16,7 @@ from pytest_libero_max.errors import (
 )
 from pytest_libero_max.evaluation.keeper import RunKeeper
 from pytest_libero_max.evaluation.policy_source import PolicySource
-from pytest_libero_max.evaluation.resource_checks import memory_note
+from pytest_libero_max.machine import GIB, available_bytes
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
 from pytest_libero_max.plugin.collection import (
     asked_for,
@@ -27,6 +27,7 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
+from pytest_libero_max.plugin.hookspec import call_user_hook
 from pytest_libero_max.plugin.junit_file import tell_junit
 from pytest_libero_max.plugin.options import gates_from, usage_errors
 from pytest_libero_max.plugin.pair_reports import keep_status, result_of
@@ -44,13 +45,13 @@ from pytest_libero_max.plugin.stash_keys import (
     SETTLED_INPUT,
     STOP_ATTRIBUTE,
 )
-from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.servers import Servers
 from pytest_libero_max.policies.contract import CHANCE_SHARE
 from pytest_libero_max.report.exit_status import INCOMPLETE
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs.damaged_lines import damage_said
+from pytest_libero_max.substrates.contract import SubstrateKind
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
 
@@ -294,3 +295,16 @@ def _servers_line(servers: Servers) -> str:
     if len(groups) == 1 and not servers.groups[0].marks:
         groups = [", ".join(servers.addresses)]
     return f"libero-max: {counted(len(servers.addresses), 'server')}: {'; '.join(groups)}"
+
+
+def memory_note(workers: int, kind: SubstrateKind) -> str | None:
+    """Return a warning where memory is too little for the workers; None where it is enough or unknown."""
+    available, each = available_bytes(), int(kind.worker_gib * GIB)
+    if available is None or available >= workers * each:
+        return None
+    fits = max(available // each, 1)
+    return (
+        f"libero-max: {available / GIB:.1f} GiB of memory are free, and {counted(workers, 'worker')} would "
+        f"take about {workers * each / GIB:.1f} GiB on the {kind.name} substrate, without the policy. "
+        f"Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
+    )

@@ -12,16 +12,16 @@ import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
-from pytest_libero_max.errors import class_name, text_of
+from pytest_libero_max.errors import ReportError, class_name, text_of
 from pytest_libero_max.evaluation.keeper import RunKeeper, problem_text
 from pytest_libero_max.evaluation.processes.deaths import refused_lines, set_aside_lines
 from pytest_libero_max.plugin.collection import asked_for, only_lists
+from pytest_libero_max.plugin.hookspec import call_user_hook
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
 from pytest_libero_max.plugin.options import places_of
 from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
-from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
 from pytest_libero_max.report.formats import counted
@@ -192,13 +192,22 @@ class RunEnd:
                 self.lines.append(f"The step summary was not written: {error}")
 
     def _compared(self, here: Path) -> Comparison | str | None:
-        """Return the comparison that was asked for, or why there is none; None where none was asked for."""
-        from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
+        """Return the comparison that was asked for, or why there is none; None where none was asked for.
 
-        asked = self.settings.compare
-        if asked is None or self.keeper.run is None:
+        Where this run has played a part of the cases of the earlier one, that part is compared.
+        """
+        from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
+
+        if self.settings.compare is None or self.keeper.run is None:
             return None
-        return comparison_at_the_end(asked, self.settings.output, here)
+        earlier = here / Path(self.settings.compare).expanduser()
+        both = [_relative(path, here) for path in (earlier, self.settings.output)]
+        try:
+            runs = read_runs(both)
+            theirs, ours = ({pair.case_digest for pair in outcomes.run.planned} for outcomes in runs.values())
+            return compare_runs(runs, restrict=ours <= theirs)
+        except ReportError as error:
+            return f"No comparison with {both[0]}: {error}"
 
     def _suites_lines(self, report: Report) -> list[str]:
         """Return the option with which the limit takes no unsupported pair, if it took one."""

@@ -5,14 +5,39 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Generator
-from typing import Any
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
+from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import collection, conformance, options
 from pytest_libero_max.plugin.stash_keys import DIST_NOTE, END_STATUS
+from pytest_libero_max.registry import Registry
 from pytest_libero_max.report.exit_status import INCOMPLETE
+
+if TYPE_CHECKING:
+    from pytest_libero_max.plugin.controller import RunController
+
+
+Launcher: TypeAlias = "Callable[[RunController], object]"
+"""Returns a plugin whose ``pytest_runtestloop`` plays the pairs and reports them as those of this process."""
+
+
+def _accept(_: str, make: Any) -> Launcher:
+    if not callable(make):
+        raise ValueError("an entry point of a launcher is a class or function that makes a plugin of pytest")
+    launcher: Launcher = make
+    return launcher
+
+
+LAUNCHERS: Registry[Launcher] = Registry(
+    "launcher", "pytest_libero_max.launchers", dict, _accept, OptionError
+)
+"""What plays the pairs of a session on other machines, in the place of xdist and of this process.
+
+An entry point of the group has the name of the option that asks for it, ``ray`` for ``--libero-max-ray``.
+"""
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -72,8 +97,6 @@ def _be_controller(config: pytest.Config) -> None:
     for plugin in (controller, controller.progress, controller.stop, controller.end):
         config.pluginmanager.register(plugin)
     if settings.ray is not None:
-        from pytest_libero_max.plugin.launchers import LAUNCHERS
-
         with options.usage_errors():
             launch = LAUNCHERS["ray"]
         config.pluginmanager.register(launch(controller))

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.benchmark.sharding import shard
+from pytest_libero_max.benchmark.sampling import shard
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
 

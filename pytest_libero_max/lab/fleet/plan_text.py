@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.sharding import shard
+from pytest_libero_max.benchmark.sampling import shard
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.lab.fleet.costs import Cost, CostModel, Kind
 from pytest_libero_max.lab.fleet.fleet import Fleet, Played, play, workers_fed
