@@ -181,9 +181,6 @@ def program_names() -> tuple[str, ...]:
 def find_program(text: str, folder: Path = Path()) -> Program:
     """Return a program of this package, or one from a file.
 
-    Args:
-        text: The name of one of this package, or the path of a file.
-
     Raises:
         OptionError: It is neither, or the file breaks the format.
     """
@@ -213,7 +210,6 @@ def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
     """Return what a JSON or TOML file spells.
 
     Args:
-        noun: What it holds, for messages.
         parse: Turns its value into that.
 
     Raises:

@@ -48,9 +48,6 @@ def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
 def track_path(name: str, folder: Path = FOLDER) -> Path:
     """Return the manifest of a track.
 
-    Args:
-        name: One of :func:`all_track_names`.
-
     Raises:
         OptionError: There is no such track; suggests the closest.
         ManifestError: There are no tracks at all.

@@ -156,11 +156,7 @@ class CommandPlace(_Action):
                 self.add_parser(name, help=str(error).rstrip(".").replace("%", "%%"))
 
     def add_group(self, name: str, help: str) -> None:
-        """Add a command that holds the commands whose entry points begin with its name and a dot.
-
-        Args:
-            help: What its commands have in common; their names are added.
-        """
+        """Add a command that holds the commands whose entry points begin with its name and a dot."""
         begin = f"{self.prefix}{name}."
         names = [key.removeprefix(begin) for key in COMMANDS if key.startswith(begin)]
         group = self.add_parser(
@@ -174,11 +170,7 @@ class CommandPlace(_Action):
         place.prefix = begin
 
     def listed(self, names: Iterable[str] | None = None) -> Iterator[tuple[str, str]]:
-        """Yield commands with their help.
-
-        Args:
-            names: Those to list; all by default.
-        """
+        """Yield commands with their help."""
         helps = {str(choice.dest): " ".join((choice.help or "").split()) for choice in self._choices_actions}
         return ((name, helps[name]) for name in (self.choices if names is None else names))
 

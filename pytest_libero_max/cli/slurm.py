@@ -133,9 +133,6 @@ def slurm_script(
 ) -> str:
     """Return a script for bash that submits an array of shards, and the job that merges them.
 
-    Args:
-        output: Folder of the runs; absolute.
-
     Raises:
         OptionError: A word has several lines, or an argument of pytest cannot be used.
     """

@@ -72,20 +72,12 @@ class RunKeeper:
         start: Folder that paths of other runs in gates start from.
         by_hand: True if the user has chosen the pairs by name, so that one that cannot play is an error of
             its own.
-        on_stored: Called with each pair once it is stored, before the stopping rule is asked.
 
     Attributes:
-        cases: The cases of the run, by item id.
-        substrate: The substrate, for the provenance.
         before: A resumed run as it was read; None for a new one, and once it goes on.
         settled: Item ids of the pairs of a resumed run that are not played again: measured, or refused.
         settled_before: Numbers of those that were measured and refused.
-        changed: Pairs whose outcomes differ, with their causes.
         adapter_errors: Number of pairs by the message of an error of the policy.
-        store: Of the pairs; None before :meth:`plan`.
-        report: As computed at the end; None before.
-        verdicts: Of the gates, likewise.
-        problems: What could not be read, decided or written.
 
     Raises:
         LiberoMaxError: The policy, the cases or the substrate cannot be played here, or the run to resume
@@ -210,9 +202,6 @@ class RunKeeper:
         """Begin the run.
 
         Args:
-            planned: The cases that are played, or were before.
-            selection: Which part of the case set they are.
-            command: The command line, for the provenance.
             folder: Folder whose git state the provenance names.
 
         Returns:
@@ -381,7 +370,6 @@ class RunKeeper:
         """Write the reports from what is on disk, and return the files to look at.
 
         Args:
-            amend: Returns the report with sections of the user's own.
             earlier: The comparison of an earlier run with this one, for the page; None for none.
         """
         from pytest_libero_max.report.writers.report_files import write_reports

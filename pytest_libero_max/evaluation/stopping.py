@@ -37,7 +37,6 @@ class Stop:
         """Begin to ask the stopping rule.
 
         Args:
-            run: The plan, in the order of play.
             settled: Pairs of a resumed run that are not played again. Its rule may find that nothing is to be
                 played.
         """

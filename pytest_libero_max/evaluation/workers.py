@@ -125,11 +125,7 @@ class OwnSources:
 
 
 class CasePlayer:
-    """Plays pairs with sources of its own, and returns what became of each as JSON values.
-
-    Args:
-        second: Item ids of the cases whose Base is played twice.
-    """
+    """Plays pairs with sources of its own, and returns what became of each as JSON values."""
 
     def __init__(self, job: Job, second: Iterable[str], process: Playing, seat: int = 0) -> None:
         source = job.source
@@ -178,12 +174,7 @@ class _Worker:
 
 
 class Workers:
-    """The workers of a run.
-
-    Args:
-        receive: Called with the item id of a pair and the answer about it.
-        began: Called with the item id of a pair that begins.
-    """
+    """The workers of a run."""
 
     def __init__(
         self,

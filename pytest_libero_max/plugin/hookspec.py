@@ -81,7 +81,6 @@ def call_user_hook(
 
     Args:
         may_raise: Exceptions that are left to the caller, beside a keyboard interrupt.
-        arguments: Of the hook.
 
     Returns:
         The exception that it raised, in words; None if it raised none.

@@ -37,7 +37,6 @@ class Agreement:
     """Checks that the pairs of a run are pairs of it: as planned, and all played with the same.
 
     Args:
-        run: The plan and the provenance.
         cases: The cases of its manifest by id, where that is at hand: records are compared with them.
     """
 
@@ -202,8 +201,6 @@ def differing_files(part: str, first: Json, other: Json) -> list[str]:
 
     Args:
         part: :data:`.FILES`, or :data:`.RESET_FILES`, of which only those that both have read are compared.
-        first: ``policy`` of a record.
-        other: ``policy`` of another one.
     """
     one, two = first.get(part), other.get(part)
     if one is None or two is None:
@@ -282,8 +279,6 @@ def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) 
     """Return the fields in which two objects differ, with both values; a missing field counts.
 
     Args:
-        one: The values that are named first.
-        other: The values that are named second.
         ignored: Fields that may differ, by name or as ``part.name``.
     """
     return [

@@ -151,7 +151,6 @@ def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -
 
     Args:
         sides: The runs by name. Scenes and budgets are compared on the cases that all of them have.
-        tolerated: Kinds that are left out.
     """
     settings: _Settings = {(part, name): field for part in PARTS for name, field in declared(part).items()}
     by_run = {name: _fields(side, settings) for name, side in sides.items()}

@@ -102,11 +102,7 @@ def traced_in(folder: Path) -> set[str]:
 
 
 def show_command(folder: Path, name: str, item_ids: Iterable[str], provenance: Json) -> str | None:
-    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them.
-
-    Args:
-        name: The same, as the command is to have it.
-    """
+    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them."""
     asked, view = {*item_ids}, ["libero-max", "view", name]
     if asked & films_in(folder).keys():
         return shlex.join(view)

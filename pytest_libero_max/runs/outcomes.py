@@ -122,9 +122,6 @@ def columns_of(
 ) -> Pairs:
     """Return the columns of the statistics, one row a record.
 
-    Args:
-        tasks: The task of each, see :class:`~pytest_libero_max.runs.plan.PlannedPair`.
-
     Raises:
         ReportError: A record lacks one of the arms.
     """

@@ -49,7 +49,6 @@ def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -
 
     Args:
         asked: Track or path of a manifest, as the user names it; None: the track of the run.
-        option: The option by which it is named.
 
     Raises:
         OptionError: The run played a manifest, and none is named, or there is no such track.
@@ -72,10 +71,6 @@ def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -
 
 def require_inside(folder: Path, path: Path) -> Path:
     """Return a path in a folder of results that leads to nothing outside of it.
-
-    Args:
-        folder: The folder as the user named it, which may be a link itself.
-        path: A path that begins with it.
 
     Raises:
         ReportError: It is, or goes through, a link that leads out of the folder.

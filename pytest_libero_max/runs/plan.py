@@ -123,11 +123,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
 
 
 def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> list[PlannedPair]:
-    """Return the planned pairs whose suite a policy declares that it does not support.
-
-    Args:
-        policy: The policy's spec as played, None where no pair was.
-    """
+    """Return the planned pairs whose suite a policy declares that it does not support."""
     suites = None if policy is None else policy.get("suites")
     return [] if suites is None else [pair for pair in planned if pair.suite not in suites]
 

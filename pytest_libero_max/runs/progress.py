@@ -120,13 +120,7 @@ def pace_parts(progress: Progress, now: float | None = None) -> list[str]:
 
 
 def pace_words(per_minute: float | None, seconds_left: float, now: float | None = None) -> list[str]:
-    """Return pace and time left in words.
-
-    Args:
-        per_minute: Pairs a minute; None where this session has measured none.
-        seconds_left: 0 where nothing is left to do, which is not said.
-        now: Seconds since the epoch, for when it will be ready; None: leave that out.
-    """
+    """Return pace and time left in words."""
     parts = [] if per_minute is None else [f"{per_minute:.1f}/min"]
     if seconds_left > 0:
         ready = "" if now is None else f" (ready at {_clock(now, seconds_left)})"

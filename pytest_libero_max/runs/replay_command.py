@@ -101,11 +101,7 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
 
 
 def replay_text(replay: Sequence[str], item_id: str = "") -> str:
-    """Return how to play a case again, in a line.
-
-    Args:
-        item_id: The case; empty for none yet.
-    """
+    """Return how to play a case again, in a line."""
     return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_PROGRAM
 
 

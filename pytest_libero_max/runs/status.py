@@ -122,11 +122,7 @@ class Seen:
         return counts.measured >= self.progress.planned
 
     def lines(self, now: float | None = None) -> list[str]:
-        """Return human-readable status lines.
-
-        Args:
-            now: Seconds since the epoch, for when it will be ready; None: leave that out.
-        """
+        """Return human-readable status lines."""
         progress = self.progress
         policy = self.run.provenance["policy"]["reference"]
         lines = [
@@ -172,11 +168,7 @@ class Seen:
 
 
 def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
-    """Return a line for each of several runs, for example shards, and a line for all of them.
-
-    Args:
-        now: Seconds since the epoch, for when they will be ready; None: leave that out.
-    """
+    """Return a line for each of several runs, for example shards, and a line for all of them."""
     lines = [
         "; ".join([f"{seen.lines()[0]}, {progress_text(seen.progress)}", *seen.waiting_lines])
         for seen in runs

@@ -92,9 +92,7 @@ def ended_by_rule(
     fixed before, as one without a rule, and keeps its intervals.
 
     Args:
-        stopped: Stop of the run; None where it was not stopped.
         policy: The policy's spec as played, which says what suites it supports.
-        measured: Case ids of the measured pairs.
     """
     if stopped is None or stopped.rule is None:
         return False

@@ -128,7 +128,6 @@ class PairStore:
         :func:`.damaged_lines.set_lines_aside`.
 
         Args:
-            run: The run to resume.
             policy: The policy's spec, where it is known before it plays.
 
         Returns:
@@ -338,7 +337,6 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
     other.
 
     Args:
-        path: The file, or its folder.
         ended: True if the run must have ended. False: read the pairs of one that was stopped.
 
     Raises:

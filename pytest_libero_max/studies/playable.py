@@ -21,8 +21,6 @@ def require_playable(
 
     Args:
         strength: Share of every change.
-        study: Played beside Base and Dynamic; None for none.
-        latency: Of the arms that have none of their own.
 
     Raises:
         ChangeError: A change is malformed.

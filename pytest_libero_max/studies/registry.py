@@ -58,10 +58,6 @@ def spelled_study(document: Any) -> Study:
 def find_study(text: str, folder: Path = Path()) -> Study:
     """Return the study that a user names, with its settings behind a colon, or one from a file.
 
-    Args:
-        text: The name, or the path of a JSON or TOML file.
-        folder: Folder that a path begins in.
-
     Raises:
         OptionError: There is no such study or file, or what it says breaks a rule.
     """

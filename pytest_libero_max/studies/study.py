@@ -89,9 +89,6 @@ class Study:
     def seen_from_elsewhere(self, folder: Path) -> str | None:
         """Return the value of the option that asks for the same study in another working folder.
 
-        Args:
-            folder: The folder in which it was asked for.
-
         Returns:
             None where its name and settings, or its document, say all of it.
         """

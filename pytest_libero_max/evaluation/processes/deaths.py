@@ -24,12 +24,7 @@ _NAMED = 5
 
 
 class Deaths:
-    """Counts the deaths of the processes that play pairs.
-
-    Args:
-        processes: Number of processes that play at once.
-        kind: Their name for messages: ``workers``.
-    """
+    """Counts the deaths of the processes that play pairs."""
 
     def __init__(self, settings: Settings, processes: int, kind: str, stop: Stop) -> None:
         self.processes = processes
