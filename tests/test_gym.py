@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,6 +31,7 @@ from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import Observation
 
 from .pairing.actors import Approaching, make_case
+from .plugin.conftest import tiny_manifest
 from .short_episodes import shorten_here
 
 pytest.importorskip("gymnasium", reason="the extra gym")
@@ -151,14 +153,16 @@ def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pair
     shorten_here(monkeypatch, 12)
     with pytest.raises(OptionError, match=r"traces='every'.*regressions, changed"):
         PairedRun(tmp_path, policy.spec, "smoke", traces="every")
+    manifest = tmp_path / "tiny.json"
+    manifest.write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     for name in ("none", "all"):
-        run = PairedRun(tmp_path / name, policy.spec, "smoke", limit=1, traces=name)
+        run = PairedRun(tmp_path / name, policy.spec, str(manifest), 1, "tiny", traces=name)
         for arm in run.arms(run.cases[0]):
             play(run.env(run.cases[0], arm), policy)
     capsys.readouterr()
-    assert main(["film", str(tmp_path / "none"), "--select=all"]) == 1
+    assert main(["film", str(tmp_path / "none"), "--select=all", f"--cases={manifest}"]) == 1
     assert 'with PairedRun(..., traces="all").' in capsys.readouterr().err
-    assert main(["film", str(tmp_path / "all"), "--select=all", "--size=64"]) == 0
+    assert main(["film", str(tmp_path / "all"), "--select=all", "--size=64", f"--cases={manifest}"]) == 0
     assert len(list((tmp_path / "all" / "films").iterdir())) == 1
     assert main(["report", str(tmp_path / "all")]) == 0
     capsys.readouterr()

@@ -221,7 +221,7 @@ def places(value: object, path: Route = ()) -> list[Route]:
 
 
 @given(st.sampled_from(places(document())), JSON)
-@settings(max_examples=500)
+@settings(max_examples=200)
 def test_whatever_stands_in_a_manifest_it_is_read_or_refused(path: Route, value: object) -> None:
     changed = {"top": document()}
     *parents, last = ("top", *path)

@@ -124,7 +124,7 @@ def test_an_earlier_runs_damaged_lines_go_with_it(tmp_path: Path, lines: list[by
 def test_whatever_is_damaged_the_run_goes_on_or_says_why_not(tmp_path: Path, lines: list[bytes]) -> None:
     path = tmp_path / "pairs.jsonl"
     refused = 0
-    for seed in range(150):
+    for seed in range(50):
         content = damaged(b"".join(lines), seed)
         path.write_bytes(content)
         (tmp_path / DAMAGED_NAME).unlink(missing_ok=True)
@@ -135,7 +135,7 @@ def test_whatever_is_damaged_the_run_goes_on_or_says_why_not(tmp_path: Path, lin
             assert path.read_bytes() == content, "nothing is lost"
             continue
         assert len(read_pairs(tmp_path).records) == len(RUN.planned)
-    assert refused < 80, "most damage is not of the first line"
+    assert refused < 30, "most damage is not of the first line"
 
 
 def test_a_disk_without_room_for_the_repair_leaves_everything_as_it_is(
