@@ -178,3 +178,22 @@ def test_a_real_slurm_plays_and_merges_shards(folder: Path) -> None:
     assert len(read_pairs(folder / "out").records) == 4
     merge_folders([folder / "out/shard-1", folder / "out/shard-2"], folder / "again")
     assert read_pairs(folder / "again").run == read_pairs(folder / "out").run
+
+
+BROKEN = """
+
+class Broken(Reacher):
+    queries = 0
+
+    def predict(self, observation, query):
+        type(self).queries += 1
+        if self.queries == 1:
+            raise ConnectionError("the model is not there")
+        return super().predict(observation, query)
+
+
+import os
+
+policy = Broken if "BROKEN" in os.environ else Reacher
+"""
+"""Behind REACHER: with BROKEN in the environment, the first pair cannot be measured."""

@@ -12,7 +12,8 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.runs.run_verification import _differences, chosen, fresh_place
+from pytest_libero_max.runs.fresh_place import fresh_place
+from pytest_libero_max.runs.run_verification import _differences, chosen
 from tests.plugin.conftest import REACHER, tiny_manifest
 from tests.report.made_up import plan, record_of
 
