@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-# ruff: noqa: F401 - pytest finds what is imported here
 import pytest
 
 from pytest_libero_max.plugin.collection import (
@@ -34,9 +33,31 @@ from pytest_libero_max.plugin.session_setup import (
     pytest_play_apart_from_gates,
 )
 
+__all__ = [
+    "libero_max_inject",
+    "libero_max_pair",
+    "libero_max_policy",
+    "libero_max_prefix",
+    "libero_max_settings",
+    "libero_max_substrate",
+    "libero_max_world",
+    "pytest_addoption",
+    "pytest_cmdline_main",
+    "pytest_collection_modifyitems",
+    "pytest_configure",
+    "pytest_generate_tests",
+    "pytest_load_initial_conftests",
+    "pytest_play_apart_from_gates",
+    "pytest_pycollect_makemodule",
+    "pytest_report_from_serializable",
+    "pytest_report_header",
+    "pytest_report_teststatus",
+    "pytest_report_to_serializable",
+    "pytest_runtest_makereport",
+]
+
 
 def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
-    """Declare the hooks that this plugin calls."""
     from pytest_libero_max.plugin import hookspec
 
     pluginmanager.add_hookspecs(hookspec)
