@@ -23,7 +23,7 @@ from pytest_libero_max.lab.ray.remote import identity
 from pytest_libero_max.plugin.collection import PairItem, only_lists
 from pytest_libero_max.plugin.controller import RunController
 from pytest_libero_max.plugin.options import usage_errors
-from pytest_libero_max.plugin.processes.retries import Retries
+from pytest_libero_max.plugin.processes.workers import Retries
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
 CARRIED = (

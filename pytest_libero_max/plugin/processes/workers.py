@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -12,11 +13,13 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.evaluation.processes.crash_log import Death, read_death
+from pytest_libero_max.evaluation.processes.deaths import Deaths
 from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of
-from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.processes.this_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.run_stop import RunStop
+from pytest_libero_max.plugin.stash_keys import RESULT_ATTRIBUTE
 
 DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
@@ -26,6 +29,32 @@ _INTERRUPTED = "keyboard-interrupt"
 
 _PATIENCE_S = 5.0
 """Time for a worker that has closed its connection to exit, s."""
+
+
+RETRIED = "retried"
+"""Outcome of the report of a pair that is played again, or was measured before its process died."""
+
+
+class Retries(Deaths):
+    """A plugin beside the one that starts the processes that play."""
+
+    def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
+        self.stored(pair)
+
+    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
+        """Show a pair that is played again."""
+        if report.outcome != RETRIED:
+            return None
+        return RETRIED, "r", f"RETRIED ({report.longrepr})"
+
+    def report_death(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> None:
+        """Write into the report of a failure what becomes of the pair of a dead process; see :meth:`lose`."""
+        lost = self.lose(case, death, play_again)
+        if isinstance(lost, PairError):
+            setattr(report, RESULT_ATTRIBUTE, lost.to_dict())
+            report.longrepr = f"{lost.kind}: {lost.message}"
+        else:
+            report.outcome, report.longrepr = RETRIED, lost
 
 
 class Workers:
