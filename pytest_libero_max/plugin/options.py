@@ -219,10 +219,11 @@ def native_value(option: Option, value: object) -> Any:
     """Return a value of a TOML table as another ini file writes it: text, a list of texts, True or False.
 
     pytest reads there only the one type that is declared, and a limit, a share or a shard is a number in one
-    project and text in the next. Where an option's text has parts, a list is several of them.
+    project and text in the next. Where an option's text has parts, a list is several of them and a table has
+    them by name: ``{cadence = [2, 4]}`` is ``cadence:2,4``.
 
     Returns:
-        None for an empty list.
+        None for an empty list or table.
 
     Raises:
         pytest.UsageError: It has a type that the option does not have.
@@ -235,8 +236,15 @@ def native_value(option: Option, value: object) -> Any:
         values = value if isinstance(value, list) else [value]
         lines = [line.strip() for entry in values for line in _single(option, entry).splitlines()]
         return [line for line in lines if line]
-    if option.has_parts and isinstance(value, list):
-        return ",".join(_single(option, entry) for entry in value) or None
+    return (_spelled(option, value, ":") or None) if option.has_parts else _single(option, value)
+
+
+def _spelled(option: Option, value: object, mark: str) -> str:
+    """Return the text of a value; ``mark`` stands between name and value, and ``=`` in a table inside."""
+    if isinstance(value, list):
+        return ",".join(_spelled(option, entry, mark) for entry in value)
+    if isinstance(value, dict):
+        return ",".join(f"{name}{mark}{_spelled(option, entry, '=')}" for name, entry in value.items())
     return _single(option, value)
 
 
@@ -245,7 +253,7 @@ def _single(option: Option, value: object) -> str:
         one = "text or a number"
         expected = f"{one}, or a list of these" if option.many else one
         if option.has_parts:
-            expected = f"{one}, or a list of these, as in {option.metavar}"
+            expected = f"{one}, a list of these or a table of them by name, as in {option.metavar}"
         raise _unexpected(option, value, expected)
     return str(value)
 
