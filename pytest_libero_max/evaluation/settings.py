@@ -324,14 +324,16 @@ class Settings(ProtocolSettings):
         group="machines",
     )
     output: Path = setting(
-        "FOLDER",
-        "Folder for pairs.jsonl and report.json",
+        "FOLDER|auto",
+        f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
+        "--libero-max-resume the last of them",
         text,
         default=DEFAULT_OUTPUT,
     )
     compare: str | None = setting(
-        "RUN",
-        "At the end, compare the run with this one",
+        "RUN|last",
+        "At the end, compare the run with this one; last: with the last complete run of the same cases "
+        "beside the output folder",
         text,
         session=True,
     )
@@ -357,6 +359,29 @@ class Settings(ProtocolSettings):
     def case_set(self) -> str:
         """Name of the track or manifest for people."""
         return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
+
+
+GONE = {
+    "cadence": "study=cadence:SETTINGS",
+    "delays": "study=latency:SETTINGS",
+    "repeats": "study=repeats:PLAYS",
+    "query-timeout": "timeout=query:S",
+    "step-timeout": "timeout=step:S",
+    "pair-timeout": "timeout=pair:S",
+    "semantics": "substrate=libero:semantics=WHICH",
+    "instruction": "substrate=libero:instruction=WHICH",
+    "source-variations": "substrate=libero:variations=WHICH",
+    "restore": "wrap=restore:MODE",
+    "adaptive": "wrap=adaptive:WATCH",
+    "noise-floor": "noise=floor:PAIRS",
+    "sham": "noise=sham:SHARE",
+    "film-limit": "film=WHICH:PAIRS",
+    "ray-actors": "ray=ADDRESS,actors=N",
+    "ray-cpus": "ray=ADDRESS,cpus=N",
+    "ray-gpus": "ray=ADDRESS,gpus=N",
+    "ray-ship": "ray=ADDRESS,ship",
+}
+"""Options of before, with what says the same now."""
 
 
 OPTIONS = options_of(Settings)

@@ -5,6 +5,7 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ import pytest
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
-from pytest_libero_max.evaluation.settings import OPTIONS, Settings
+from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
 from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.runs.replay_command import Places
 from pytest_libero_max.runs.setting import Group, Option
@@ -56,6 +57,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
             kind = "bool"
         parser.addini(option.key, f"See {option.flag}", kind, default=None)
 
+    for name in GONE:
+        group.addoption(
+            f"--libero-max-{name}", dest=_gone(name), nargs="?", const=True, help=argparse.SUPPRESS
+        )
+
+
+def _gone(name: str) -> str:
+    return f"libero_max_{name.replace('-', '_')}"
+
 
 def resolve(config: pytest.Config) -> Settings:
     """Return settings from the command line and the ini file.
@@ -68,6 +78,8 @@ def resolve(config: pytest.Config) -> Settings:
     with usage_errors():
         settings = resolving.resolve(values, config.invocation_params.dir, given)
     # Workers are given the options: what is chosen by this machine's files and environment is kept in them.
+    if values["output"] == "auto":
+        config.option.libero_max_output = str(settings.output)
     if settings.latency.drawn:  # the folder of a recorded run may be missing where a worker is
         config.option.libero_max_latency = str(settings.latency)
     if settings.shard is not None:
@@ -104,17 +116,23 @@ def given(config: pytest.Config, name: str) -> bool:
 
 
 def require_known_keys(config: pytest.Config) -> None:
-    """Check the keys of ini file and ``-o`` that look like ours: pytest only warns.
+    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns.
 
     Raises:
-        pytest.UsageError: One is unknown; suggests the closest.
+        pytest.UsageError: One is unknown; suggests what says the same, or the closest.
     """
     known = {option.key for option in OPTIONS}
+    gone = {_gone(name): f"It is spelled --libero-max-{instead}." for name, instead in GONE.items()}
+    for name in GONE:
+        if config.getoption(_gone(name)) is not None:
+            raise pytest.UsageError(f"--libero-max-{name}: unknown. {gone[_gone(name)]}")
     overridden = (text.partition("=")[0].strip() for text in config.option.override_ini or ())
     for key in (*in_file(config), *overridden):
         ours = key.lower().replace("-", "_")
         if ours.startswith("libero_max") and key not in known:
-            raise pytest.UsageError(f"ini option {key}: unknown. {did_you_mean(ours, known)}")
+            raise pytest.UsageError(
+                f"ini option {key}: unknown. {gone.get(ours) or did_you_mean(ours, known)}"
+            )
 
 
 def in_order(config: pytest.Config) -> bool:

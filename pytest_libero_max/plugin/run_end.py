@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
-from pytest_libero_max.errors import ReportError, class_name, text_of
+from pytest_libero_max.errors import class_name, text_of
 from pytest_libero_max.evaluation.keeper import RunKeeper, problem_text
 from pytest_libero_max.evaluation.processes.deaths import refused_lines, set_aside_lines
 from pytest_libero_max.plugin.collection import asked_for, only_lists
@@ -192,22 +192,13 @@ class RunEnd:
                 self.lines.append(f"The step summary was not written: {error}")
 
     def _compared(self, here: Path) -> Comparison | str | None:
-        """Return the comparison that was asked for, or why there is none; None where none was asked for.
+        """Return the comparison that was asked for, or why there is none; None where none was asked for."""
+        from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
 
-        Where this run has played a part of the cases of the earlier one, that part is compared.
-        """
-        from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
-
-        if self.settings.compare is None or self.keeper.run is None:
+        asked, run = self.settings.compare, self.keeper.run
+        if asked is None or run is None:
             return None
-        earlier = here / Path(self.settings.compare).expanduser()
-        both = [_relative(path, here) for path in (earlier, self.settings.output)]
-        try:
-            runs = read_runs(both)
-            theirs, ours = ({pair.case_digest for pair in outcomes.run.planned} for outcomes in runs.values())
-            return compare_runs(runs, restrict=ours <= theirs)
-        except ReportError as error:
-            return f"No comparison with {both[0]}: {error}"
+        return comparison_at_the_end(asked, self.settings.output, run, here)
 
     def _suites_lines(self, report: Report) -> list[str]:
         """Return the option with which the limit takes no unsupported pair, if it took one."""
