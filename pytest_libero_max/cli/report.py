@@ -61,7 +61,7 @@ def add_command(commands: Commands) -> None:
 def _export_named(text: str) -> tuple[str, Path]:
     name, equals, file = text.partition("=")
     if not equals or not file:
-        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example ctrf=ctrf.json")
+        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example tensorboard=logs")
     return name, Path(file)
 
 

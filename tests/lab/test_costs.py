@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from pytest_libero_max.lab.fleet.costs import CostModel, Kind, counted, seconds_of
+from pytest_libero_max.lab.costs import CostModel, Kind, counted, seconds_of
 from pytest_libero_max.pairing.record import PairRecord
 from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
 
