@@ -45,7 +45,6 @@ def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: s
 
     Args:
         kind: ``mp4`` or ``webp``; None for the format that can be written here.
-        view: One of :data:`.media.VIEWS`.
     """
     return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}", view)
 
@@ -82,9 +81,7 @@ def film_pair(
     """Play a recorded pair again and write its film, or nothing at all.
 
     Args:
-        path: See :func:`film_path`.
         world: Its world; it is left anywhere.
-        how: Size and the like.
         shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
     Raises:
@@ -262,7 +259,6 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     Args:
         names: Item ids, case ids, or expressions over parts of them as for pytest's ``-k``; none: ``which``
             decides.
-        which: One of :data:`.media.FILM_SELECTIONS`.
 
     Raises:
         OptionError: A name is not that of a measured pair, nor a part of one; suggests the closest.

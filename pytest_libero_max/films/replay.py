@@ -78,7 +78,6 @@ def play_again(
     Worlds that are the same bit for bit are drawn once. The world is left anywhere; a reset makes it new.
 
     Args:
-        look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, those of events, and the last one.
         also: Policy steps after which views are made even where they are not shown.
         simulate: False to show the positions that the traces have, where they have them.

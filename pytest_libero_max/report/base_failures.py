@@ -83,11 +83,7 @@ _UNSEEN = "A model that has never seen these scenes may fail there with a right 
 
 
 def base_failures(records: Sequence[PairRecord]) -> list[BaseFailures]:
-    """Return the failures of Base by cause, the most frequent first; none where Base solves half or more.
-
-    Args:
-        records: Played pairs.
-    """
+    """Return the failures of Base by cause, the most frequent first; none where Base solves half or more."""
     failed = [record for record in records if BASE in record.arms and not record.base_success]
     if 2 * len(failed) <= len(records):
         return []

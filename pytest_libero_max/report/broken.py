@@ -88,7 +88,6 @@ def parts_of(
     Nothing is said of an outcome without pairs.
 
     Args:
-        report: The report.
         films: Item ids of the pairs with a film; of a cause of Base, one with a film is named.
         most: Number of pairs to name of an outcome.
         most_groups: Number of groups of which pairs are named.
@@ -117,8 +116,6 @@ def groups_of(
     """Return the pairs of an outcome by cause and event, large groups first.
 
     Args:
-        pairs: Changed pairs.
-        outcome: Which of them.
         most: Number of pairs to name: one of each group, then a second one of each, and so on.
         most_groups: Number of groups of which pairs are named.
     """
@@ -159,12 +156,7 @@ def named_of(pairs: Sequence[ChangedPair], most: int) -> list[str]:
 
 
 def to_look_at(report: Report, most: int) -> list[str]:
-    """Return the item ids of the pairs that a summary names: failures in Base, then the changed pairs.
-
-    Args:
-        report: The report.
-        most: Number of regressions, and of gains.
-    """
+    """Return the item ids of the pairs that a summary names: failures in Base, then the changed pairs."""
     failed = [group.item_ids[0] for group in known_failures(report)]
     return list(dict.fromkeys([*failed, *named_of(report.changed_pairs, most)]))
 
@@ -198,7 +190,6 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
     """Return the pairs as tables.
 
     Args:
-        report: The report.
         films: Address of the film of each pair that has one, by item id.
     """
     sections = []
@@ -229,9 +220,7 @@ def broken_lines(
     """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any.
 
     Args:
-        report: The report.
         films: Path of the film of each pair that has one, by item id.
-        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
     """
     films, lines = films or {}, []
     for part in parts_of(report, films, _MOST_OF_GROUPS, _MOST_GROUPS):

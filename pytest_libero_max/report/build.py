@@ -261,9 +261,7 @@ def outcome_groups(
     """Return the fields of a report that group pairs, as far as they follow from outcomes.
 
     Args:
-        planned: Every assigned pair.
         measured: Those with an outcome, in the order of the columns.
-        columns: Their outcomes.
         ends: Success of Base and of Dynamic, by case id.
     """
     by = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
@@ -331,11 +329,7 @@ def _outcomes(groups: Mapping[str, Result]) -> dict[str, Outcomes]:
 
 
 def extremes_of(categories: Mapping[str, Outcomes]) -> dict[str, Extremes]:
-    """Return by source the categories of lowest Base success and of largest loss, the first among equals.
-
-    Args:
-        categories: Outcomes by source category.
-    """
+    """Return by source the categories of lowest Base success and of largest loss, the first among equals."""
     sources: dict[str, dict[str, Outcomes]] = {}
     for name, outcomes in categories.items():
         if outcomes.total:
@@ -350,11 +344,7 @@ def extremes_of(categories: Mapping[str, Outcomes]) -> dict[str, Extremes]:
 
 
 def split_of(variants: Mapping[str, Outcomes]) -> Split | None:
-    """Return the event whose parameter variants differ most in Dynamic success; None where none has two.
-
-    Args:
-        variants: Outcomes by event and variant.
-    """
+    """Return the event whose parameter variants differ most in Dynamic success; None where none has two."""
     events: dict[str, dict[str, Outcomes]] = {}
     for name, outcomes in variants.items():
         event, _, variant = name.rpartition("-")
@@ -434,7 +424,6 @@ def substrate_of(provenance: Json, planned: Iterable[PlannedPair]) -> Substrate:
 
     Args:
         provenance: As the run recorded it. Older runs recorded the name alone.
-        planned: The cases that the scores are of.
     """
     name = provenance["substrate"]["name"]
     own = own_cases_text(provenance["case_set"]["name"], [pair.suite for pair in planned])

@@ -91,7 +91,6 @@ def connect(report: Report, key: str, arm: Arm) -> Connection | str:
     """Return the connection of a run with a row of the paper; a text says why there is none.
 
     Args:
-        report: The report of the run.
         key: Key of the row, for example ``pi05``.
         arm: ``base`` or ``dynamic``.
     """
@@ -110,9 +109,7 @@ def lack_of_connection(
     """Return why a run cannot be held against a row of the paper; None where it can.
 
     Args:
-        provenance: Provenance of the run.
         played: Number of its pairs that are measured, or will be.
-        key: Key of the row.
         query_interval: Q of its policy; None where that is not known yet.
     """
     lack = lacks_for_published(provenance, played, published_file(provenance))

@@ -57,8 +57,6 @@ def export(name: str, run: ExportedRun, place: Path) -> list[Path]:
     """Write a run in a format.
 
     Args:
-        name: One of :data:`EXPORTS`.
-        run: The run.
         place: The file; the folder where the format has several files.
 
     Returns:

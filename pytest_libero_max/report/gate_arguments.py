@@ -15,12 +15,7 @@ _KNOWN = ("allow", "first")
 
 
 def refused(gate: str, rest: str) -> OptionError:
-    """Return the error of a gate that is not in the language, or decides nothing.
-
-    Args:
-        gate: The gate as written.
-        rest: Text behind it.
-    """
+    """Return the error of a gate that is not in the language, or decides nothing."""
     return OptionError.seen("gate", gate, rest)
 
 
@@ -42,7 +37,6 @@ def read_arguments(text: str, gate: str) -> RunArguments:
 
     Args:
         text: The arguments. A folder with a comma in its name is written in quotes.
-        gate: The gate, for messages.
 
     Raises:
         OptionError: An argument is unknown, or has a value that it cannot have.

@@ -65,7 +65,6 @@ def read_baseline(stored: StoredRun, path: Path) -> Baseline | str | None:
     """Read the other run of a gate; None where there is none yet, a text where the two cannot be compared.
 
     Args:
-        stored: The run that gates are decided on.
         path: The other run: its folder, or one of its files.
     """
     folder = folder_of(path)

@@ -138,10 +138,6 @@ def all_endings(seen: Ending, pairs: int) -> Iterator[Ending]:
     In these all pairs to come end alike. There each quantity but the p-value is largest and smallest, because
     every single pair moves it in one direction. The p-value is largest where losses and gains are as equal as
     they can become. A gate with one verdict in all of them has it in every ending.
-
-    Args:
-        seen: Counts of the pairs that are played.
-        pairs: Number of all pairs.
     """
     left = pairs - seen.pairs
     for base in (0, 1):

@@ -49,9 +49,7 @@ def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequenc
     """Return the probability that a gate passes.
 
     Args:
-        gate: The gate, with a limit.
         pairs: Number of pairs that it is decided on.
-        chances: Probabilities of the outcomes of a pair.
         planned: These pairs, for a quantity by task.
 
     Raises:
@@ -106,7 +104,6 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> Iterato
 
     Args:
         gate: The gate; not one by task.
-        base: Base success rate.
         chance: Share of pairs lost, and gained, by chance alone.
         loss: Share of pairs lost by the effect and by chance.
     """
@@ -139,7 +136,6 @@ def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:
     them apart is :func:`useful_sizes`.
 
     Args:
-        base: Base success rate.
         chance: Share of pairs lost, and gained, by chance alone.
         effect: Share of pairs that the loss to be found costs beside, above 0.
     """
@@ -160,9 +156,6 @@ def pairs_to_show(gate: Gate, more_than: int, loss: float, gain: float) -> int |
 
     Args:
         gate: One on an end of the interval of a difference.
-        more_than: Number of pairs that did not suffice.
-        loss: Share of pairs lost.
-        gain: Share of pairs gained.
 
     Returns:
         None where the gate cannot be planned, or no size suffices.

@@ -34,7 +34,6 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     Args:
         gate: A gate that names no other run. One on what is chosen, on what probes measure, or on a section
             of the report passes.
-        chosen: The pairs of the run.
 
     Raises:
         OptionError: No outcome of the pairs meets it, or every one.
@@ -57,9 +56,7 @@ def _require_open(gate: Gate, values: Sequence[float], pairs: str, there: str = 
     """Refuse a gate that no value from the smallest to the largest meets, or every one.
 
     Args:
-        gate: The gate.
         values: Values at the extremes; none meets the gate where there are none.
-        pairs: Number of pairs in words.
         there: What is known of the other run, a clause.
         exact: True if no outcome has a value outside these.
     """
@@ -76,7 +73,6 @@ def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
     """Refuse a limit for a difference from another run that no outcome of this one meets, or every one.
 
     Args:
-        gate: A gate against another run.
         earlier: Dynamic success of the other run on the cases of this one.
 
     Raises:

@@ -56,9 +56,7 @@ def require_usable(
     Called before anything is played.
 
     Args:
-        gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
         pairs: All pairs of the track or manifest, also those left out of the run.
-        chosen: The pairs of the run.
         folder: Folder of the run, which may not exist yet.
         start: Folder that relative paths of other runs in the gates begin at.
 
@@ -120,10 +118,6 @@ def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:
 def require_connectable(gates: Iterable[Gate], run: Run) -> None:
     """Refuse gates against rows of the paper that a run cannot be held against, whatever it measures.
 
-    Args:
-        gates: The gates.
-        run: Plan and provenance of the run.
-
     Raises:
         OptionError: There is one; says why.
     """
@@ -148,7 +142,6 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
     """Decide gates on the run in ``folder``.
 
     Args:
-        gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
         folder: Folder of the run, or its ``pairs.jsonl``.
         start: Folder from which relative paths of other runs in the gates start.
 

@@ -45,7 +45,6 @@ class GateRule(StoppingRule):
         """Begin to watch a gate.
 
         Args:
-            gate: The gate.
             pairs: Number of pairs that it is decided on, at least 1.
 
         Returns:

@@ -323,7 +323,6 @@ def always_or_never(
     """Return whether every value of a range meets a gate, and whether none does.
 
     Args:
-        gate: The gate.
         least: Smallest value; None where there is none, as for ``most``.
         most: Largest value.
         whole: True if all values are whole numbers.
@@ -483,7 +482,6 @@ def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) ->
     """Refuse gates on groups that no pair can be in.
 
     Args:
-        gates: Gates that were read.
         pairs: All pairs of the track or manifest, also those left out of the run.
 
     Raises:

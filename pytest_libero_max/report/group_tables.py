@@ -17,14 +17,7 @@ FLOOR_NOTE = "* Base success is below 20%: a small change shows no robustness th
 
 
 def group_table(kind: TableKind, title: str, groups: Mapping[str, Result], dimension: str = "event") -> Table:
-    """Return one row a group, and a note on groups in which Base success is too low to fall.
-
-    Args:
-        kind: Its quantities.
-        title: Heading of the names of the groups.
-        groups: Results by group.
-        dimension: What they are groups of.
-    """
+    """Return one row a group, and a note on groups in which Base success is too low to fall."""
     quantities = quantities_in(kind)
     short = kind == "given_response"  # its title says the rest of the headings
     return Table(

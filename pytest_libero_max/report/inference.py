@@ -21,7 +21,6 @@ def inference_of(records: Sequence[PairRecord], protocol: Json) -> Inference:
     """Return the protocol class of a run.
 
     Args:
-        records: Its pairs.
         protocol: Settings of the run, for the latency where no pair was played.
     """
     late: dict[str, dict[str, None]] = {}

@@ -29,9 +29,6 @@ class Shown(Protocol):
 def lacks_of(row: Result) -> list[str]:
     """Return why the change of a set of pairs says almost nothing about the event; empty otherwise.
 
-    Args:
-        row: Result of the pairs.
-
     Returns:
         Clauses without a period.
     """

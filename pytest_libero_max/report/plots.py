@@ -132,14 +132,7 @@ class Plot:
 
 
 def change_plot(title: str, names: str, rows: Sequence[Row], note: str = "") -> Plot:
-    """Return a plot of changes; see :func:`change_row`. Its heading announces intervals where there are some.
-
-    Args:
-        title: The title.
-        names: Heading of the names.
-        rows: From top to bottom.
-        note: Help for reading it.
-    """
+    """Return a plot of changes, see :func:`change_row`; its heading announces intervals where there are some."""
     return Plot(title, (names, "pp [95%]" if any(row.span for row in rows) else "pp"), rows, note=note)
 
 

@@ -56,7 +56,6 @@ def probe_key(name: str, text: str) -> str | None:
 
     Args:
         name: ``PROBE.COLUMN`` for Dynamic, or ``PROBE.COLUMN.ARM``.
-        text: The gate.
 
     Raises:
         OptionError: The probe has no such column, or it holds no numbers.

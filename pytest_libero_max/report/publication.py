@@ -49,7 +49,6 @@ def publish(run: Path, folder: Path, actions: bool = False, about: About | None 
     The same pairs give the same files.
 
     Args:
-        run: The output folder of the run.
         folder: Made where it is missing. Files of these names are replaced.
         actions: True to write the recorded actions as well, with which others replay the pairs without the
             policy.

@@ -217,8 +217,6 @@ def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None
     """Return why published results are not of the cases that a run played; None where they are.
 
     Args:
-        provenance: Provenance of the run.
-        played: Number of measured pairs.
         file: The authors' cases that the results are of; by default all 8,000.
     """
     file = file or _MAX

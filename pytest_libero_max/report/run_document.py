@@ -41,7 +41,6 @@ def run_document(
     """Return the report of a run as a document.
 
     Args:
-        report: The report.
         films: Path of the film of each pair that has one, relative to the document, by item id.
         gates: Verdicts on the gates that the run was given.
         stored: The run, for its origin; None leaves that out.

@@ -117,7 +117,6 @@ def with_sections(report: Report, amended: Json) -> Report:
     """Return the report with the sections of its amended copy.
 
     Args:
-        report: As computed from the pairs.
         amended: A copy of plain values that a hook was given; only its ``sections`` may differ.
 
     Raises:

@@ -76,7 +76,6 @@ def statements_of(case_set: str, cases: Collection[str], *, with_intervals: bool
 
     Args:
         case_set: Name of the case set, as the header of a run has it: ``track NAME`` or ``manifest PATH``.
-        cases: Ids of the cases.
         with_intervals: False where a rule has ended the run, so that there are none.
     """
     left_out = () if with_intervals else _OF_INTERVALS

@@ -150,7 +150,6 @@ class CompletedPrefix:
     """Asks a rule about the longest completed prefix of the order of play.
 
     Args:
-        named: The rule.
         planned: Every pair of the run, in the order of play.
         gates: Conditions that the finished report has to meet.
     """
@@ -193,7 +192,6 @@ def watched_by(
     """Return what the rule that stopped a run knew, found again from the same pairs.
 
     Args:
-        stopped: Stop of the run.
         planned: Every pair of the run, in the order of play.
         pairs: Measured pairs and errors; of a pair that has both, the record comes first.
         gates: Gates that the run declared.

@@ -65,10 +65,6 @@ def note_check(path: Path, folder: Path, pairs: int, seed: str, actions: bool) -
 
     Args:
         path: The file; the checks of other runs stay in it.
-        folder: Of the run.
-        pairs: Number of pairs that were played.
-        seed: By which they were drawn.
-        actions: See :class:`PlayedAgain`.
 
     Raises:
         ReportError: The file cannot be read or written.

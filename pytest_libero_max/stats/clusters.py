@@ -66,8 +66,6 @@ def cluster_bootstrap(
         clusters: (n,) label of the cluster of each case.
         strata: (n,) labels within which clusters are drawn independently; every cluster lies in one.
         pools: (n,) labels as above; by default all cases are one pool.
-        seed: Of the private generator.
-        confidence: Two-sided level.
 
     Returns:
         The interval, None without cases.
@@ -107,8 +105,6 @@ def resampled_means(
 
     Args:
         columns: (n, k) values, n >= 1.
-        clusters: See :func:`cluster_bootstrap`, as for the following.
-        seed: Of the private generator.
 
     Returns:
         (replicates, k) means, and the number of clusters.

@@ -20,7 +20,6 @@ def mean_difference_interval(differences: ArrayLike, confidence: float = CONFIDE
 
     Args:
         differences: (n,) numbers, one a pair.
-        confidence: Two-sided level.
     """
     values = np.sort(np.asarray(differences, dtype=np.float64))  # the order of the pairs changes no bit
     if np.count_nonzero(values) < LEAST_DIFFERENT or (values == values[0]).all():
@@ -39,7 +38,6 @@ def median_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Interv
 
     Args:
         values: (n,) numbers.
-        confidence: Two-sided level.
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     n = len(ordered)

@@ -125,7 +125,6 @@ def mean_change(
     Args:
         differences: (n,) integers; for paired binary outcomes Dynamic - Base.
         strata: (n,) labels, or None.
-        confidence: Two-sided level.
     """
     values = np.asarray(differences)
     if values.size == 0:

@@ -87,7 +87,6 @@ def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
 
     Args:
         pairs: All pairs, at least 1.
-        confidence: Two-sided level.
 
     Raises:
         ReportError: The counts cannot be those of pairs.

@@ -50,7 +50,6 @@ def stratified_difference(
 
     Args:
         strata: Successes of the first and of the second in each stratum, with an episode of each.
-        confidence: Two-sided level.
 
     Raises:
         ReportError: There is no stratum, or one without an episode of each.

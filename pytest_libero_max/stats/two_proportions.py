@@ -76,7 +76,6 @@ def episodes_for_power(first: float, second: float, target: float, alpha: float 
 
     Args:
         target: The probability, for example 0.8.
-        alpha: Two-sided level.
     """
     gap, mean = abs(first - second), (first + second) / 2
     if gap == 0:

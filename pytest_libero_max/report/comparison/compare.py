@@ -286,7 +286,6 @@ def _of_fixed_runs(contrasts: Iterable[AnyContrast], stopped: Collection[str]) -
     """Return contrasts, without intervals and p-values where a rule stopped one of the runs.
 
     Args:
-        contrasts: The contrasts.
         stopped: Names of the runs that a rule stopped.
     """
     return [

@@ -33,7 +33,6 @@ def write_comparison(comparison: Comparison, folder: Path, common: CommonCases |
     """Write ``comparison.json``, ``comparison.md``, ``comparison.html`` and the figures.
 
     Args:
-        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
         folder: Made where it is missing.
         common: The cases that were compared, of runs named by their paths. The page then has a table of
             them, shows their films, and links to the pages of the runs.
@@ -72,7 +71,6 @@ def comparison_html(
     """Render a comparison as a page.
 
     Args:
-        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
         common: The cases that were compared, of runs named by their paths; None leaves their table out.
         folder: Folder of the page; by default the working directory.
     """

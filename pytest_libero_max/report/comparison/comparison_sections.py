@@ -69,12 +69,7 @@ RUNS = quantities_in("runs")
 
 
 def document_of(comparison: Comparison, flips: int = _LISTED) -> Document:
-    """Return a comparison as a document.
-
-    Args:
-        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
-        flips: Number of changed cases to list.
-    """
+    """Return a comparison as a document."""
     changed = len(comparison.flips)
     shown = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
     sections = [Section(tables=[_runs_table(shown)])]
@@ -115,7 +110,6 @@ def short_lines(comparison: Comparison, flips: int = _LISTED_AT_THE_END) -> list
 
     Args:
         comparison: Of two runs, the earlier one first.
-        flips: Number of changed cases to list.
     """
     changed = len(comparison.flips)
     command = ["libero-max", "compare", *(["--restrict"] if comparison.pairs.restricted else [])]

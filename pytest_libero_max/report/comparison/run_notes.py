@@ -19,7 +19,6 @@ def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
     """Return what keeps the numbers of a run from saying what they seem to: a floor, or its stopping rule.
 
     Args:
-        run: The run.
         result: Its result over the cases that are compared.
     """
     warnings = [warning_of(result)]

@@ -56,7 +56,6 @@ def broken_cards(
     """Return what Base fails at where it solves little, then the pairs that were lost and that were gained.
 
     Args:
-        report: Of the run.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         records: The played pairs, by item id.
     """

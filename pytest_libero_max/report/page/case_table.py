@@ -44,7 +44,6 @@ def run_cases(
     """Return the data of the table of cases of a run.
 
     Args:
-        stored: The run.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         pictures: Paths of the pictures of each pair that has some, in the same way.
         folder: Folder of the run, for its traces; None for none.
@@ -186,8 +185,6 @@ def again(
     """Return the command that plays a case again, or a sentence where no command can.
 
     Args:
-        caption: Purpose.
-        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`.
         there: Place of the command, which ends the caption.
         needs: As for :func:`command`, like ``unless``.
         unless: See ``needs``.
@@ -203,9 +200,7 @@ def command(
     """Return a command on a case.
 
     Args:
-        caption: Purpose and place.
         before: Text before the item id; empty where the caption says all.
-        after: Text behind it.
         needs: It is offered where the case has all of these ...
         unless: ... and none of these, in the words of ``has``.
     """
@@ -255,8 +250,6 @@ def label_column(
 
     Args:
         key: Its name in the address of a view.
-        title: Its heading.
-        names: One a case.
         order: The first of the distinct names in their order; the others follow by the alphabet.
         titles: Titles of the names, where they differ from the names.
         cells: Texts of the names in the table, where they differ from the titles.

@@ -37,12 +37,7 @@ class ShownEvent(NamedTuple):
 
 
 def events_of(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[ShownEvent]:
-    """Return the events with pictures and parameters, in the benchmark's order.
-
-    Args:
-        planned: Pairs whose events are shown.
-        records: Pairs whose parameters are shown.
-    """
+    """Return the events with pictures and parameters, in the benchmark's order."""
     pairs = {pair.event_variant: pair for pair in planned}
     found: dict[str, list[PairRecord]] = {name: [] for name in pairs}
     for record in records:

@@ -63,7 +63,6 @@ def first_screen(report: Report, earlier: Comparison | None = None) -> dict[str,
     """Return the values of the first screen of a run with played pairs, by their names in the template.
 
     Args:
-        report: Of the run.
         earlier: The comparison of an earlier run with it; None for none.
     """
     overall = report.overall

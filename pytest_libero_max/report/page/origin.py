@@ -17,12 +17,7 @@ _NOT_RECORDED = "not recorded"
 
 
 def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
-    """Yield names and values. Values that an older version did not record are marked so.
-
-    Args:
-        report: Of the run.
-        stored: The run.
-    """
+    """Yield names and values. Values that an older version did not record are marked so."""
     origin = report.provenance
     yield "date", origin.get("started") or _NOT_RECORDED
     yield "time in pairs", _duration(stored)

@@ -94,11 +94,7 @@ def document_page(
     """Render a document with a template that extends ``document.html``; see :func:`page`.
 
     Args:
-        template: The template.
-        document: The document.
-        cases: Data of the table of cases.
         own_way: Keys of the sections that the template shows in its own way.
-        values: Values that the template asks for.
     """
     return page(
         template,
@@ -127,7 +123,6 @@ def page(
 
     Args:
         template: File in ``templates``.
-        title: Title and first heading.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it.
         scripts: Files of scripts of a page without the table of cases, which has its own.

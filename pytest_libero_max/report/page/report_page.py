@@ -36,9 +36,7 @@ def html(
     """Render a report as a page.
 
     Args:
-        report: Result of :func:`~pytest_libero_max.report.build.build_report`.
         regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
-        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
         stored: The run, for its events and its origin; None leaves these out.
         cases: Result of :func:`~pytest_libero_max.report.page.case_table.run_cases`;

@@ -57,7 +57,6 @@ def document_markdown(document: Document, figures: Mapping[str, str] | None = No
     """Return a document as the content of a file.
 
     Args:
-        document: The document.
         figures: Captions of figures beside the file, by the stem of their names; None for none.
     """
     parts = [f"# {markdown_text(document.title)}"]

@@ -46,8 +46,6 @@ def table_latex(table: Table, comments: Sequence[str], *, short: bool = False) -
     r"""Return a table as a LaTeX ``tabular`` without title and note; ends with a newline.
 
     Args:
-        table: The table.
-        comments: Lines above it.
         short: True for the headings of narrow tables.
     """
     cells = table.cells()

@@ -33,8 +33,6 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
 
     Args:
         records: Measured cases, in the order of the report.
-        tasks: The reference task of each.
-        protocol: Of the header of the run.
 
     Raises:
         ReportError: A record lacks an arm of the study, or the study is not known.

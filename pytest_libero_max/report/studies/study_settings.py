@@ -89,8 +89,6 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
 
     Args:
         arms: The arms of a program or a study, as data; what they lack is read from the records.
-        records: Measured cases.
-        names: Arms that some case has.
     """
     spelled = {arm["name"]: arm for arm in arms}
     ways = {}

@@ -34,7 +34,6 @@ def gate_plan_lines(
     """Return the plan of a gate.
 
     Args:
-        gate: The gate.
         pairs: Number of pairs that it is decided on, or the pairs of a track.
         base: Base success rate; against another run, Dynamic success of that run.
         chance: Share of pairs lost, and gained, by chance alone.
@@ -71,7 +70,6 @@ def advice_lines(base: float, chance: float, effect: float) -> list[str]:
     """Return which gate, on how many pairs of which track, finds a loss.
 
     Args:
-        base: Base success rate.
         chance: Share of pairs lost, and gained, by chance alone.
         effect: Share of pairs that the loss costs beside, above 0.
     """

@@ -22,7 +22,6 @@ def gate_lines(
     """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
 
     Args:
-        results: Result of :func:`~pytest_libero_max.report.gate_results.decide`.
         replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`; None leaves it out.
         show: Result of :func:`~pytest_libero_max.runs.media.show_command`, which takes its place.
     """

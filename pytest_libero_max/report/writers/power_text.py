@@ -86,7 +86,6 @@ def power_lines(expectations: tuple[Expectation, ...], change: float | None = No
     """Return the smallest loss and gain that every track resolves, and the pairs that a change needs.
 
     Args:
-        expectations: For the whole run or single events.
         change: A paired change, for example -0.05 (a loss) or 0.05 (a gain), for which the pairs needed are
             added.
     """

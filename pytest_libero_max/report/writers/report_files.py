@@ -57,11 +57,8 @@ def write_reports(
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
     Args:
-        folder: The folder of the run.
         amend: Returns the report with sections of the user's own.
         on_problem: Called for each file that cannot be made or written. None: the first one is an error.
-        gates: Verdicts to show, for example of
-            :func:`~pytest_libero_max.report.gate_results.decide_on`.
         earlier: The comparison of an earlier run with this one, for the page; None for none.
 
     Returns:

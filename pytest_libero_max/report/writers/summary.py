@@ -42,10 +42,7 @@ def summary_lines(
     """Render a report for the terminal.
 
     Args:
-        report: Result of :func:`~pytest_libero_max.report.build.build_report`.
-        paths: Files written, named at the end.
         films: Path of the film of each pair that has one, by item id.
-        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
 
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
