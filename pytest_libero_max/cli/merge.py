@@ -68,8 +68,8 @@ def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.report.broken import to_look_at
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
     from pytest_libero_max.report.gate_results import decide, require_usable
+    from pytest_libero_max.report.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.gates import parse_gates
-    from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command

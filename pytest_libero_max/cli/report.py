@@ -112,13 +112,13 @@ def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
     """Write the report of results that another runner wrote."""
     from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.formats import interval_text, points
+    from pytest_libero_max.report.gate_text import gate_lines
     from pytest_libero_max.report.read_results import (
         contrast_with,
         decide_results,
         report_of_results,
         write_results,
     )
-    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.outcomes import read_outcomes
 
@@ -146,12 +146,12 @@ def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
 
 def _report(options: argparse.Namespace) -> None:
     from pytest_libero_max.report.broken import to_look_at
+    from pytest_libero_max.report.gate_text import gate_lines
     from pytest_libero_max.report.readers import reader_of
     from pytest_libero_max.report.run_tables import csv_text, latex_text
     from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
-    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.report_files import write_figures, write_text
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command

@@ -77,7 +77,7 @@ def _list(folder: Path = Path()) -> int:
             unreadable.append(f"cannot be read: {error}")
     lines = aligned([_HEAD, *(row for _, row in sorted(found))]) if found else []
     if any(_FLOOR in cell for _, row in found for cell in row):
-        from pytest_libero_max.report.group_tables import FLOOR_NOTE
+        from pytest_libero_max.report.groups import FLOOR_NOTE
 
         lines.append(FLOOR_NOTE)
     say([*lines, *unreadable] or [f"There is no run below {folder}."])

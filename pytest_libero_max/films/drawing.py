@@ -253,7 +253,6 @@ class _Canvas:
         return min((steps for steps in since if 0 <= steps < arm.control_hz), default=None)
 
     def _draw_strip(self, pen: ImageDraw.ImageDraw, top: int, height: int, step: int) -> None:
-        """Distance to the trigger entity and gripper opening over the steps of the film."""
         line = self._line_px
         left, right = 8, self._width - 8
         distances = _Plot(
@@ -388,7 +387,6 @@ def _written(words: str, size_px: int) -> Picture.Image:
 
 @lru_cache(maxsize=4096)
 def _length(words: str, size_px: int) -> int:
-    """Width of some words in pixels."""
     return int(_font(size_px).getlength(words))
 
 

@@ -54,11 +54,9 @@ class Drawn:
     """How a recorded pair is drawn."""
 
     size: int = SIZE_PX
-    """Side of a picture, pixels."""
     every: int = EVERY
     """Show only every so many steps; a film keeps its speed."""
     overwrite: bool = False
-    """True if a file that is there already may be replaced."""
     on_step: Callable[[int], None] = lambda step: None
     """Called with the policy steps of each picture before it is drawn."""
 

@@ -108,7 +108,6 @@ class FailedArm:
     moved: Mapping[str, float]
     """Objects that it moved, with the distance, m."""
     inserted: frozenset[str]
-    """Objects that it put into the scene."""
 
     @classmethod
     def of(cls, record: PairRecord, played: ArmRecord) -> FailedArm:

@@ -16,10 +16,10 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.base_failures import base_failures
+from pytest_libero_max.report.broken import base_failures
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
-from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.report_document import (
@@ -38,9 +38,8 @@ from pytest_libero_max.report.report_document import (
     Returned,
     Stop,
 )
-from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.run_texts import alarm_texts
-from pytest_libero_max.report.sections import measured_sections
+from pytest_libero_max.report.sections import PlayedPairs, measured_sections
 from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
@@ -210,7 +209,6 @@ def _returned(records: Iterable[PairRecord]) -> Returned | None:
 
 
 def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:
-    """Share of the executed actions that was outside [-1, 1]; None without a record."""
     shares = [max(arm.clipped_share for arm in record.arms.values()) for record in records]
     if not shares:
         return None
@@ -409,7 +407,6 @@ def _stop(
     pairs: Iterable[PairRecord | PairError],
     provenance: Json,
 ) -> Stop | None:
-    """Return the stop of a run with what its rule knew, which is computed again from the pairs."""
     if stopped is None:
         return None
     watched = watched_by(stopped, planned, pairs, provenance.get("gates") or ())

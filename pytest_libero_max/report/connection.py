@@ -39,7 +39,6 @@ class Connection:
     """Success of a run beside that of a row of the paper, on the same cases."""
 
     policy: str
-    """Name of the row."""
     arm: Arm
     own: Ratio
     published: Ratio

@@ -70,7 +70,6 @@ def export(name: str, run: ExportedRun, place: Path) -> list[Path]:
 
 
 def _write_texts(texts: dict[str, str], place: Path) -> list[Path]:
-    """Write texts by the path of their file in a folder; by the empty path that of the only file."""
     from pytest_libero_max.report.writers.report_files import make_folder, write_text
 
     for name, text in texts.items():

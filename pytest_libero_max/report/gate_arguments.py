@@ -23,7 +23,6 @@ class RunArguments(NamedTuple):
     """Arguments of a quantity against another run."""
 
     run: str
-    """Folder of the other run."""
     margin: str | None
     """Number behind it, as written; None where there is none."""
     allow: tuple[str, ...]

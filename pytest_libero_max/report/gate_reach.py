@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_arguments import refused
 from pytest_libero_max.report.gate_bounds import BOUNDED
 from pytest_libero_max.report.gate_quantities import COUNTS, is_of_pairs
 from pytest_libero_max.report.gates import Gate, always_or_never, decided_value, versus_value
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.blocks import SuccessContrast
 from pytest_libero_max.stats.comparison import contrasts

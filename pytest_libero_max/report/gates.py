@@ -71,7 +71,6 @@ from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, counted, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.connection import ARMS, connect, published_row
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import (
     COUNT,
     DIFFERENCE,
@@ -94,6 +93,7 @@ from pytest_libero_max.report.gate_quantities import (
     section_quantities,
     section_value,
 )
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.measurable import lack_of_run, lacks_of
 from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
@@ -158,11 +158,9 @@ class Gate:
     run: str | None
     """Folder of the other run, for a quantity against another run."""
     operator: str
-    """One of :data:`OPERATORS`."""
     threshold: Fraction
     """Number that the quantity is compared with, exactly as written."""
     percent: bool = False
-    """True if it was written as a percentage."""
     allow: tuple[str, ...] = ()
     """Names of settings in which the other run may differ."""
     first: bool = False
@@ -190,7 +188,6 @@ class GateResult:
     """Sentences on the settings in which the other run differs and which the gate allows, and on what differs
     between policies of one name; empty for none."""
     no_baseline: bool = False
-    """True for a gate that passed because there is no other run yet."""
     waits: bool = False
     """True for a gate of a shard, which is decided on all shards together."""
 
@@ -277,7 +274,6 @@ def _within_margin(name: str, text: str, arguments: str) -> Gate:
 
 
 def _number(number: str, text: str) -> Fraction:
-    """Return the number of a gate, exactly as written."""
     if not _NUMBER.fullmatch(number):
         raise refused(text, f" compares with {number!r}, but must compare with a number or a percentage.")
     exponent = _EXPONENT.search(number)
@@ -302,7 +298,6 @@ def scale_of(name: str) -> Scale:
 
 
 def _require_open(gate: Gate) -> None:
-    """Refuse a gate that every value of its quantity meets, or none."""
     scale = scale_of(gate.name)
     if gate.percent and not scale.percent:
         raise refused(

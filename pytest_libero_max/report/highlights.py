@@ -57,7 +57,6 @@ def _extremes(report: Report) -> Iterator[tuple[str, str, str]]:
 
 
 def _lowest(values: Mapping[str, float], chance: ByChance, shown: Callable[[float], str]) -> tuple[str, str]:
-    """Return the group that stands out and its value, or why none does."""
     lowest = min(values.values())
     names = [name for name, value in values.items() if value == lowest]
     if len(values) == 1:

@@ -97,14 +97,11 @@ class Row(NamedTuple):
     name: Viewed | str
     """Name; it may lead to the cases of the row."""
     note: str
-    """Number of pairs."""
     text: str
     dots: Sequence[tuple[float, str]] = ()
-    """Values with their kinds."""
     span: tuple[float, float, str] | None = None
     """Both ends of a line, and its kind."""
     box: tuple[float, float, float] | None = None
-    """Lower quartile, median and upper quartile."""
 
 
 @dataclass(frozen=True)
@@ -113,15 +110,12 @@ class Plot:
 
     title: str
     head: tuple[str, str]
-    """Headings of the names and of the numbers."""
     rows: Sequence[Row]
-    """From top to bottom."""
     legend: Sequence[tuple[str, str]] = ()
     """Kinds and names of the dots, where rows have several; the dots of a row are in this order."""
     signed: bool = True
     """True for changes in percentage points; False for shares in percent."""
     note: str = ""
-    """Help for reading it; empty for none."""
 
     @cached_property
     def axis(self) -> Axis:
@@ -132,7 +126,7 @@ class Plot:
 
 
 def change_plot(title: str, names: str, rows: Sequence[Row], note: str = "") -> Plot:
-    """Return a plot of changes, see :func:`change_row`; its heading announces intervals where there are some."""
+    """Return a plot of changes; its heading announces intervals where there are some."""
     return Plot(title, (names, "pp [95%]" if any(row.span for row in rows) else "pp"), rows, note=note)
 
 

@@ -47,11 +47,9 @@ class Printed:
     """By source the category of lowest Base success."""
     largest_loss: Mapping[str, str]
     macro: float
-    """Unweighted mean of the paired changes of the 17 source categories."""
     suite: Mapping[str, float]
     severity: Mapping[str, float]
     split_event: str
-    """Event whose parameter variants differ most in Dynamic success."""
     split: float
     lite: tuple[float, float, float]
     """Base success, Dynamic success and paired change on the authors' Lite."""
@@ -68,14 +66,12 @@ class PublishedPolicy:
     horizon: int
     query_interval: int
     outcomes: Outcomes
-    """The four printed counts."""
     net_change: Mapping[str, int]
     """Gained minus regressed pairs of each event, of 1,000."""
     scale: str | None
     """Scale that its authors report; None where they report none. All are checkpoints that were released for
     LIBERO, and were not trained for this benchmark."""
     printed: Printed
-    """Values that are printed without counts."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +85,6 @@ class PartialPolicy:
     """Pairs, and printed percentages of Base success, Dynamic success and paired change; None for the suite
     that it does not support."""
     total: tuple[int, float, float, float]
-    """The same over the supported pairs."""
 
 
 def published_policies() -> tuple[PublishedPolicy, ...]:
@@ -148,7 +143,6 @@ class _Row(NamedTuple):
     scale: str
     lost: float | None = None
     key: str = ""
-    """Name in gates."""
 
     @classmethod
     def of(cls, policy: PublishedPolicy, file: ReleasedFile) -> _Row:

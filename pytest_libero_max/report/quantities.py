@@ -80,11 +80,9 @@ class Quantity(Generic[R]):
     key: str
     """Name in CSV files; columns with an interval have ``KEY_lower`` and ``KEY_upper`` as well."""
     title: str
-    """Heading in wide tables."""
     value: Callable[[R], Any]
     """Returns the quantity of a row."""
     format: Format
-    """Way in which it is printed."""
     heading: str = ""
     """Heading in narrow tables; the title where it is empty."""
     tables: tuple[TableKind, ...] = ("summary",)

@@ -8,15 +8,15 @@ from dataclasses import replace
 
 from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.broken import broken_sections
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Code, Document, Section, Strong, Table
 from pytest_libero_max.report.formats import IntervalByTask, lack_of_tasks
-from pytest_libero_max.report.gate_rows import GateRow, named_pairs
-from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
+from pytest_libero_max.report.gate_text import GateRow, named_pairs
+from pytest_libero_max.report.groups import ALL_PAIRS, DIMENSIONS, group_table
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.render.drawing import survival_curves
+from pytest_libero_max.report.render.markdown import document_markdown
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_plots import category_map, stale_actions
 from pytest_libero_max.report.run_texts import GIVEN_RESPONSE_NOTE, clipping_text, note_texts, title_text
@@ -103,7 +103,6 @@ def _all_pairs(overall: Result) -> Section:
 
 
 def _gates(gates: Sequence[GateRow]) -> Table:
-    """Return the verdicts on gates, with the first of the pairs that count against one."""
     rows = [
         (
             Code(gate.gate),
@@ -155,3 +154,8 @@ def _origin(report: Report) -> Iterator[tuple[str, str]]:
         yield "digest of the selection", report.selection.digest
     if "fingerprint" in origin:
         yield "fingerprint", fingerprint_text(origin)
+
+
+def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:
+    """Render a report; see :func:`.run_document`."""
+    return document_markdown(run_document(report, films, gates))

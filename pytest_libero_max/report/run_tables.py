@@ -7,9 +7,9 @@ from typing import Any
 
 from msgspec.structs import asdict
 
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import Number
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.measures import MEASURE, measures_of
 from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.quantities import QUANTITIES, TEXT, Cell, Quantity, quantities_in

@@ -132,7 +132,6 @@ class NamedRule:
     text: str
     """``NAME`` or ``NAME:ARGUMENTS``."""
     rule: StoppingRule
-    """The rule that this makes."""
 
 
 def parse_rule(text: str) -> NamedRule:

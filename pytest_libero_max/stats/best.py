@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from msgspec.structs import asdict, astuple
 
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.stats.blocks import BestSetting, SettingDifference
 from pytest_libero_max.stats.comparison import contrasts
 from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
 from pytest_libero_max.stats.measured import ends, number, ratio_of
 from pytest_libero_max.stats.outcome_table import BoolArray
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.setting_blocks import BestSetting, SettingDifference
 
 
 def best_of(successes: Mapping[str, BoolArray]) -> BestSetting:

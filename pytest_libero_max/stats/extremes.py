@@ -23,7 +23,6 @@ class ByChance:
     """An extreme by chance."""
 
     expected: float
-    """Its mean."""
     share: float
     """Share of the draws that are at least as extreme as what is seen."""
 

@@ -9,14 +9,20 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report import base_failures
-from pytest_libero_max.report.base_failures import ADVICE, next_step
-from pytest_libero_max.report.broken import broken_line, broken_lines, parts_of
+from pytest_libero_max.report.broken import (
+    ADVICE,
+    Advice,
+    base_title,
+    broken_line,
+    broken_lines,
+    next_step,
+    parts_of,
+)
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.cause_rules import RULES
 from pytest_libero_max.report.page.broken_cards import broken_cards
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from tests.report.made_up import PROVENANCE, plan, record_of
 from tests.report.test_diagnosis_rules import stages
 
@@ -79,13 +85,13 @@ def test_nothing_is_said_where_base_solves_half_or_no_record_knows() -> None:
 
 def test_markdown_and_page_show_it_as_well() -> None:
     report = _report(0, reach_m=0.01)
-    assert f"## {base_failures.title_of(report)}" in markdown(report, {})
+    assert f"## {base_title(report)}" in markdown(report, {})
     first = broken_cards(report, {report.base_failures[0].item_ids[0]: ["films/x.webp"]}, {})[0]
-    assert first.part.title == base_failures.title_of(report)
+    assert first.part.title == base_title(report)
     assert first.part.note == next_step(report)
     assert first.cards[0].film == "films/x.webp"
 
 
 @pytest.mark.parametrize("row", ADVICE)
-def test_sights_are_clauses(row: base_failures.Advice) -> None:
+def test_sights_are_clauses(row: Advice) -> None:
     assert row.sight.startswith("the hand ")

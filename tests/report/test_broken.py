@@ -10,8 +10,8 @@ import pytest
 from pytest_libero_max.report.broken import broken_line, broken_lines, coloured, groups_of
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.report_document import ChangedPair, Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.junit import broken_properties
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import quiet_lines
 from tests.report.made_up import PROVENANCE, plan, records_of
 

@@ -12,7 +12,7 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.report_files import report_json
 from pytest_libero_max.runs.plan import PlannedPair
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, records_of

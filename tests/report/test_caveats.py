@@ -10,7 +10,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.caveats import RULES, caveats_of
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Caveat
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.outcomes import Played
 from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of

@@ -14,10 +14,9 @@ from pytest_libero_max.plugin.junit_file import gate_case
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.comparison.comparison_sections import comparison_warnings
 from pytest_libero_max.report.gate_results import decide, require_usable
-from pytest_libero_max.report.gate_rows import gate_rows
+from pytest_libero_max.report.gate_text import gate_lines, gate_rows, github_annotations
 from pytest_libero_max.report.gates import GateResult, parse_gate, parse_gates
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, parse_rule
-from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, read_pairs
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of

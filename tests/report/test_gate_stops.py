@@ -23,8 +23,8 @@ from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import Gate, evaluate_gate, parse_gate, parse_gates, value_in, verdict_in
 from pytest_libero_max.report.quantities import QUANTITIES
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, Declared, parse_rule
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped

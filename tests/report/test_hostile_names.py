@@ -19,8 +19,8 @@ from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_tables import latex_text
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import all_figures, run_page
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped

@@ -17,8 +17,8 @@ from pytest_libero_max.report.gate_reach import require_reachable
 from pytest_libero_max.report.gate_results import require_watched
 from pytest_libero_max.report.gates import GateResult, evaluate_gate, parse_gate
 from pytest_libero_max.report.measures import measures_of
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_tables import csv_text
-from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 PAIRS = plan()

@@ -12,7 +12,7 @@ from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
 from pytest_libero_max.report.comparison.comparison_sections import comparison_lines, short_lines
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun

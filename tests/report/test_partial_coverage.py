@@ -17,7 +17,7 @@ from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, StoredRun

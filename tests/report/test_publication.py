@@ -17,8 +17,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
-from pytest_libero_max.report.publication import checked, publish
-from pytest_libero_max.report.verified_runs import pairs_digest, read_checks
+from pytest_libero_max.report.publication import checked, pairs_digest, publish, read_checks
 from pytest_libero_max.report.writers.report_files import HTML_NAME
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.plan import Run

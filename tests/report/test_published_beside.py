@@ -15,7 +15,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.published import BESIDE_TITLE, published_beside, published_policies
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.stopped import Stopped
 from tests.report.made_up import PROVENANCE, error_of, plain, plan, record_of, records_of

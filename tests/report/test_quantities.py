@@ -12,8 +12,8 @@ from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_tables import csv_text, latex_text
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, records_of
 

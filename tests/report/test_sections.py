@@ -7,10 +7,9 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import Rows
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
-from pytest_libero_max.report.sections import SECTIONS, with_sections
+from pytest_libero_max.report.run_document import markdown
+from pytest_libero_max.report.sections import SECTIONS, PlayedPairs, ReportSection, with_sections
 from pytest_libero_max.report.timing import TITLE, Timing
-from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import PROVENANCE, plain, plan, records_of
 
 PAIRS = plan()

@@ -12,10 +12,10 @@ import pytest
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.page.report_page import html
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_texts import stopped_texts
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.studies.study_tables import study_csv
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import StoredRun, read_pairs

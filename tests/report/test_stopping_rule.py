@@ -12,8 +12,8 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.exit_status import ended_as_declared
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.stopping_rule import BIAS, STOPPING_RULES, CompletedPrefix, Declared, parse_rule
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.runs import kept_fingerprint
 from pytest_libero_max.runs.kept_fingerprint import keep, kept
 from tests.report.made_up import PROVENANCE, plan, records_of

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.exposure import expose
+from pytest_libero_max.stats.paired import expose
 
 
 def test_a_small_distribution() -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.stats.paired_difference import paired_difference
-from pytest_libero_max.stats.significance import mcnemar
-from pytest_libero_max.stats.verdicts import WORDS, Word, word_for
+from pytest_libero_max.stats.significance import WORDS, Word, mcnemar, word_for
 
 
 def word(losses: int, gains: int, pairs: int, **options: float) -> Word:

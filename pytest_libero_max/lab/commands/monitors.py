@@ -38,7 +38,7 @@ def _monitors(options: argparse.Namespace) -> None:
     from pytest_libero_max.pairing.probes.registry import PROBES
     from pytest_libero_max.report.measures import rows_table, rows_without_intervals
     from pytest_libero_max.report.render.terminal import table_lines
-    from pytest_libero_max.report.report_section import PlayedPairs
+    from pytest_libero_max.report.sections import PlayedPairs
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in a run

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order, substrate_of
-from pytest_libero_max.report.comparison.apart import apart_run, set_apart
 from pytest_libero_max.report.comparison.comparison_document import (
+    ApartRun,
     CommonPairs,
     ComparedRun,
     Comparison,
@@ -52,7 +52,60 @@ from pytest_libero_max.stats.comparison import (
 )
 from pytest_libero_max.stats.extremes import lowest_by_chance
 from pytest_libero_max.stats.measured import number, without_intervals
-from pytest_libero_max.stats.paired import Pairs, measure_groups
+from pytest_libero_max.stats.paired import Pairs, measure, measure_groups
+
+Runs = dict[str, RunOutcomes]
+
+
+def set_apart(runs: Mapping[str, RunOutcomes]) -> tuple[Runs, Runs]:
+    """Return the runs to compare, and those to list apart.
+
+    A run is listed apart if its policy declares that it does not support a suite whose cases the policy of
+    another run supports: its own cases would then cut those of all others. Where fewer than two runs would
+    be left, none is listed apart.
+
+    Args:
+        runs: Runs by the name they get in the comparison.
+    """
+    left_out = {
+        name: {pair.case_id for pair in unsupported_pairs(run.run.planned, run.policy)}
+        for name, run in runs.items()
+    }
+    supported = set().union(
+        *({pair.case_id for pair in run.run.planned} - left_out[name] for name, run in runs.items())
+    )
+    whole = {name: run for name, run in runs.items() if left_out[name].isdisjoint(supported)}
+    if len(whole) < 2:
+        return dict(runs), {}
+    return whole, {name: run for name, run in runs.items() if name not in whole}
+
+
+def apart_run(name: str, run: RunOutcomes) -> ApartRun:
+    """Return the results of a run over the cases that its policy supports, in all and by suite."""
+    unsupported = unsupported_pairs(run.run.planned, run.policy)
+    lacking = {pair.case_id for pair in unsupported}
+    planned = {pair.case_id: pair for pair in run.run.planned if pair.case_id not in lacking}
+    places = [index for index, case_id in enumerate(run.case_ids) if case_id in planned]
+    pairs = run.pairs.at(places).numbered()
+    suites = [pair.suite for pair in planned.values()]
+    played = [planned[run.case_ids[index]].suite for index in places]
+    counts = {suite: suites.count(suite) for suite in sorted({*suites})}
+    result = measure(pairs, len(planned))
+    by_suite = breakdown(pairs, played, [*counts], counts)
+    if run.stopped_by_rule:
+        result = without_intervals(result)
+        by_suite = {suite: without_intervals(row) for suite, row in by_suite.items()}
+    return ApartRun(
+        name=name,
+        policy=run.policy,
+        unsupported=len(unsupported),
+        unsupported_suites=sorted({pair.suite for pair in unsupported}),
+        result=result,
+        by_suite=by_suite,
+        warnings=run_warnings(run, result),
+        caveats=run_caveats(run, planned),
+    )
+
 
 AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContrast)
 
@@ -62,7 +115,6 @@ class CommonCases:
     """The cases several runs share, in one order."""
 
     planned: tuple[PlannedPair, ...]
-    """The common cases, by case id."""
     pairs: Mapping[str, Pairs]
     """Outcomes of each run in that order."""
     left_out: Mapping[str, tuple[str, ...]]
@@ -179,7 +231,7 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """Compare runs on their common cases.
 
     Runs of policies that support a part of the suites are listed apart, unless ``restrict`` asks for the
-    cases that all share (see :func:`~pytest_libero_max.report.comparison.apart.set_apart`).
+    cases that all share (see :func:`~pytest_libero_max.report.comparison.compare.set_apart`).
 
     Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
     and the simultaneous intervals are over the family. Flips are the cases whose pair of outcomes differs
@@ -283,11 +335,6 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
 
 def _of_fixed_runs(contrasts: Iterable[AnyContrast], stopped: Collection[str]) -> list[AnyContrast]:
-    """Return contrasts, without intervals and p-values where a rule stopped one of the runs.
-
-    Args:
-        stopped: Names of the runs that a rule stopped.
-    """
     return [
         without_intervals(row) if row.first in stopped or row.second in stopped else row for row in contrasts
     ]
@@ -310,7 +357,6 @@ def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
 
 
 def _lowest_event(by_event: Mapping[str, Result]) -> LowestEvent:
-    """Return the lowest paired change of an event, named where chance does not explain it."""
     outcomes = {event: result.outcomes for event, result in by_event.items()}
     changes = {event: found.change.count / found.total for event, found in outcomes.items()}
     lowest = min(changes.values())

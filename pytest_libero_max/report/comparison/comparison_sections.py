@@ -35,7 +35,7 @@ from pytest_libero_max.stats.blocks import (
     Result,
     SuccessContrast,
 )
-from pytest_libero_max.stats.verdicts import WORDS, word_for
+from pytest_libero_max.stats.significance import WORDS, word_for
 
 AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
 
@@ -201,7 +201,6 @@ def _runs_table(comparison: Comparison) -> Table:
 
 
 def _possible_ranks(run: ComparedRun) -> str | int | None:
-    """Return the ranks that the simultaneous intervals do not exclude; None for none."""
     if run.highest_rank == run.lowest_rank:
         return run.highest_rank
     return f"{run.highest_rank}-{run.lowest_rank}"
@@ -283,7 +282,6 @@ def contrast_table(quantity: str, contrasts: Sequence[SuccessContrast | ChangeCo
 
 
 def _verdict(contrast: AnyContrast, family: int) -> str:
-    """Return the word for a contrast of a family of so many."""
     interval, log10_p = contrast.difference.simultaneous, contrast.log10_p_value_holm
     if interval.lower is None or interval.upper is None or log10_p is None:
         return "n/a"
@@ -333,7 +331,6 @@ def _profiles(comparison: Comparison) -> Iterator[Table]:
 
 
 def _flips(comparison: Comparison, changed: int) -> Section:
-    """Return the changed cases that are listed, and the number of all."""
     if not changed:
         return Section(texts=["No case changed."])
     names = [run.name for run in comparison.runs]

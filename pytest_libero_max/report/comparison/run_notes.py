@@ -83,7 +83,6 @@ def _caveats(comparison: Comparison) -> Iterable[tuple[str, str]]:
 
 
 def _by_text(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """Return the names by text, each text in the place of its first name."""
     found: dict[str, list[str]] = {}
     for text, name in pairs:
         found.setdefault(text, []).append(name)

@@ -23,7 +23,6 @@ class Card(NamedTuple):
 
     number: int
     cause: str
-    """In words; empty where it was not recorded."""
     what: str
     """The event, with the programs that were played in its place."""
     view: str
@@ -42,11 +41,8 @@ class Cards(NamedTuple):
     """The pairs of an outcome."""
 
     part: Part
-    """Their groups, with the heading."""
     cards: Sequence[Card]
-    """The largest groups."""
     more: int
-    """Number of pairs in other groups."""
     view: str
 
 

@@ -121,7 +121,6 @@ def _views(films: Sequence[str]) -> set[str]:
 
 
 def _fired(found: Sequence[PairRecord | None]) -> Iterator[Json]:
-    """Return a column that tells pairs whose event never happened, where there are some."""
     if any(record is not None and not record.triggered for record in found):
         fired = [
             "not played" if record is None else "yes" if record.triggered else "never" for record in found
@@ -130,7 +129,6 @@ def _fired(found: Sequence[PairRecord | None]) -> Iterator[Json]:
 
 
 def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
-    """Yield a column of the causes of what was lost, and one of those in Base, where one is known."""
     lost = [
         diagnose(record, DYNAMIC) if record and record.outcome == "regression" else None for record in found
     ]
@@ -146,7 +144,6 @@ def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
 
 
 def _commands(stored: StoredRun) -> Iterator[Json]:
-    """Yield the commands on a case, each for the cases that lack what it makes."""
     replay, there = replay_command(stored), ", in the folder in which the run was started:"
     yield again("Play it", replay, there, unless=["record"])
     yield again("Play it again", replay, there, needs=["record"])

@@ -39,7 +39,6 @@ def details_of(pair: PlannedPair, record: PairRecord) -> Json:
 
 
 def _happened(record: PairRecord) -> list[tuple[str, str, str]]:
-    """Return arm, cause and sentence of each failed arm, where there are stages."""
     found = {name: diagnose(record, name) for name in record.arms}
     return [
         (name, why.cause, why.sentence)
@@ -69,7 +68,6 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _case(pair: PlannedPair) -> Json:
-    """Return the details that no column has."""
     return {"Task": pair.task}
 
 

@@ -10,9 +10,8 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.formats import points
-from pytest_libero_max.report.gate_bounds import Ending
+from pytest_libero_max.report.gate_bounds import Ending, GateRule, Watch
 from pytest_libero_max.report.gate_quantities import GATED
-from pytest_libero_max.report.gate_rule import GateRule, Watch
 from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.report.stopping_rule import Declared, level_of
@@ -153,7 +152,6 @@ class Anytime(GateRule):
 
 
 def _endings(own: str, sequences: Mapping[str, TotalSequence], seen: Ending, pairs: int) -> Iterator[Ending]:
-    """Return the extreme endings that no sequence rules out."""
     ends = {name: (sequence.least, sequence.most) for name, sequence in sequences.items()}
     changes = [(0, 0)]
     if own == "change":

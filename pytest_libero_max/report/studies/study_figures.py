@@ -22,9 +22,7 @@ class Series:
     """A line of a plot."""
 
     name: str
-    """Name in the legend."""
     color: str
-    """Of the line and its points."""
     points: Sequence[tuple[float, Estimate]]
     """Place on the x axis (0 to 1), and a rate with its interval."""
 

@@ -16,11 +16,11 @@ from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.studies.study_document import Setting
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.stats.best import best_of
+from pytest_libero_max.stats.blocks import BestSetting
 from pytest_libero_max.stats.measured import number, table_change_of
 from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
 from pytest_libero_max.stats.paired import measure
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.setting_blocks import BestSetting
 
 _EVENT = [{"trigger": "event", "change": "event"}]
 """Schedule of Dynamic, where a program does not spell it."""
@@ -33,13 +33,9 @@ class PlayedSetting(NamedTuple):
     """Name of the policy that goes on from the event; empty for that of Base."""
     latency: Latency
     query_interval: int
-    """Q."""
     horizon: int
-    """H."""
     base: str = BASE
-    """Name of its Base arm."""
     dynamic: str = DYNAMIC
-    """Name of its Dynamic arm."""
 
     @property
     def way(self) -> tuple[Any, ...]:
@@ -109,7 +105,6 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
 
 
 def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
-    """Return policy, latency, Q and H of an arm."""
     name, played = arm.get("policy", ""), (record.arms.get(arm["name"]) for record in records)
     spec = next((one.policy for one in played if one is not None and one.policy), records[0].policy)
     cadence, text = arm.get("cadence", {}), arm.get("latency", records[0].arm(BASE).latency)
@@ -146,7 +141,6 @@ def best_settings(settings: Sequence[PlayedSetting], records: Sequence[PairRecor
 
 
 def _labels(settings: Sequence[PlayedSetting], records: Sequence[PairRecord]) -> list[str]:
-    """Return what tells each setting from the others, in words."""
     varies = [len({setting[place] for setting in settings}) > 1 for place in range(4)]
     of_base = str(records[0].policy["name"]) if records else ""
     hz = records[0].control_hz if records else CONTROL_HZ

@@ -26,8 +26,7 @@ from pytest_libero_max.report.quantities import Cell, Quantity
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.studies.study_document import Executed, Setting, Study
 from pytest_libero_max.report.studies.study_section import section_of
-from pytest_libero_max.stats.blocks import MeanDifference, StaleActions
-from pytest_libero_max.stats.setting_blocks import BestSetting, SettingDifference
+from pytest_libero_max.stats.blocks import BestSetting, MeanDifference, SettingDifference, StaleActions
 
 
 def study_tables(study: Study) -> list[Table]:
@@ -260,8 +259,6 @@ def _best(what: str, best: BestSetting) -> Table:
 
 
 def _turned(difference: SettingDifference) -> SettingDifference:
-    """Return the difference the other way round."""
-
     def negative(value: float | None) -> float | None:
         return None if value is None else 0.0 - value
 

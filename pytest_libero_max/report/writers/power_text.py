@@ -26,7 +26,6 @@ class Expectation:
     name: str
     """``overall`` or an event."""
     base: float
-    """Base success rate."""
     gain: float
     """Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As many are
     expected to be lost by chance."""

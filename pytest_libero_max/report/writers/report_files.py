@@ -14,17 +14,17 @@ from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.gate_rows import gate_rows
+from pytest_libero_max.report.gate_text import gate_rows
 from pytest_libero_max.report.gates import GateResult
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.render.drawing import drawn, survival_curves
 from pytest_libero_max.report.report_document import REPORT_VERSION, Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_plots import RUN_PLOTS
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers import raster
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.media import VIEWS, films_in, pictures_in
 from pytest_libero_max.runs.replay_command import replay_command

@@ -10,7 +10,7 @@ from typing import Any
 from pytest_libero_max.report.broken import broken_line, broken_lines
 from pytest_libero_max.report.connection import connection_texts
 from pytest_libero_max.report.formats import change_text, counted, percent
-from pytest_libero_max.report.group_tables import group_table
+from pytest_libero_max.report.groups import group_table
 from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable, warning_of
 from pytest_libero_max.report.measures import measure_text
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity

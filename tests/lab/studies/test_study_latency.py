@@ -12,9 +12,9 @@ from msgspec.structs import replace
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.studies.study_tables import study_csv
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.stats.paired_difference import paired_difference
 from tests.report.made_up import plain

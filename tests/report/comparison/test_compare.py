@@ -20,9 +20,9 @@ from pytest_libero_max.report.comparison.comparison_sections import (
     short_lines,
 )
 from pytest_libero_max.report.gate_results import decide
+from pytest_libero_max.report.gate_text import gate_lines, github_annotations
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.stopping_rule import BIAS
-from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.stopped import Stopped

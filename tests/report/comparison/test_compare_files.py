@@ -12,10 +12,11 @@ from pytest_libero_max.report.comparison.compare_files import (
     comparison_figures,
     comparison_html,
     comparison_markdown,
+    event_changes,
+    outcome_shares,
     write_comparison,
 )
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.comparison.comparison_plots import event_changes, outcome_shares
 from pytest_libero_max.report.render.drawing import drawn
 from pytest_libero_max.report.statements import STATEMENTS
 from pytest_libero_max.runs.plan import Run

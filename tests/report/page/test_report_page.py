@@ -11,14 +11,14 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.gate_results import decide_on
-from pytest_libero_max.report.gate_rows import gate_rows
+from pytest_libero_max.report.gate_text import gate_rows
 from pytest_libero_max.report.gates import parse_gates
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.page.words import explained
 from pytest_libero_max.report.render.drawing import drawn
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_plots import base_to_dynamic, forest
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import all_figures, write_figures
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import StoredRun

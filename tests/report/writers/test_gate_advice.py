@@ -6,9 +6,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.report import gate_plan
-from pytest_libero_max.report.gate_plan import FALSE_ALARM, MISS, SIZES, advised
-from pytest_libero_max.report.writers import gate_plan_text
-from pytest_libero_max.report.writers.gate_plan_text import advice_lines
+from pytest_libero_max.report.gate_plan import FALSE_ALARM, MISS, SIZES, advice_lines, advised
 
 
 def test_the_advised_gates_find_the_loss_and_pass_without_one() -> None:
@@ -21,8 +19,7 @@ def test_the_advised_gates_find_the_loss_and_pass_without_one() -> None:
 
 
 def test_what_no_number_of_pairs_finds_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (gate_plan, gate_plan_text):  # thousands of pairs take long to plan
-        monkeypatch.setattr(module, "SIZES", SIZES[:5])
+    monkeypatch.setattr(gate_plan, "SIZES", SIZES[:5])  # thousands of pairs take long to plan
     lines = advice_lines(0.9, 0.05, 0.002)
     assert [line.split("  ")[-1].strip() for line in lines[-4:-2]] == ["no number up to 100 suffices"] * 2
 

@@ -8,8 +8,8 @@ from pytest_libero_max.report.caveats import caveat_text
 from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.render.markdown import markdown_text
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.junit import broken_properties, headline_properties, properties
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of
 

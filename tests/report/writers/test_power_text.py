@@ -7,8 +7,7 @@ import pytest
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import Rows
-from pytest_libero_max.report.report_section import Chance, PlayedPairs, ReportSection
-from pytest_libero_max.report.sections import SECTIONS
+from pytest_libero_max.report.sections import SECTIONS, Chance, PlayedPairs, ReportSection
 from pytest_libero_max.report.writers.power_text import (
     Expectation,
     chance_of,

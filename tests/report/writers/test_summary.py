@@ -8,8 +8,8 @@ from pytest_libero_max.report.broken import named_of
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.formats import PValue
 from pytest_libero_max.report.highlights import highlight_rows
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.statements import STATEMENTS
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.stats.blocks import McNemar
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
