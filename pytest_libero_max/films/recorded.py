@@ -9,13 +9,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.keywords import matches
-from pytest_libero_max.errors import (
-    LiberoMaxError,
-    OptionError,
-    ProtocolError,
-    ReportError,
-    did_you_mean,
-)
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look

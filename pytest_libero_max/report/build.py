@@ -51,11 +51,7 @@ from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 from pytest_libero_max.stats.blocks import Outcomes, Result, Split, Substrate
 from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
-from pytest_libero_max.stats.measured import (
-    rate_of,
-    ratio_of,
-    without_intervals,
-)
+from pytest_libero_max.stats.measured import rate_of, ratio_of, without_intervals
 from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
@@ -163,9 +159,7 @@ def build_report(
         study=study_of(in_order, tasks, protocol),
         sections=measured_sections(PlayedPairs(in_order, tasks, protocol, with_intervals)),
         statements=statements_of(
-            provenance["case_set"]["name"],
-            [pair.case_id for pair in planned],
-            with_intervals=with_intervals,
+            provenance["case_set"]["name"], [pair.case_id for pair in planned], with_intervals=with_intervals
         ),
         methods=dict(METHODS),
         provenance=provenance,
@@ -283,10 +277,7 @@ def _group(
 
 
 def _with_probes(
-    rows: Mapping[str, Result],
-    measured: Sequence[PlannedPair],
-    records: Sequence[PairRecord],
-    dimension: str,
+    rows: Mapping[str, Result], measured: Sequence[PlannedPair], records: Sequence[PairRecord], dimension: str
 ) -> dict[str, Result]:
     """Return the results of groups with the means of probes over their pairs."""
     members: dict[str, list[PairRecord]] = {}

@@ -45,14 +45,7 @@ MISS = 0.2
 _COUNTS = {"regressions": "loss", "regressions_vs": "loss", "gains": "gain", "gains_vs": "gain"}
 _DIFFERENCES = ("delta", "dynamic_sr_vs")
 
-PLANNED = (
-    *_DIFFERENCES,
-    "delta.clustered",
-    EQUIVALENT,
-    *_COUNTS,
-    "base_sr",
-    "dynamic_sr",
-)
+PLANNED = (*_DIFFERENCES, "delta.clustered", EQUIVALENT, *_COUNTS, "base_sr", "dynamic_sr")
 """Quantities of gates that can be planned."""
 
 
@@ -199,11 +192,7 @@ LOSSES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
 
 
 def gate_plan_lines(
-    gate: Gate,
-    pairs: int | Sequence[PlannedPair],
-    base: float,
-    chance: float,
-    loss: float | None = None,
+    gate: Gate, pairs: int | Sequence[PlannedPair], base: float, chance: float, loss: float | None = None
 ) -> list[str]:
     """Return the plan of a gate.
 

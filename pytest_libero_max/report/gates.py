@@ -301,8 +301,7 @@ def _require_open(gate: Gate) -> None:
     scale = scale_of(gate.name)
     if gate.percent and not scale.percent:
         raise refused(
-            gate.text,
-            f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number.",
+            gate.text, f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number."
         )
     always, never = always_or_never(gate, scale.least, scale.most, whole=scale.whole)
     if always or never:

@@ -6,9 +6,7 @@ from typing import Any, Final, Literal
 
 from msgspec import field
 
-from pytest_libero_max.report.studies.study_document import (
-    Study,
-)
+from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.stats.blocks import (
     Block,
     Change,

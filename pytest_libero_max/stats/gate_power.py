@@ -79,11 +79,7 @@ def chance_of_count(pairs: int, rate: float, holds: Callable[[int], bool]) -> fl
     return float(mass[[holds(count) for count in counts.tolist()]].sum())
 
 
-def chance_by_task(
-    tasks: Sequence[str],
-    chances: Chances,
-    holds: Callable[[float, float], bool],
-) -> float:
+def chance_by_task(tasks: Sequence[str], chances: Chances, holds: Callable[[float, float], bool]) -> float:
     """Return the share of simulated runs whose interval by task meets a condition.
 
     Args:

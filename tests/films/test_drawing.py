@@ -9,12 +9,7 @@ from PIL import ImageColor
 from pytest_libero_max.changes import Nothing
 from pytest_libero_max.events.schedules import Arm, Entry, arms_of, change_of, program_of, trigger_of
 from pytest_libero_max.events.triggers import StepsAfter
-from pytest_libero_max.films.drawing import (
-    film_frames,
-    labels,
-    shared_steps,
-    strip_px,
-)
+from pytest_libero_max.films.drawing import film_frames, labels, shared_steps, strip_px
 from pytest_libero_max.films.replay import Tick, play_again, through_cameras
 from pytest_libero_max.pairing.record import PROGRAM, PairRecord
 from pytest_libero_max.report.happenings import arm_title

@@ -91,11 +91,7 @@ def test_pairs_without_a_program_are_in_no_group_of_programs() -> None:
     ("missing", "invalid", "words"),
     [(1, 0, "1 missing"), (0, 1, "1 invalid"), (2, 1, "1 invalid, 2 missing")],
 )
-def test_an_incomplete_run_has_no_headline(
-    missing: int,
-    invalid: int,
-    words: str,
-) -> None:
+def test_an_incomplete_run_has_no_headline(missing: int, invalid: int, words: str) -> None:
     pairs = plan()
     lost = missing + invalid
     errors = [error_of(pair) for pair in pairs[:invalid]]

@@ -204,10 +204,7 @@ def test_a_lost_link_and_a_name_below_a_run_or_a_file_are_no_first_run(tmp_path:
 
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [
-        ({"played": 31}, "31 of 32 planned pairs"),
-        ({"dynamic": False}, "can never fail"),
-    ],
+    [({"played": 31}, "31 of 32 planned pairs"), ({"dynamic": False}, "can never fail")],
     ids=["incomplete", "nothing to lose"],
 )
 def test_a_first_run_that_cannot_be_the_other_one_next_time_is_open(

@@ -13,12 +13,7 @@ from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.gate_bounds import (
-    BOUNDED,
-    Ending,
-    all_endings,
-    outlook,
-)
+from pytest_libero_max.report.gate_bounds import BOUNDED, Ending, all_endings, outlook
 from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import Gate, evaluate_gate, parse_gate, parse_gates, value_in, verdict_in
 from pytest_libero_max.report.quantities import QUANTITIES

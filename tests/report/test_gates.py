@@ -13,12 +13,7 @@ from msgspec.structs import replace
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gate_quantities import GATED
-from pytest_libero_max.report.gate_reach import (
-    EXACT,
-    extremes,
-    require_reachable,
-    require_reachable_vs,
-)
+from pytest_libero_max.report.gate_reach import EXACT, extremes, require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import (
     OPERATORS,
     Gate,

@@ -117,10 +117,7 @@ def test_what_cannot_be_asked_for_is_refused(gate: str, message: str) -> None:
 
 def test_a_column_of_a_probe_is_in_csv_and_markdown() -> None:
     rows = [*csv.DictReader(io.StringIO(csv_text(REPORT)))]
-    assert (rows[0]["motion.path_m.dynamic"], rows[0]["motion.path_m.dynamic_largest"]) == (
-        "15.5",
-        "31.0",
-    )
+    assert (rows[0]["motion.path_m.dynamic"], rows[0]["motion.path_m.dynamic_largest"]) == ("15.5", "31.0")
     assert all(row["motion.path_m.base"] == "1.0" for row in rows if row["dimension"] == "event")
     assert "| motion.path_m.dynamic | 15.5, largest 31  32 pairs |" in markdown(REPORT)
 

@@ -93,10 +93,7 @@ def test_the_rates_of_lite_are_those_of_the_authors_table() -> None:
 
 @pytest.mark.parametrize(
     ("played", "semantics", "why"),
-    [
-        (7999, "published", "it has 7,999 of the 8,000 cases"),
-        (8000, "corrected", "its semantics are not"),
-    ],
+    [(7999, "published", "it has 7,999 of the 8,000 cases"), (8000, "corrected", "its semantics are not")],
 )
 def test_a_run_that_differs_has_no_rows_beside_it_and_says_why(played: int, semantics: str, why: str) -> None:
     report = _report(str(_file("libero_max_8000.json")), played, semantics)

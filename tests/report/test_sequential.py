@@ -11,11 +11,7 @@ import pytest
 
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.stopping_rules.anytime import Anytime
-from pytest_libero_max.stats.sequential import (
-    TotalSequence,
-    log_evidence_of_change,
-    log_evidence_over_strata,
-)
+from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change, log_evidence_over_strata
 from pytest_libero_max.stats.significance import mcnemar
 from tests.report.sequential import (
     EFFECTS,

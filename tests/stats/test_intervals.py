@@ -46,9 +46,7 @@ def test_a_rate_of_nothing_has_no_interval() -> None:
 
 
 @given(st.integers(1, 2000).flatmap(lambda of: st.tuples(st.integers(0, of), st.just(of))))
-def test_a_rate_lies_within_its_interval(
-    counts: tuple[int, int],
-) -> None:
+def test_a_rate_lies_within_its_interval(counts: tuple[int, int]) -> None:
     count, of = counts
     interval = clopper_pearson(Ratio(count, of))
     assert interval is not None

@@ -8,11 +8,7 @@ from scipy import stats
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats import paired_difference as paired_difference_module
-from pytest_libero_max.stats.paired_difference import (
-    exact,
-    paired_difference,
-    paired_differences,
-)
+from pytest_libero_max.stats.paired_difference import exact, paired_difference, paired_differences
 from pytest_libero_max.stats.significance import mcnemar
 from tests.stats.other_intervals import agresti_min, exact_holds, newcombe, tango, tango_score
 from tests.stats.unconditional import tables, tail_probabilities, unconditional

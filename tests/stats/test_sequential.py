@@ -7,11 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from pytest_libero_max.stats.sequential import (
-    TotalSequence,
-    log_evidence_of_change,
-    log_evidence_over_strata,
-)
+from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change, log_evidence_over_strata
 from tests.stats.capital import capital
 
 

@@ -395,11 +395,7 @@ def _flips(common: CommonCases) -> list[Flip]:
     for index in changed.tolist():
         pair, outcomes = common.planned[index], [_OUTCOMES[code] for code in codes[index].tolist()]
         flips.append(
-            Flip(
-                case_id=pair.case_id,
-                item_id=pair.item_id,
-                outcomes=dict(zip(names, outcomes, strict=True)),
-            )
+            Flip(case_id=pair.case_id, item_id=pair.item_id, outcomes=dict(zip(names, outcomes, strict=True)))
         )
     return flips
 

@@ -29,12 +29,7 @@ from pytest_libero_max.report.run_texts import substrate_lines
 from pytest_libero_max.runs.comparability import policies_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.stats import intervals
-from pytest_libero_max.stats.blocks import (
-    ChangeContrast,
-    GroupContrast,
-    Result,
-    SuccessContrast,
-)
+from pytest_libero_max.stats.blocks import ChangeContrast, GroupContrast, Result, SuccessContrast
 from pytest_libero_max.stats.significance import WORDS, word_for
 
 AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
@@ -193,10 +188,7 @@ def _runs_table(comparison: Comparison) -> Table:
     by_task = quantity("paired_change_by_task")
     ranks = _RANKS if any(run.highest_rank for run in comparison.runs) else _RANKS[:1]
     return table_of(
-        "",
-        "Run",
-        (*ranks, *RUNS[:-1], by_task, RUNS[-1]),
-        [(run.name, run) for run in comparison.runs],
+        "", "Run", (*ranks, *RUNS[:-1], by_task, RUNS[-1]), [(run.name, run) for run in comparison.runs]
     )
 
 

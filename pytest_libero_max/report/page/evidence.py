@@ -123,10 +123,7 @@ def _evidence(evidence: Json, title: str) -> Iterator[tuple[str, Json]]:
     before, after = (dict(flat(evidence.get(end) or {})) for end in ("before", "after"))
     names = [name for name in {**before, **after} if name and before.get(name) != after.get(name)]
     if names:
-        yield (
-            title,
-            {name: {"before": before.get(name), "after": after.get(name)} for name in names},
-        )
+        yield (title, {name: {"before": before.get(name), "after": after.get(name)} for name in names})
     rest = {key: value for key, value in evidence.items() if key not in ("before", "after", "operation")}
     if rest:
         yield "Evidence", dict(flat(rest))

@@ -82,11 +82,7 @@ def _view(dimension: str, name: str) -> str:
 
 
 def document_page(
-    template: str,
-    document: Document,
-    cases: Json | None = None,
-    own_way: Collection[str] = (),
-    **values: Any,
+    template: str, document: Document, cases: Json | None = None, own_way: Collection[str] = (), **values: Any
 ) -> str:
     """Render a document with a template that extends ``document.html``; see :func:`page`.
 
@@ -109,13 +105,7 @@ def document_page(
     )
 
 
-def page(
-    template: str,
-    title: str,
-    cases: Json | None,
-    scripts: Sequence[str] = (),
-    **values: Any,
-) -> str:
+def page(template: str, title: str, cases: Json | None, scripts: Sequence[str] = (), **values: Any) -> str:
     """Render a page that needs no network.
 
     Args:

@@ -263,7 +263,5 @@ def _turned(difference: SettingDifference) -> SettingDifference:
         return None if value is None else 0.0 - value
 
     return SettingDifference(
-        value=negative(difference.value),
-        lower=negative(difference.upper),
-        upper=negative(difference.lower),
+        value=negative(difference.value), lower=negative(difference.upper), upper=negative(difference.lower)
     )

@@ -34,10 +34,7 @@ _WORDS = "What the words mean: libero-max list words"
 
 
 def summary_lines(
-    report: Report,
-    paths: Sequence[str] = (),
-    films: Mapping[str, str] | None = None,
-    show: str | None = None,
+    report: Report, paths: Sequence[str] = (), films: Mapping[str, str] | None = None, show: str | None = None
 ) -> list[str]:
     """Render a report for the terminal.
 

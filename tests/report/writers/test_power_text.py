@@ -8,12 +8,7 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import Rows
 from pytest_libero_max.report.sections import SECTIONS, Chance, PlayedPairs, ReportSection
-from pytest_libero_max.report.writers.power_text import (
-    Expectation,
-    chance_of,
-    expectations_of,
-    power_lines,
-)
+from pytest_libero_max.report.writers.power_text import Expectation, chance_of, expectations_of, power_lines
 from pytest_libero_max.stats.blocks import Measure
 from tests.report.made_up import PROVENANCE, plain, plan, record_of, records_of
 
