@@ -55,12 +55,7 @@ class Label:
 
 
 def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[Label]:
-    """Return the words in the picture of an arm after a number of policy steps.
-
-    Args:
-        step: Policy steps, of the film; an arm may have ended before.
-        shared_until: Policy steps that all arms of the film share.
-    """
+    """Return the words in the picture of an arm after a number of policy steps."""
     arm = record.arms[name]
     steps = arm.steps
     result: list[Label] = []
@@ -102,7 +97,6 @@ def film_frames(
     While nothing new is to be seen, a frame stays for up to a second.
 
     Args:
-        size: Side of the pictures in ``ticks``, pixels.
         caption: Kind of the pictures, where they are not those of the world's cameras; then each has its
             name below.
     """

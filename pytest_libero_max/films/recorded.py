@@ -73,7 +73,6 @@ def film_pair(
     """Play a recorded pair again and write its film, or nothing at all.
 
     Args:
-        world: Its world; it is left anywhere.
         shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
     Raises:

@@ -227,11 +227,7 @@ def _advance(players: list[_Player], step: int, world: World) -> None:
 
 
 def through_cameras(size: int) -> Look:
-    """Return the view of a world through its cameras. A world that looks as it did is not drawn again.
-
-    Args:
-        size: Side of an image in pixels.
-    """
+    """Return the view of a world through its cameras. A world that looks as it did is not drawn again."""
     drawn: dict[str, Appearance] = {}
 
     def look(name: str, step: int, world: World, before: View | None) -> View:

@@ -87,8 +87,6 @@ def parts_of(
 
     Args:
         films: Item ids of the pairs with a film; of a cause of Base, one with a film is named.
-        most: Number of pairs to name of an outcome.
-        most_groups: Number of groups of which pairs are named.
     """
     parts = []
     if base := known_failures(report):
@@ -115,7 +113,6 @@ def groups_of(
 
     Args:
         most: Number of pairs to name: one of each group, then a second one of each, and so on.
-        most_groups: Number of groups of which pairs are named.
     """
     found: dict[tuple[str, str], list[ChangedPair]] = {}
     for pair in pairs:
@@ -185,11 +182,7 @@ def title_of(report: Report, outcome: Outcome) -> str:
 
 
 def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
-    """Return the pairs as tables.
-
-    Args:
-        films: Address of the film of each pair that has one, by item id.
-    """
+    """Return the pairs as tables."""
     sections = []
     for part in parts_of(report, films):
         why = ["Cause (pairs)", "What happened"] if part.has_causes else ["Pairs like it"]
@@ -215,11 +208,7 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
 def broken_lines(
     report: Report, films: Mapping[str, str] | None = None, show: str | None = None
 ) -> list[str]:
-    """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any.
-
-    Args:
-        films: Path of the film of each pair that has one, by item id.
-    """
+    """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any."""
     films, lines = films or {}, []
     for part in parts_of(report, films, _MOST_OF_GROUPS, _MOST_GROUPS):
         lines += ["", part.title, *wrap(part.note, 100, break_on_hyphens=False)]

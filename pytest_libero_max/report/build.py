@@ -250,12 +250,7 @@ def outcome_groups(
     columns: Pairs,
     ends: Mapping[str, tuple[bool, bool]],
 ) -> dict[str, Any]:
-    """Return the fields of a report that group pairs, as far as they follow from outcomes.
-
-    Args:
-        measured: Those with an outcome, in the order of the columns.
-        ends: Success of Base and of Dynamic, by case id.
-    """
+    """Return the fields of a report that group pairs, as far as they follow from outcomes."""
     by = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     return {
         "by": by,

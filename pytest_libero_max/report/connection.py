@@ -87,12 +87,7 @@ def published_row(key: str) -> PublishedPolicy:
 
 
 def connect(report: Report, key: str, arm: Arm) -> Connection | str:
-    """Return the connection of a run with a row of the paper; a text says why there is none.
-
-    Args:
-        key: Key of the row, for example ``pi05``.
-        arm: ``base`` or ``dynamic``.
-    """
+    """Return the connection of a run with a row of the paper; a text says why there is none."""
     spec = report.policy or {}
     lack = lack_of_connection(report.provenance, report.pairs.played, key, spec.get("query_interval"))
     if lack is not None:
@@ -105,12 +100,7 @@ def connect(report: Report, key: str, arm: Arm) -> Connection | str:
 def lack_of_connection(
     provenance: Json, played: int, key: str, query_interval: int | None = None
 ) -> str | None:
-    """Return why a run cannot be held against a row of the paper; None where it can.
-
-    Args:
-        played: Number of its pairs that are measured, or will be.
-        query_interval: Q of its policy; None where that is not known yet.
-    """
+    """Return why a run cannot be held against a row of the paper; None where it can."""
     lack = lacks_for_published(provenance, played, published_file(provenance))
     row = published_row(key)
     if lack is None and query_interval is not None and query_interval != row.query_interval:

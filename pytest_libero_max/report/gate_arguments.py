@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import NamedTuple
 
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import OptionError
 from pytest_libero_max.runs.comparability import require_names
 
 _ARGUMENT = re.compile(r"""(?:[^,'"]|'[^']*'|"[^"]*")+""")
 _NAMED = re.compile(r"(?P<name>[a-z]\w*)\s*=\s*(?P<value>\S*)")
-_KNOWN = ("allow", "first")
+_FORM = "Write allow=SETTING, allow=SETTING+SETTING or first=pass behind the folder of the run."
 
 
 def refused(gate: str, rest: str) -> OptionError:
@@ -50,23 +49,13 @@ def read_arguments(text: str, gate: str) -> RunArguments:
         elif margin is None and not named:
             margin = part
         else:
-            raise refused(gate, f" has the unknown argument {part!r}. {_form()}")
-    _check(named, gate)
-    return RunArguments(run.strip("'\""), margin, tuple(named.get("allow", ())), "first" in named)
-
-
-def _check(named: Mapping[str, list[str]], gate: str) -> None:
-    for name in named:
-        if name not in _KNOWN:
-            raise refused(gate, f" has the unknown argument {name!r}. {_form()}")
-    if named.get("first", ["pass"]) != ["pass"]:
-        raise refused(gate, f" has first={'+'.join(named['first'])}. {_form()}")
+            raise refused(gate, f" has the unknown argument {part!r}. {_FORM}")
+    for name, values in named.items():
+        if name not in ("allow", "first") or (name == "first" and values != ["pass"]):
+            raise refused(gate, f" has the unknown argument {name}={'+'.join(values)}. {_FORM}")
+    allow = tuple(named.get("allow", ()))
     try:
-        require_names(named.get("allow", ()))
+        require_names(allow)
     except OptionError as error:
-        raise refused(gate, f": allow={'+'.join(named['allow'])}: {error}") from None
-
-
-def _form() -> str:
-    known = did_you_mean("", _KNOWN)
-    return f"{known} Write allow=SETTING, allow=SETTING+SETTING or first=pass behind the folder of the run."
+        raise refused(gate, f": allow={'+'.join(allow)}: {error}") from None
+    return RunArguments(run.strip("'\""), margin, allow, "first" in named)

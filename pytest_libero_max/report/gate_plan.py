@@ -53,7 +53,6 @@ def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequenc
     """Return the probability that a gate passes.
 
     Args:
-        pairs: Number of pairs that it is decided on.
         planned: These pairs, for a quantity by task.
 
     Raises:
@@ -105,11 +104,6 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> Iterato
 
     There a policy without an effect fails with at most :data:`FALSE_ALARM`, and one that loses so much passes
     with at most :data:`MISS`.
-
-    Args:
-        gate: The gate; not one by task.
-        chance: Share of pairs lost, and gained, by chance alone.
-        loss: Share of pairs lost by the effect and by chance.
     """
     alike, hurt = Chances(base, chance, chance), Chances(base, loss, chance)
     for pairs in SIZES:
@@ -157,9 +151,6 @@ def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:
 
 def pairs_to_show(gate: Gate, more_than: int, loss: float, gain: float) -> int | None:
     """Return the smallest of :data:`SIZES` at which runs with these shares mostly pass a gate.
-
-    Args:
-        gate: One on an end of the interval of a difference.
 
     Returns:
         None where the gate cannot be planned, or no size suffices.
@@ -230,12 +221,7 @@ def gate_plan_lines(
 
 
 def advice_lines(base: float, chance: float, effect: float) -> list[str]:
-    """Return which gate, on how many pairs of which track, finds a loss.
-
-    Args:
-        chance: Share of pairs lost, and gained, by chance alone.
-        effect: Share of pairs that the loss costs beside, above 0.
-    """
+    """Return which gate, on how many pairs of which track, finds a loss."""
     lines = [
         f"Gates that find a loss of {100 * effect:g} points: with the loss at most {MISS:.0%} of runs pass, "
         f"without it at least {1 - FALSE_ALARM:.0%}",

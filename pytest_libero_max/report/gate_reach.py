@@ -72,9 +72,6 @@ def _require_open(gate: Gate, values: Sequence[float], pairs: str, there: str = 
 def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
     """Refuse a limit for a difference from another run that no outcome of this one meets, or every one.
 
-    Args:
-        earlier: Dynamic success of the other run on the cases of this one.
-
     Raises:
         OptionError: No outcome of the cases meets it, or every one.
     """

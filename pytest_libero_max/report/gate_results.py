@@ -159,7 +159,6 @@ def require_usable(
 
     Args:
         pairs: All pairs of the track or manifest, also those left out of the run.
-        folder: Folder of the run, which may not exist yet.
         start: Folder that relative paths of other runs in the gates begin at.
 
     Raises:
@@ -244,7 +243,6 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
     """Decide gates on the run in ``folder``.
 
     Args:
-        folder: Folder of the run, or its ``pairs.jsonl``.
         start: Folder from which relative paths of other runs in the gates start.
 
     Raises:

@@ -52,11 +52,9 @@ KEPT = ("gate FAIL", "gate open", "gate wait", "gate first", _LOST, _FAILED, _AG
 def gate_lines(
     results: Sequence[GateResult], replay: Sequence[str] | None = None, show: str | None = None
 ) -> list[str]:
-    """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
+    """Return the lines on gates for the terminal, with the pairs that count against one that fails.
 
-    Args:
-        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`; None leaves it out.
-        show: Result of :func:`~pytest_libero_max.runs.media.show_command`, which takes its place.
+    A command that shows them takes the place of the one that plays them again.
     """
     marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
     lines = []

@@ -475,9 +475,6 @@ def _end(end: str | None, text: str) -> str | None:
 def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) -> None:
     """Refuse gates on groups that no pair can be in.
 
-    Args:
-        pairs: All pairs of the track or manifest, also those left out of the run.
-
     Raises:
         OptionError: A gate names a group that none of the pairs belongs to.
     """
@@ -532,12 +529,7 @@ def equivalence_interval(contrast: SuccessContrast) -> Interval | None:
 
 
 def value_in(gate: Gate, row: Any) -> float | None:
-    """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured.
-
-    Args:
-        gate: A gate that names no other run and no count of pairs.
-        row: The result, or what has the same fields as far as the quantity reads them.
-    """
+    """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured."""
     column = row_quantity(gate.name)
     value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
     return value

@@ -13,9 +13,6 @@ def main_numbers(report: Report) -> dict[str, float]:
     """Pairs and outcomes; rates, changes and numbers of sections with their intervals, and rates by event.
 
     A run that is incomplete has counts, and no rates: it has no score.
-
-    Args:
-        report: As in ``report.json``.
     """
     pairs, overall = report.pairs, report.overall
     found: dict[str, float | None] = {

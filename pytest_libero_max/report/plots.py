@@ -66,7 +66,6 @@ class Axis:
     """An axis with zero on it, whose ends are ticks.
 
     Args:
-        values: Values that lie on it.
         signed: True for changes; False for shares, which reach to 1.
     """
 

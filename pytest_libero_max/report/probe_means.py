@@ -38,11 +38,7 @@ def probe_means(records: Iterable[PairRecord]) -> dict[str, ProbeMean]:
 
 
 def probe_quantity(key: str) -> Quantity[Result]:
-    """Return a column of a probe in an arm as a quantity.
-
-    Args:
-        key: ``PROBE.COLUMN.ARM``.
-    """
+    """Return a column of a probe in an arm as a quantity."""
     return Quantity(key, key, lambda row: row.probes.get(key), Mean(), tables=())
 
 

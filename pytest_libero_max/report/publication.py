@@ -96,7 +96,6 @@ def publish(run: Path, folder: Path, actions: bool = False, about: About | None 
         folder: Made where it is missing. Files of these names are replaced.
         actions: True to write the recorded actions as well, with which others replay the pairs without the
             policy.
-        about: Authors and model, for the index; None writes nothing of them.
 
     Raises:
         ReportError: The run cannot be read or is not complete, keeps no actions of a pair, or the files
@@ -326,9 +325,6 @@ def read_checks(path: Path) -> dict[str, PlayedAgain]:
 
 def note_check(path: Path, folder: Path, pairs: int, seed: str, actions: bool) -> None:
     """Note in a file that pairs of a published run were played again and ended alike.
-
-    Args:
-        path: The file; the checks of other runs stay in it.
 
     Raises:
         ReportError: The file cannot be read or written.

@@ -38,13 +38,7 @@ def run_document(
     gates: Sequence[GateRow] = (),
     stored: StoredRun | None = None,
 ) -> Document:
-    """Return the report of a run as a document.
-
-    Args:
-        films: Path of the film of each pair that has one, relative to the document, by item id.
-        gates: Verdicts on the gates that the run was given.
-        stored: The run, for its origin; None leaves that out.
-    """
+    """Return the report of a run as a document."""
     notes = [report.substrate.note, report.inference.text, *note_texts(report), clipping_text(report)]
     return Document(
         title_text(report),

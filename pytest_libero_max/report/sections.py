@@ -6,7 +6,6 @@ import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
 from typing import ClassVar, NamedTuple, TypeVar
 
 import msgspec
@@ -20,7 +19,7 @@ from pytest_libero_max.report.document import Section, Table
 from pytest_libero_max.report.measures import UNITS, Measured, Rows, measures_of, rows_table
 from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.stats.blocks import Measure
+from pytest_libero_max.stats.blocks import Measure, Text
 
 
 @dataclass(frozen=True)
@@ -184,39 +183,28 @@ def with_sections(report: Report, amended: Json) -> Report:
             table of names and plain values.
     """
     computed: Json = msgspec.to_builtins(report)
-    changed = [
-        key for key in {**computed, **amended} if key != "sections" and _differs(computed, amended, key)
-    ]
-    if changed:
-        raise ReportError(
-            f"pytest_libero_max_report changed {', '.join(sorted(changed))}, but may only add to "
-            "report['sections']: every other number is computed from pairs.jsonl alone."
-        )
     sections = amended.get("sections")
     if not isinstance(sections, dict):
         raise ReportError(f"report['sections']={sections!r}, but must be a dict of titles to tables.")
-    own = computed["sections"]
-    touched = [title for title in own if title not in sections or _differs(own, sections, title)]
-    if touched:
+    own, others = computed["sections"], computed.keys() | amended.keys()
+    changed = [key for key in sorted(others - {"sections"}) if _differs(computed, amended, key)]
+    changed += [f"report['sections'][{title!r}]" for title in own if _differs(own, sections, title)]
+    if changed:
         raise ReportError(
-            f"pytest_libero_max_report changed report['sections'][{touched[0]!r}], which is computed from "
-            "the pairs. Add rows under a title of your own."
+            f"pytest_libero_max_report changed {', '.join(changed)}, but may only add rows to "
+            "report['sections'] under a title of its own: all else is computed from pairs.jsonl alone."
         )
+    rows: dict[str, Rows] = {}
     for title, table in sections.items():
-        if title in own:
-            continue
-        if not isinstance(title, str) or not title or not isinstance(table, dict):
+        try:
+            canonical_json(table)  # which knows no infinite number
+            rows |= msgspec.convert({title: table}, dict[Text, Rows])
+        except (TypeError, ValueError) as error:
             raise ReportError(
-                f"report['sections'][{title!r}]={table!r}, but must be a title with a dict of values by name."
-            )
-        for name, value in table.items():
-            plain = value is None or isinstance(value, str | bool | int)
-            if not isinstance(name, str) or not (plain or (isinstance(value, float) and isfinite(value))):
-                raise ReportError(
-                    f"report['sections'][{title!r}][{name!r}]={value!r}, but must be a name with a text, a "
-                    "finite number, true, false or null."
-                )
-    return msgspec.structs.replace(report, sections=msgspec.convert(sections, dict[str, Rows]))
+                f"report['sections'][{title!r}]={table!r}: {error}. A section is a title with a dict of "
+                "names to a text, a finite number, true, false or null."
+            ) from None
+    return msgspec.structs.replace(report, sections=rows)
 
 
 def _differs(report: Json, amended: Json, key: str) -> bool:

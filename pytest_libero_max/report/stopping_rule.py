@@ -146,12 +146,7 @@ def parse_rule(text: str) -> NamedRule:
 
 
 class CompletedPrefix:
-    """Asks a rule about the longest completed prefix of the order of play.
-
-    Args:
-        planned: Every pair of the run, in the order of play.
-        gates: Conditions that the finished report has to meet.
-    """
+    """Asks a rule about the longest completed prefix of the order of play."""
 
     def __init__(self, named: NamedRule, planned: Sequence[PlannedPair], gates: Sequence[Gate]) -> None:
         self._named = named
@@ -191,9 +186,7 @@ def watched_by(
     """Return what the rule that stopped a run knew, found again from the same pairs.
 
     Args:
-        planned: Every pair of the run, in the order of play.
         pairs: Measured pairs and errors; of a pair that has both, the record comes first.
-        gates: Gates that the run declared.
 
     Returns:
         What the rule knew after the pairs on which it decided; empty where there was no rule, or where the

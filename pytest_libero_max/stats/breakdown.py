@@ -19,7 +19,6 @@ def breakdown(
     """Measure each group.
 
     Args:
-        labels: (n,) the group of each pair.
         groups: Every group, in the order wanted; one without pairs yields a result of zero pairs.
         planned: Number of planned pairs of each group; by default those that are measured.
 

@@ -193,13 +193,7 @@ def _by_group(
 def change_contrasts(
     base: Mapping[str, ArrayLike], dynamic: Mapping[str, ArrayLike], tasks: ArrayLike | None = None
 ) -> tuple[ChangeContrast, ...]:
-    """Compare the paired changes of conditions on common cases, all pairs of conditions.
-
-    Args:
-        base: (n,) bool by condition, Base success; the same case at the same place in each.
-        dynamic: (n,) bool by condition, Dynamic success.
-        tasks: As for :func:`contrasts`.
-    """
+    """Compare the paired changes of conditions on common cases, all pairs of conditions."""
     changes = {
         name: boolean(dynamic[name], name).astype(np.int64) - boolean(base[name], name) for name in base
     }

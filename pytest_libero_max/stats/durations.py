@@ -17,9 +17,6 @@ def mean_difference_interval(differences: ArrayLike, confidence: float = CONFIDE
 
     The t interval is about the mean of many like pairs, and too narrow where a few large differences decide:
     None with fewer than :data:`LEAST_DIFFERENT` differences other than 0, and where all are equal.
-
-    Args:
-        differences: (n,) numbers, one a pair.
     """
     values = np.sort(np.asarray(differences, dtype=np.float64))  # the order of the pairs changes no bit
     if np.count_nonzero(values) < LEAST_DIFFERENT or (values == values[0]).all():
@@ -35,9 +32,6 @@ def median_interval(values: ArrayLike, confidence: float = CONFIDENCE) -> Interv
 
     It covers at least as often as it says for every distribution, also where values are equal. Reference:
     H. A. David and H. N. Nagaraja (2003), Order Statistics, 7.1.
-
-    Args:
-        values: (n,) numbers.
     """
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     n = len(ordered)

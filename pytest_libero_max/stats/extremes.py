@@ -36,7 +36,6 @@ def lowest_by_chance(sizes: Sequence[int], gains: int, losses: int, seen: float)
     """Return the lowest mean of a group by chance.
 
     Args:
-        sizes: Number of pairs of each group, at least 1.
         gains: Pairs, of all, that count 1.
         losses: Pairs, of all, that count -1.
     """

@@ -17,10 +17,6 @@ FLOOR_BASE_RATE = 0.2
 def tabulate(base: ArrayLike, dynamic: ArrayLike) -> Outcomes:
     """Count the four outcomes.
 
-    Args:
-        base: (n,) bool, whether Base completed the task.
-        dynamic: (n,) bool, the same cases in Dynamic.
-
     Raises:
         ReportError: The arrays are not both one-dimensional and of one length.
     """

@@ -154,11 +154,7 @@ class Pairs:
 
 
 def measure(pairs: Pairs, planned: int | None = None) -> Result:
-    """Compute the result of a set of pairs; every value without a denominator is None.
-
-    Args:
-        planned: Number of planned ones; by default those that are measured.
-    """
+    """Compute the result of a set of pairs; every value without a denominator is None."""
     return measure_groups([pairs], None if planned is None else [planned])[0]
 
 

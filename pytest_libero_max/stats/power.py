@@ -29,10 +29,6 @@ def power(pairs: int, loss: float, gain: float, alpha: float = ALPHA) -> float:
     probability loss / (loss + gain); the power is the sum over both. Reference: S. W. Duffy (1984),
     Biometrics 40:1005-1015. It is computed exactly, so it is slightly saw-toothed in ``pairs``.
 
-    Args:
-        loss: Probability of a regression (1, 0).
-        gain: Probability of a change-associated success (0, 1).
-
     Raises:
         OptionError: The probabilities are not ones that a pair can have.
     """

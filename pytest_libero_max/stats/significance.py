@@ -21,10 +21,6 @@ def mcnemar(losses: int, gains: int) -> float:
     smallest double. Reference: Q. McNemar (1947), Psychometrika 12:153-157; A. Agresti, Categorical Data
     Analysis, 3rd ed., 11.1. Conservative for few discordant pairs: no p below 0.05 with fewer than six, and
     p = 1 without one, where nothing speaks against the null.
-
-    Args:
-        losses: Discordant pairs in which the first condition succeeds, (1, 0).
-        gains: Discordant pairs in which the second does, (0, 1).
     """
     n, k = losses + gains, min(losses, gains)
     if 2 * k + 1 >= n:
@@ -89,7 +85,6 @@ def word_for(
         interval: The interval of the difference, simultaneous with those of all comparisons.
         differing: Number of pairs in which the two differ, of which an exact McNemar test is made; None for
             another test, of which it is not known when it has no power.
-        margin: Difference from which on it matters, above 0.
     """
     if 10**log10_p < level:
         return "significant"

@@ -73,9 +73,6 @@ def episodes_for_power(first: float, second: float, target: float, alpha: float 
     The normal approximation with the correction for continuity that follows Fisher's exact test. Reference:
     J. T. Casagrande, M. C. Pike and P. G. Smith (1978), Biometrics 34:483-486. None above a million, and for
     equal rates.
-
-    Args:
-        target: The probability, for example 0.8.
     """
     gap, mean = abs(first - second), (first + second) / 2
     if gap == 0:

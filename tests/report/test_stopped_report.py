@@ -15,7 +15,6 @@ from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_texts import stopped_texts
 from pytest_libero_max.report.stopping_rule import BIAS
-from pytest_libero_max.report.studies.study_tables import study_csv
 from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import StoredRun, read_pairs
@@ -64,7 +63,6 @@ def test_a_stopped_report_prints_no_interval(name: str) -> None:
     document = plain(report)
     assert [*numbers_of_intervals({**document, "pairs": None, "provenance": None})] == []
     texts = [markdown(report), html(report, [], ["pytest"]), *summary_lines(report), *quiet_lines(report)]
-    texts += [] if report.study is None else [study_csv(report.study)]
     assert [found for text in texts for found in _INTERVAL.findall(text)] == []
     assert not any("the interval holds 0" in text for text in texts)
     ruled = " ".join(stopped_texts(report.pairs))

@@ -63,9 +63,6 @@ def set_apart(runs: Mapping[str, RunOutcomes]) -> tuple[Runs, Runs]:
     A run is listed apart if its policy declares that it does not support a suite whose cases the policy of
     another run supports: its own cases would then cut those of all others. Where fewer than two runs would
     be left, none is listed apart.
-
-    Args:
-        runs: Runs by the name they get in the comparison.
     """
     left_out = {
         name: {pair.case_id for pair in unsupported_pairs(run.run.planned, run.policy)}
@@ -132,10 +129,6 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """Line up the cases that every run has measured.
 
     Cases that a policy declares unsupported are left out of all runs.
-
-    Args:
-        runs: Runs by the name they get in the comparison.
-        restrict: Compare the common cases where the runs differ, instead of refusing.
 
     Raises:
         ReportError: Fewer than two runs, runs of different substrates or different cases of one name, no

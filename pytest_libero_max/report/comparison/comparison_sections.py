@@ -101,11 +101,7 @@ def terminal_head(document: Document, comparison: Comparison) -> list[str]:
 
 
 def short_lines(comparison: Comparison, flips: int = _LISTED_AT_THE_END) -> list[str]:
-    """Render the end of a run that is compared with an earlier one: rates, Dynamic success, changed cases.
-
-    Args:
-        comparison: Of two runs, the earlier one first.
-    """
+    """Render the end of a run that is compared with an earlier one: rates, Dynamic success, changed cases."""
     changed = len(comparison.flips)
     command = ["libero-max", "compare", *(["--restrict"] if comparison.pairs.restricted else [])]
     more = shlex.join([*command, *(run.name for run in comparison.runs)])

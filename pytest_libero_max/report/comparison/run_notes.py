@@ -16,11 +16,7 @@ from pytest_libero_max.stats.blocks import Result
 
 
 def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
-    """Return what keeps the numbers of a run from saying what they seem to: a floor, or its stopping rule.
-
-    Args:
-        result: Its result over the cases that are compared.
-    """
+    """Return what keeps the numbers of a run from saying what they seem to: a floor, or its stopping rule."""
     warnings = [warning_of(result)]
     if run.stopped is not None and run.stopped_by_rule:
         warnings.append(

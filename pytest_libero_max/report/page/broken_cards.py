@@ -49,12 +49,7 @@ class Cards(NamedTuple):
 def broken_cards(
     report: Report, films: Mapping[str, Sequence[str]], records: Mapping[str, PairRecord]
 ) -> list[Cards]:
-    """Return what Base fails at where it solves little, then the pairs that were lost and that were gained.
-
-    Args:
-        films: Paths of the films of each pair that has some, relative to the page, by item id.
-        records: The played pairs, by item id.
-    """
+    """Return cards of what Base fails at where it solves little, and of what was lost and gained."""
     parts = parts_of(report, films, most=10**6, most_groups=_MOST_CARDS)
     return [
         Cards(

@@ -43,11 +43,6 @@ def run_cases(
 ) -> Json:
     """Return the data of the table of cases of a run.
 
-    Args:
-        films: Paths of the films of each pair that has some, relative to the page, by item id.
-        pictures: Paths of the pictures of each pair that has some, in the same way.
-        folder: Folder of the run, for its traces; None for none.
-
     Returns:
         ``items``: the item ids, those of regressions first; everything else is in the same order, or by the
         place in it.
@@ -179,13 +174,7 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
 def again(
     caption: str, replay: Sequence[str], there: str, needs: Sequence[str] = (), unless: Sequence[str] = ()
 ) -> Json:
-    """Return the command that plays a case again, or a sentence where no command can.
-
-    Args:
-        there: Place of the command, which ends the caption.
-        needs: As for :func:`command`, like ``unless``.
-        unless: See ``needs``.
-    """
+    """Return the command that plays a case again, or a sentence where no command can."""
     if not replay:
         return command(f"{caption} {replay_text(replay)}", "", "", needs, unless)
     return command(f"{caption}{there}", replay_text(replay), "", needs, unless)
@@ -246,7 +235,6 @@ def label_column(
     """Return a column of names, which can be chosen from.
 
     Args:
-        key: Its name in the address of a view.
         order: The first of the distinct names in their order; the others follow by the alphabet.
         titles: Titles of the names, where they differ from the names.
         cells: Texts of the names in the table, where they differ from the titles.

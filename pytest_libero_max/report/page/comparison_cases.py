@@ -29,7 +29,6 @@ def comparison_cases(
     The cases that the last run loses come first.
 
     Args:
-        common: The cases, with the outcomes of every run.
         replays: The command that plays a case of a run again, once its item id is appended, by run.
     """
     codes = {run: outcome_codes(pairs).tolist() for run, pairs in common.pairs.items()}

@@ -84,11 +84,7 @@ def _view(dimension: str, name: str) -> str:
 def document_page(
     template: str, document: Document, cases: Json | None = None, own_way: Collection[str] = (), **values: Any
 ) -> str:
-    """Render a document with a template that extends ``document.html``; see :func:`page`.
-
-    Args:
-        own_way: Keys of the sections that the template shows in its own way.
-    """
+    """Render a document with a template that extends ``document.html``; see :func:`page`."""
     return page(
         template,
         document.title,
@@ -109,11 +105,8 @@ def page(template: str, title: str, cases: Json | None, scripts: Sequence[str] =
     """Render a page that needs no network.
 
     Args:
-        template: File in ``templates``.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it.
-        scripts: Files of scripts of a page without the table of cases, which has its own.
-        values: Values that the template asks for, by name. Text is escaped.
     """
     if cases is not None:
         scripts = _SCRIPTS

@@ -70,11 +70,7 @@ def facts(report: Report) -> Iterator[str]:
 
 
 def first_screen(report: Report, earlier: Comparison | None = None) -> dict[str, Any]:
-    """Return the values of the first screen of a run with played pairs, by their names in the template.
-
-    Args:
-        earlier: The comparison of an earlier run with it; None for none.
-    """
+    """Return the values of the first screen of a run with played pairs, by their names in the template."""
     overall = report.overall
     change, lost = overall.paired_change, overall.conditional_regression
     lacks = lacks_of(overall)
@@ -150,13 +146,7 @@ def html(
     """Render a report as a page.
 
     Args:
-        regressions: Item ids of the pairs that succeed in Base and fail in Dynamic.
         films: Paths of the films of each pair that has some, relative to the page, by item id.
-        stored: The run, for its events and its origin; None leaves these out.
-        cases: Result of :func:`~pytest_libero_max.report.page.case_table.run_cases`;
-            None leaves it out.
-        pairs_name: The file of the pairs beside the page.
-        gates: Verdicts on the gates that the run was given.
         earlier: The comparison of an earlier run with this one, if there was one to compare with.
     """
     pairs = report.pairs

@@ -65,9 +65,6 @@ class WorseThan(StoppingRule):
     def _require_comparable(self, record: PairRecord | None) -> None:
         """Refuse another run that differs in more than its policy.
 
-        Args:
-            record: The first of this run; None as long as there is none.
-
         Raises:
             OptionError: It differs; names the settings.
         """

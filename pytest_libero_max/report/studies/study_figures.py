@@ -28,11 +28,7 @@ class Series:
 
 
 def study_plots(study: Study | None) -> dict[str, Drawable | str]:
-    """Return plots and SVG documents of a study by the stem of their file name; none without cases.
-
-    Args:
-        study: ``report.study``; None for a run of no study.
-    """
+    """Return plots and SVG documents of a study by the stem of their file name; none without cases."""
     if study is None or study.cases == 0:
         return {}
     plots: dict[str, Drawable | str] = {}

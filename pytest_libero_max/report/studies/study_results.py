@@ -31,9 +31,6 @@ _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
 def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json) -> Study | None:
     """Return the results of a study, or of the further arms of programs; None where there are none.
 
-    Args:
-        records: Measured cases, in the order of the report.
-
     Raises:
         ReportError: A record lacks an arm of the study, or the study is not known.
     """

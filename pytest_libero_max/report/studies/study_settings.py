@@ -54,7 +54,6 @@ def settings_of(arms: Sequence[Json], records: Sequence[PairRecord]) -> list[Pla
     One that is the policy's own is the pair of Base and Dynamic.
 
     Args:
-        arms: The arms of a program or a study, as data.
         records: Measured cases, at least one, for what is the policy's own.
     """
     spelled = {arm["name"]: [*map(_as_short, arm.get("schedule", []))] for arm in arms}

@@ -57,9 +57,7 @@ def write_reports(
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
     Args:
-        amend: Returns the report with sections of the user's own.
         on_problem: Called for each file that cannot be made or written. None: the first one is an error.
-        earlier: The comparison of an earlier run with this one, for the page; None for none.
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.

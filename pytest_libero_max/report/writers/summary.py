@@ -38,9 +38,6 @@ def summary_lines(
 ) -> list[str]:
     """Render a report for the terminal.
 
-    Args:
-        films: Path of the film of each pair that has one, by item id.
-
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.
     """
