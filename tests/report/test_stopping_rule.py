@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
@@ -96,43 +95,6 @@ def test_a_run_that_another_one_is_worse_than_has_to_be_there_and_the_order_rand
         rule.check(Declared(Order(1, False), (), 1, None))
 
 
-@pytest.mark.parametrize(
-    ("order", "shards", "begun", "message"),
-    [
-        ("sorted", 1, None, "the first pairs are the first cases of a list"),
-        ("blocks:1", 2, None, "each shard would decide for itself"),
-        ("blocks:1", 1, {"stopping_rule": "strata:0.1"}, "level=0.05, but the run that is resumed was begun"),
-    ],
-)
-def test_strata_refuse_a_run_on_which_they_cannot_decide(
-    order: str, shards: int, begun: Json | None, message: str
-) -> None:
-    rule = parse_rule("strata").rule
-    with pytest.raises(OptionError, match=message):
-        rule.check(Declared(Order.parse(order), (), shards, begun))
-    assert rule.check(Declared(Order.parse("blocks:1"), (), 1, {"stopping_rule": "strata:0.05"})) is None
-
-
-@pytest.mark.parametrize("level", ["0", "0.6", "much"])
-def test_strata_need_a_level(level: str) -> None:
-    with pytest.raises(ValueError, match="expected strata:LEVEL"):
-        parse_rule(f"strata:{level}")
-
-
-def test_strata_stop_at_what_cancels_out_over_all_pairs() -> None:
-    """Every pair of one event is lost, every pair of another gained."""
-    planned = plan()
-    lost, gained = planned[0].event, next(pair.event for pair in planned if pair.event != planned[0].event)
-    pairs: list[Pair] = [record_of(pair, pair.event != gained, pair.event != lost) for pair in planned]
-    stopped = decision("strata:0.5", planned, pairs)
-    assert stopped is not None
-    assert stopped.at is not None
-    assert stopped.at < len(planned)
-    assert "losses and gains are not equally likely in every event and suite, p = 0." in stopped.reason
-    assert decision("anytime:0.5", planned, pairs) is None
-    assert decision("strata:0.0001", planned, pairs) is None
-
-
 def test_a_decision_at_the_last_pair_stops_nothing() -> None:
     planned = plan()
     pairs: list[Pair] = [record_of(pair, True, pair != planned[-1]) for pair in planned]
@@ -164,7 +126,6 @@ def test_the_shipped_rules_are_found_by_their_files() -> None:
         "certain",
         "errors",
         "first_regression",
-        "strata",
         "worse_than",
     ]
 
