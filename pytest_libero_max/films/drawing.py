@@ -165,7 +165,6 @@ class _Canvas:
         return labels(self._record, name, step, self._shared), since is None, blink
 
     def draw(self, tick: Tick) -> Image:
-        """Return the frame of a moment, which was followed."""
         cameras = next(iter(tick.views.values())).images
         top = len(self._title) * self._line_px + 6
         pictures = self._line_px + 4 + len(cameras) * (self._size + _GAP_PX)

@@ -106,11 +106,7 @@ class RecordedRun:
         return outside_text(self.stored.run.provenance)
 
     def traces(self, record: PairRecord) -> dict[str, ArmTrace]:
-        """Return the traces of a pair.
-
-        Raises:
-            ReportError: The run kept none of it, or they cannot be read.
-        """
+        """Return the traces of a pair."""
         path = require_inside(self.folder, self.folder / TRACES_NAME / trace_name(record.item_id))
         if not path.exists():
             raise ReportError(
@@ -124,15 +120,6 @@ class RecordedRun:
 
         Args:
             use: Plays it again; is given its case, its world and the traces of its arms.
-
-        Raises:
-            ProtocolError: The replay does not reach the recorded digests; names the differences in versions.
-            ReportError: The record contradicts its case; or a needed file is missing, or a file is there
-                already or cannot be written.
-            AdapterError: The policy's view cannot be made.
-            SubstrateError: The substrate cannot build the scene.
-            ChangeError: A change does not fit this world.
-            SimulatorError: The simulation broke, or the renderer does not answer.
         """
         case = self.cases.get(record.case_id)
         if case is None:

@@ -215,7 +215,7 @@ class RunEnd:
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         told = {"report": msgspec.to_builtins(report), "numbers": main_numbers(report)}
         hook = self.config.hook.pytest_libero_max_reported

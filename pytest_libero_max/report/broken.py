@@ -74,7 +74,6 @@ class Part(NamedTuple):
 
     @property
     def more(self) -> int:
-        """Number of pairs that are not named."""
         return sum(group.number - len(group.named) for group in self.groups)
 
 

@@ -73,11 +73,7 @@ def _interval(own: Ratio, published: Ratio) -> Interval:
 
 
 def published_row(key: str) -> PublishedPolicy:
-    """Return the row of the paper with a key.
-
-    Raises:
-        OptionError: There is none; suggests the closest.
-    """
+    """Return the row of the paper with a key."""
     rows = {policy.key: policy for policy in published_policies()}
     if key not in rows:
         raise OptionError.seen(

@@ -96,7 +96,6 @@ class Unit:
         return NOT_AVAILABLE if value is None else f"{self.number(value)}{self.text}"
 
     def ends(self, value: Ends) -> str:
-        """Return an interval, without the unit."""
         if value.lower is None or value.upper is None:
             return NOT_AVAILABLE
         return f"[{self.number(value.lower)}, {self.number(value.upper)}]"
@@ -133,7 +132,6 @@ class Format:
         raise NotImplementedError
 
     def short(self, value: Any) -> str:
-        """For narrow tables."""
         return self.long(value)
 
     def latex(self, value: Any) -> str:

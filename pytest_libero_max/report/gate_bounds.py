@@ -1,4 +1,4 @@
-"""Gates before every pair is played: verdicts over the ways in which a run can still end."""
+"""Gates before every pair is played: verdicts over the ways a run can still end, and rules that await them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,6 @@ class Ending:
 
     @classmethod
     def of(cls, record: PairRecord) -> Ending:
-        """Return the counts of one pair."""
         base, dynamic = record.base_success, record.dynamic_success
         return cls(1, base, base > dynamic, dynamic > base, record.triggered, record.responded)
 
@@ -50,55 +49,45 @@ class Ending:
 
     @property
     def dynamic(self) -> int:
-        """Pairs that Dynamic completes."""
         return self.base - self.losses + self.gains
 
     # What follows is a row of a report, as far as these counts tell it: quantities are read from both alike.
 
     @property
     def outcomes(self) -> Outcomes:
-        """Pairs by outcome."""
         kept = self.base - self.losses
         return Outcomes(kept, self.gains, self.losses, self.pairs - self.base - self.gains)
 
     @property
     def base_success(self) -> Rate:
-        """Base success rate."""
         return rate_of(self.outcomes.base)
 
     @property
     def dynamic_success(self) -> Rate:
-        """Dynamic success rate."""
         return rate_of(self.outcomes.dynamic)
 
     @property
     def paired_change(self) -> MeanDifference:
-        """Paired change."""
         return table_change_of(self.outcomes)
 
     @property
     def conditional_regression(self) -> Rate:
-        """Share of Base successes lost."""
         return rate_of(self.outcomes.conditional_regression)
 
     @property
     def retained(self) -> blocks.Ratio:
-        """Dynamic successes over Base successes."""
         return ratio_of(self.outcomes.retained)
 
     @property
     def mcnemar(self) -> McNemar:
-        """Test of regressions against gains."""
         return mcnemar_of(self.outcomes)
 
     @property
     def trigger_coverage(self) -> Rate:
-        """Pairs whose event fired."""
         return rate_of(Ratio(self.fired, self.pairs))
 
     @property
     def response_coverage(self) -> Rate:
-        """Pairs with a query after the event."""
         return rate_of(Ratio(self.answered, self.pairs))
 
 

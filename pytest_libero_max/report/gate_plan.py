@@ -54,9 +54,6 @@ def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequenc
 
     Args:
         planned: These pairs, for a quantity by task.
-
-    Raises:
-        OptionError: The gate cannot be planned.
     """
     if gate.name not in PLANNED or gate.operator in ("==", "!="):
         raise refused(
@@ -192,9 +189,6 @@ def gate_plan_lines(
         base: Base success rate; against another run, Dynamic success of that run.
         chance: Share of pairs lost, and gained, by chance alone.
         loss: Share of pairs lost by an effect, and by chance; None for several.
-
-    Raises:
-        OptionError: The gate cannot be planned, no pair is of its group, or the rates cannot be.
     """
     planned = () if isinstance(pairs, int) else tuple(_of_group(gate, pairs))
     count = pairs if isinstance(pairs, int) else len(planned)

@@ -34,9 +34,6 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     Args:
         gate: A gate that names no other run. One on what is chosen, on what probes measure, or on a section
             of the report passes.
-
-    Raises:
-        OptionError: No outcome of the pairs meets it, or every one.
     """
     if not is_of_pairs(gate.name):
         return
@@ -70,11 +67,7 @@ def _require_open(gate: Gate, values: Sequence[float], pairs: str, there: str = 
 
 
 def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
-    """Refuse a limit for a difference from another run that no outcome of this one meets, or every one.
-
-    Raises:
-        OptionError: No outcome of the cases meets it, or every one.
-    """
+    """Refuse a limit for a difference from another run that no outcome of this one meets, or every one."""
     cases, succeeded = len(earlier), sum(earlier)
     if not cases:
         return

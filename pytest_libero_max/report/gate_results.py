@@ -191,11 +191,7 @@ def require_usable(
 
 
 def require_watched(gates: Iterable[Gate], probes: Collection[str]) -> None:
-    """Refuse gates on what a probe measures that is not asked for.
-
-    Raises:
-        OptionError: There is such a gate.
-    """
+    """Refuse gates on what a probe measures that is not asked for."""
     for gate in gates:
         probe = None if gate.run is not None else probe_of(gate.name)
         if probe is not None and probe not in probes:
@@ -206,22 +202,14 @@ def require_watched(gates: Iterable[Gate], probes: Collection[str]) -> None:
 
 
 def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:
-    """Refuse gates on the run itself that every outcome of its pairs meets, or none.
-
-    Raises:
-        OptionError: There is such a gate.
-    """
+    """Refuse gates on the run itself that every outcome of its pairs meets, or none."""
     for gate in gates:
         if gate.run is None:
             require_reachable(gate, chosen)
 
 
 def require_connectable(gates: Iterable[Gate], run: Run) -> None:
-    """Refuse gates against rows of the paper that a run cannot be held against, whatever it measures.
-
-    Raises:
-        OptionError: There is one; says why.
-    """
+    """Refuse gates against rows of the paper that a run cannot be held against, whatever it measures."""
     for gate in gates:
         if gate.row is None:
             continue

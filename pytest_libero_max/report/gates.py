@@ -198,7 +198,6 @@ class GateResult:
 
     @property
     def finding(self) -> Finding:
-        """The verdict in the words of reports."""
         if self.no_baseline:
             return "no baseline yet"
         if self.verdict == "failed":
@@ -346,11 +345,7 @@ def _share_meant(gate: Gate) -> str:
 
 
 def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
-    """Read gates as an ini file or repeated options give them: empty lines and ``#`` comments are left out.
-
-    Raises:
-        OptionError: One of them is not in the language.
-    """
+    """Read gates as an ini file or repeated options give them, without empty lines and ``#`` comments."""
     lines = (line.partition("#")[0].strip() for text in texts for line in text.splitlines())
     return tuple(parse_gate(line) for line in lines if line)
 
@@ -473,11 +468,7 @@ def _end(end: str | None, text: str) -> str | None:
 
 
 def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) -> None:
-    """Refuse gates on groups that no pair can be in.
-
-    Raises:
-        OptionError: A gate names a group that none of the pairs belongs to.
-    """
+    """Refuse gates on groups that no pair can be in."""
     every = tuple(pairs)
     for gate in gates:
         if gate.scope is not None:

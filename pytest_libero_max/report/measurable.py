@@ -27,11 +27,7 @@ class Shown(Protocol):
 
 
 def lacks_of(row: Result) -> list[str]:
-    """Return why the change of a set of pairs says almost nothing about the event; empty otherwise.
-
-    Returns:
-        Clauses without a period.
-    """
+    """Return why the change of a set of pairs says almost nothing about the event; empty otherwise."""
     base, fired = row.base_success, row.trigger_coverage
     lacks = []
     if base.value is not None and base.value < FLOOR_BASE_RATE:

@@ -83,7 +83,6 @@ class Axis:
 
     @property
     def ticks(self) -> list[tuple[float, str]]:
-        """Places and labels, in percent or percentage points."""
         values = [number * self._step for number in range(self._first, self._last + 1)]
         if self._signed:
             return [(self.at(value), f"{100 * value:+g}".replace("+0", "0")) for value in values]
@@ -118,7 +117,6 @@ class Plot:
 
     @cached_property
     def axis(self) -> Axis:
-        """The axis that holds all values."""
         values = [value for row in self.rows for value, _ in row.dots]
         values += [end for row in self.rows if row.span for end in row.span[:2]]
         return Axis(values, signed=self.signed)
@@ -188,12 +186,10 @@ class Heat(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The change in whole percentage points."""
         return f"{100 * self.change:+.0f}" if self.change else "0"
 
     @property
     def kind(self) -> str:
-        """Kind of its colour."""
         return "loss" if self.change < 0 else "gain"
 
     @property

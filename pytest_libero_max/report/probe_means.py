@@ -52,9 +52,6 @@ def probe_key(name: str, text: str) -> str | None:
 
     Args:
         name: ``PROBE.COLUMN`` for Dynamic, or ``PROBE.COLUMN.ARM``.
-
-    Raises:
-        OptionError: The probe has no such column, or it holds no numbers.
     """
     from pytest_libero_max.pairing.probes.registry import PROBES
 

@@ -51,7 +51,7 @@ from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_fil
 
 ABOUT_NAME = "about.json"
 
-_CURE = "libero-max publish pack RUN FOLDER --authors TEXT --model ADDRESS writes it."
+_ABOUT_CURE = "libero-max publish pack RUN FOLDER --authors TEXT --model ADDRESS writes it."
 
 
 class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -68,23 +68,18 @@ class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
 
     def to_json(self) -> str:
-        """Return the content of the file."""
         return json.dumps(msgspec.to_builtins(self), indent=1) + "\n"
 
 
 def about_of(folder: Path) -> About:
-    """Return what is stated of a published run; nothing where its folder has no such file.
-
-    Raises:
-        ReportError: The file cannot be read, or states something else.
-    """
+    """Return what is stated of a published run; nothing where its folder has no such file."""
     path = folder / ABOUT_NAME
     if not path.exists():
         return About()
     try:
-        return msgspec.convert(decode_json(require_inside(folder, path).read_bytes(), _CURE), About)
+        return msgspec.convert(decode_json(require_inside(folder, path).read_bytes(), _ABOUT_CURE), About)
     except (OSError, ValueError) as error:
-        raise ReportError(f"Cannot read {path}: {error}. {_CURE}") from error
+        raise ReportError(f"Cannot read {path}: {error}. {_ABOUT_CURE}") from error
 
 
 def publish(run: Path, folder: Path, actions: bool = False, about: About | None = None) -> list[Path]:
@@ -304,11 +299,7 @@ def pairs_digest(folder: Path) -> str:
 
 
 def read_checks(path: Path) -> dict[str, PlayedAgain]:
-    """Return the checks that :func:`note_check` wrote, by digest; none where the file does not exist.
-
-    Raises:
-        ReportError: It cannot be read.
-    """
+    """Return the checks that :func:`note_check` wrote, by digest; none where the file does not exist."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -324,11 +315,7 @@ def read_checks(path: Path) -> dict[str, PlayedAgain]:
 
 
 def note_check(path: Path, folder: Path, pairs: int, seed: str, actions: bool) -> None:
-    """Note in a file that pairs of a published run were played again and ended alike.
-
-    Raises:
-        ReportError: The file cannot be read or written.
-    """
+    """Note in a file that pairs of a published run were played again and ended alike."""
     from importlib.metadata import version
 
     today, package, mujoco = (

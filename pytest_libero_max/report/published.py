@@ -146,7 +146,6 @@ class _Row(NamedTuple):
 
     @classmethod
     def of(cls, policy: PublishedPolicy, file: ReleasedFile) -> _Row:
-        """Return a published policy on some of the authors' cases."""
         printed, rates = policy.printed, policy.outcomes
         base, dynamic, change = rates.base.value, rates.dynamic.value, rates.change.value
         if file is not _MAX:

@@ -127,11 +127,7 @@ def decide_results(gates: Sequence[Gate], report: Report) -> tuple[GateResult, .
 def write_results(
     folder: Path, results: ReadResults, gates: Sequence[GateResult] = ()
 ) -> tuple[Report, list[Path]]:
-    """Write ``report.json``, ``report.md`` and ``report.html`` beside results.
-
-    Raises:
-        ReportError: They cannot be written.
-    """
+    """Write ``report.json``, ``report.md`` and ``report.html`` beside results."""
     report = report_of_results(results)
     lost = sorted(
         pair.item_id

@@ -50,7 +50,6 @@ class Watched(Block, frozen=True, kw_only=True):
 
     @property
     def text(self) -> str:
-        """A sentence for people."""
         return f"{self.what}: {'' if self.verdict is None else f'{self.verdict}, '}{self.detail}"
 
 

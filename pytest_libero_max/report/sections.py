@@ -133,11 +133,7 @@ def _of_each(ask: Callable[[ReportSection], Mapping[str, T]]) -> dict[str, T]:
 
 
 def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
-    """Return what ``report.sections`` stores, of every section that has something to say of these pairs.
-
-    Raises:
-        ReportError: A section fails, or two have one title.
-    """
+    """Return what ``report.sections`` stores, of every section that has something to say of these pairs."""
     return _of_each(lambda section: section.tables(played))
 
 

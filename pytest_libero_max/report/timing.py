@@ -14,7 +14,7 @@ from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
 from pytest_libero_max.report.report_document import SuccessCurves
 from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 from pytest_libero_max.stats.clusters import task_interval
-from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
+from pytest_libero_max.stats.intervals import LEAST_DIFFERENT, mean_difference_interval
 
 PROBE = "motion"
 TITLE = "How long it took"
@@ -67,7 +67,6 @@ class Timing(ReportSection):
     interval_notes: ClassVar[Mapping[str, str]] = {TITLE: "A range in brackets is a 95% interval."}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return the times of all pairs, and those after the event."""
         records = played.records
         if not records:
             return {}

@@ -180,12 +180,10 @@ class Outcomes(Block, frozen=True):
 
     @property
     def base(self) -> ratios.Ratio:
-        """Base success rate over all pairs."""
         return ratios.Ratio(self.preserved_success + self.regression, self.total)
 
     @property
     def dynamic(self) -> ratios.Ratio:
-        """Dynamic success rate over all pairs."""
         return ratios.Ratio(self.preserved_success + self.change_associated_success, self.total)
 
     @property

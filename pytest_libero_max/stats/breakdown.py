@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pytest_libero_max.errors import ReportError, counted
+from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.blocks import Macro, Outcomes, Result, Split
 from pytest_libero_max.stats.measured import number
 from pytest_libero_max.stats.paired import Pairs, measure_groups
@@ -26,10 +26,6 @@ def breakdown(
         ReportError: A pair's label is not among the groups, so that it would be lost from every denominator.
     """
     names = np.asarray(labels, dtype=np.str_)
-    if len(names) != len(pairs):
-        raise ReportError(
-            f"{counted(len(names), 'label')} for {counted(len(pairs), 'pair')}; give one label a pair."
-        )
     strays = sorted(set(names.tolist()) - set(groups))
     if strays:
         raise ReportError(f"Pairs are labelled {strays}, which are not among the groups {list(groups)}.")

@@ -108,9 +108,6 @@ def resampled_means(
 
     Returns:
         (replicates, k) means, and the number of clusters.
-
-    Raises:
-        ReportError: The arrays differ in length, or a cluster lies in two strata.
     """
     n, width = columns.shape
     cluster_of, cluster_count = _codes(clusters, n, "clusters")

@@ -8,24 +8,27 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from msgspec.structs import asdict, astuple
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.blocks import (
+    BestSetting,
     ChangeContrast,
     ChangeDifference,
     GroupContrast,
     GroupDifference,
     IntervalByTask,
+    SettingDifference,
     SuccessContrast,
     SuccessDifference,
 )
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import task_interval
-from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, mean_change
-from pytest_libero_max.stats.measured import ends, interval_of, number
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, clopper_pearson, mean_change
+from pytest_libero_max.stats.measured import ends, interval_of, number, ratio_of
 from pytest_libero_max.stats.outcome_table import BoolArray, boolean
 from pytest_libero_max.stats.paired_difference import paired_differences
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm, log_fair_coins, mcnemar
 
 _MOST = 2
@@ -58,16 +61,10 @@ def contrasts(
         pairs: Conditions to compare; by default all pairs in the order of ``successes``. Holm's
             correction is over exactly these.
         tasks: (n,) the task of each case, for intervals that take the cases of a task as one draw, or None.
-
-    Raises:
-        ReportError: The arrays differ in length.
     """
     columns = {name: boolean(values, name) for name, values in successes.items()}
-    lengths = {name: len(column) for name, column in columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise ReportError(f"Outcomes have the lengths {lengths}, but contrasts need common cases.")
     chosen = list(combinations(columns, 2)) if pairs is None else list(pairs)
-    cases = next(iter(lengths.values()), 0)
+    cases = len(next(iter(columns.values()), ()))
     counts = [
         (_only(columns[first], columns[second]), _only(columns[second], columns[first]), cases)
         for first, second in chosen
@@ -315,3 +312,44 @@ def _mean_ranks(values: Sequence[float]) -> NDArray[np.float64]:
 
 def _only(first: BoolArray, second: BoolArray) -> int:
     return int((first & ~second).sum())
+
+
+def best_of(successes: Mapping[str, BoolArray]) -> BestSetting:
+    """Find the best of m conditions.
+
+    The highest of several rates is too high on average, and an interval for it alone misses its true rate too
+    often. So the interval of its rate is at the level 1 - 0.05 / m: all m such intervals hold together with
+    95%, whichever is looked at (Bonferroni). Its differences from the others are held together with those of
+    all m (m - 1) / 2 pairs, for the same reason. References: J. C. Hsu (1996), Multiple Comparisons, ch. 4;
+    Y. Benjamini, D. Yekutieli (2005), JASA 100:71-81.
+
+    Args:
+        successes: (n,) bool by condition, the same case at the same place in each; n and m at least 1.
+    """
+    rates = {name: Ratio(int(column.sum()), len(column)) for name, column in successes.items()}
+    name = max(rates, key=lambda condition: rates[condition].count)
+    interval = clopper_pearson(rates[name], 1 - (1 - CONFIDENCE) / len(rates))
+    assert interval is not None
+    differences = {}
+    for contrast in contrasts(successes):
+        if name not in (contrast.first, contrast.second):
+            continue
+        low, high = astuple(contrast.difference.simultaneous)
+        assert low is not None
+        assert high is not None
+        turned = contrast.second != name
+        rival = contrast.second if turned else contrast.first
+        differences[rival] = SettingDifference(
+            value=number((rates[name].count - rates[rival].count) / rates[name].of),
+            lower=number(-high if turned else low),
+            upper=number(-low if turned else high),
+        )
+    lower, upper = ends(interval)
+    return BestSetting(
+        setting=name,
+        **asdict(ratio_of(rates[name])),
+        lower=lower,
+        upper=upper,
+        not_worse=[rival for rival, away in differences.items() if (away.lower or 0.0) <= 0],
+        differences=differences,
+    )

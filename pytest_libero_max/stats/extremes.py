@@ -28,7 +28,6 @@ class ByChance:
 
     @property
     def explains(self) -> bool:
-        """Tell whether chance explains what is seen."""
         return self.share > LEVEL
 
 

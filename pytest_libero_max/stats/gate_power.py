@@ -29,11 +29,7 @@ _REST = 1e-7
 
 @dataclass(frozen=True)
 class Chances:
-    """Probabilities of the outcomes of a pair.
-
-    Raises:
-        OptionError: A pair cannot have them.
-    """
+    """Probabilities of the outcomes of a pair."""
 
     base: float
     """Success in Base; against another run, Dynamic success of that run."""

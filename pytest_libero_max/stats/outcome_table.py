@@ -31,11 +31,7 @@ def tabulate(base: ArrayLike, dynamic: ArrayLike) -> Outcomes:
 
 
 def boolean(values: ArrayLike, name: str) -> BoolArray:
-    """Return a one-dimensional bool array; refuses numbers, in which a NaN or a 2 could hide.
-
-    Raises:
-        ReportError: It is something else.
-    """
+    """Return a one-dimensional bool array; refuses numbers, in which a NaN or a 2 could hide."""
     array = np.asarray(values)
     if array.size == 0:
         array = array.astype(np.bool_)

@@ -46,9 +46,6 @@ def expose(stale: ArrayLike, unanswered: int = 0) -> StaleActions:
 
     Args:
         stale: (n,) int of at least 0, actions executed between the event and the next query.
-
-    Raises:
-        ReportError: A count is negative.
     """
     counts = np.asarray(stale, dtype=np.int64)
     if counts.size == 0:
@@ -60,8 +57,6 @@ def expose(stale: ArrayLike, unanswered: int = 0) -> StaleActions:
             quantiles={str(q): None for q in QUANTILES},
             histogram={},
         )
-    if counts.min() < 0:
-        raise ReportError(f"stale_actions={int(counts.min())}, but a number of actions is at least 0.")
     levels = np.quantile(counts, QUANTILES, method="inverted_cdf")
     values, pairs = np.unique(counts, return_counts=True)
     return StaleActions(
@@ -126,7 +121,6 @@ class Pairs:
         source: ArrayLike,
         task: ArrayLike,
     ) -> Pairs:
-        """Build the columns from any sequences."""
         return cls(
             boolean(base, "base"),
             boolean(dynamic, "dynamic"),
@@ -143,13 +137,11 @@ class Pairs:
         return replace(self, source=source.astype(np.int64), task=task.astype(np.int64))
 
     def at(self, places: Sequence[int]) -> Pairs:
-        """Return the pairs at these places, in this order."""
         return Pairs(
             **{name: column[np.asarray(places, dtype=np.intp)] for name, column in vars(self).items()}
         )
 
     def where(self, mask: BoolArray) -> Pairs:
-        """Return the pairs for which ``mask`` is true."""
         return Pairs(**{name: column[mask] for name, column in vars(self).items()})
 
 

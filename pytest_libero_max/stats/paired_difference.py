@@ -38,11 +38,7 @@ _KNOWN: dict[tuple[tuple[int, int, int], float], Interval] = {}
 
 
 def paired_difference(losses: int, gains: int, pairs: int, confidence: float = CONFIDENCE) -> Interval | None:
-    """Return the interval that reports and gates use, :func:`exact` to nine decimals; None without a pair.
-
-    Raises:
-        ReportError: The counts cannot be those of pairs.
-    """
+    """Return the interval that reports and gates use, :func:`exact` to nine decimals; None without a pair."""
     return paired_differences([(losses, gains, pairs)], confidence)[0]
 
 
@@ -131,7 +127,6 @@ class Products:
         self.norm = special.betaln(self.first, self.second)
 
     def where(self, rows: NDArray[np.intp]) -> Products:
-        """Return the products of some rows."""
         some = object.__new__(Products)
         some.__dict__.update({name: values[rows] for name, values in vars(self).items()})
         return some

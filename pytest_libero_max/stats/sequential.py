@@ -49,7 +49,6 @@ class TotalSequence:
         self._ends = least, most
 
     def add(self, number: int) -> None:
-        """Take the next number into account."""
         least, most = self._ends
         for side, steps in zip(self._sides, (number - least, most - number), strict=True):
             side.add(steps)

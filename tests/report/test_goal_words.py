@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words
+from pytest_libero_max.report.arm_stages import aim_in_words, fact_in_words
 from pytest_libero_max.tasks.libero_tasks import SUITES, tasks
 
 GOALS = [

@@ -10,8 +10,8 @@ from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.cli import main
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.formats import percent, points
-from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_tables import main_numbers
 from pytest_libero_max.report.writers.badge import badge_json
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore

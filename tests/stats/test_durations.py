@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval, median_interval
-from pytest_libero_max.stats.intervals import Interval
+from pytest_libero_max.stats.intervals import (
+    LEAST_DIFFERENT,
+    Interval,
+    mean_difference_interval,
+    median_interval,
+)
 
 
 def test_the_mean_has_the_t_interval() -> None:

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import clopper_pearson, mean_change, resampled_total
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -60,7 +59,7 @@ def test_a_rate_lies_within_its_interval(counts: tuple[int, int]) -> None:
 def test_the_exact_bootstrap_is_what_enumeration_finds(values: list[int]) -> None:
     n = len(values)
     totals = Counter(sum(sample) for sample in product(values, repeat=n))
-    exact = resampled_total(values)
+    exact = resampled_total(np.array(values))
     for index, probability in enumerate(exact.probabilities):
         assert probability == pytest.approx(totals[exact.start + index] / n**n, abs=1e-12)
     assert exact.probabilities.sum() == pytest.approx(1, abs=1e-12)
@@ -97,7 +96,7 @@ def test_the_order_of_pairs_never_shows(data: st.DataObject, values: list[int]) 
 
 @given(DIFFERENCES)
 def test_exchanging_the_conditions_mirrors_the_distribution(values: list[int]) -> None:
-    forward, backward = resampled_total(values), resampled_total([-value for value in values])
+    forward, backward = resampled_total(np.array(values)), resampled_total(-np.array(values))
     np.testing.assert_allclose(forward.probabilities, backward.probabilities[::-1], rtol=0, atol=1e-12)
 
 
@@ -126,17 +125,6 @@ def test_eight_thousand_pairs_lose_no_probability() -> None:
     assert exact.probabilities.sum() == pytest.approx(1, abs=1e-12)
     mean = (exact.probabilities * (exact.start + np.arange(len(exact.probabilities)))).sum() / 8000
     assert mean == pytest.approx((177 - 2171) / 8000, abs=1e-10)
-
-
-@pytest.mark.parametrize("values", [[0.5, 0.2], [], [[1, 0]]])
-def test_only_integers_have_a_lattice(values: list[float]) -> None:
-    with pytest.raises(ReportError, match="must be a list of integers"):
-        resampled_total(values)
-
-
-def test_a_stratum_for_every_pair() -> None:
-    with pytest.raises(ReportError, match="2 strata for 3 differences"):
-        mean_change([0, 1, 0], ["a", "b"])
 
 
 @pytest.mark.parametrize(("n", "rate", "least"), [(30, 0.5, 0.945), (30, 0.9, 0.945), (100, 0.75, 0.945)])

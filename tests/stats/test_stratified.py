@@ -5,7 +5,7 @@ import pytest
 
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.stratified import stratified_difference
+from pytest_libero_max.stats.two_proportions import stratified_difference
 
 
 def test_one_stratum_has_the_published_interval() -> None:

@@ -140,11 +140,7 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
 
 def lined_up(outcomes: Mapping[str, RunOutcomes], restrict: bool = False) -> CommonCases:
-    """Line up the cases of any number of runs; see :func:`common_cases`.
-
-    Raises:
-        ReportError: See :func:`common_cases`.
-    """
+    """Line up the cases of any number of runs; see :func:`common_cases`."""
     planned = _all_planned(outcomes)
     places = {
         name: {case_id: index for index, case_id in enumerate(run.case_ids)} for name, run in outcomes.items()
@@ -180,11 +176,7 @@ def lined_up(outcomes: Mapping[str, RunOutcomes], restrict: bool = False) -> Com
 
 
 def _all_planned(outcomes: Mapping[str, RunOutcomes]) -> dict[str, PlannedPair]:
-    """Return the planned cases of all runs by their ids.
-
-    Raises:
-        ReportError: The runs are of different substrates, or have different cases of one name.
-    """
+    """Return the planned cases of all runs by their ids."""
     substrates = sorted({run.run.provenance["substrate"]["name"] for run in outcomes.values()})
     if len(substrates) > 1:
         raise ReportError(
@@ -206,11 +198,7 @@ def _all_planned(outcomes: Mapping[str, RunOutcomes]) -> dict[str, PlannedPair]:
 def compared_and_apart(
     runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False
 ) -> tuple[dict[str, RunOutcomes], dict[str, RunOutcomes]]:
-    """Return the runs that :func:`compare_runs` compares, and those that it lists apart.
-
-    Raises:
-        ReportError: The runs are of different substrates, or have different cases of one name.
-    """
+    """Return the runs that :func:`compare_runs` compares, and those that it lists apart."""
     outcomes = {name: _outcomes(run) for name, run in runs.items()}
     _all_planned(outcomes)
     return (outcomes, {}) if restrict else set_apart(outcomes)
@@ -229,9 +217,6 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
     and the simultaneous intervals are over the family. Flips are the cases whose pair of outcomes differs
     between runs.
-
-    Raises:
-        ReportError: See :func:`common_cases`.
     """
     outcomes, apart = compared_and_apart(runs, restrict)
     common = common_cases(outcomes, restrict)

@@ -121,9 +121,6 @@ def write_comparison(comparison: Comparison, folder: Path, common: CommonCases |
 
     Returns:
         The files. The figures are SVG, and PNG as well where the extra ``figures`` is installed.
-
-    Raises:
-        ReportError: They cannot be written.
     """
     files = {
         "comparison.json": report_json(comparison),

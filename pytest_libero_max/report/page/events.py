@@ -15,7 +15,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import group_order
-from pytest_libero_max.report.page.evidence import flat
+from pytest_libero_max.report.page.case_table import flat
 from pytest_libero_max.runs.plan import PlannedPair
 
 _VARIES = object()

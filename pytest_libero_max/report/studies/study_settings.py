@@ -15,8 +15,8 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.studies.study_document import Setting
 from pytest_libero_max.runs.outcomes import columns_of
-from pytest_libero_max.stats.best import best_of
 from pytest_libero_max.stats.blocks import BestSetting
+from pytest_libero_max.stats.comparison import best_of
 from pytest_libero_max.stats.measured import number, table_change_of
 from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
 from pytest_libero_max.stats.paired import measure
@@ -39,12 +39,10 @@ class PlayedSetting(NamedTuple):
 
     @property
     def way(self) -> tuple[Any, ...]:
-        """What makes the setting."""
         return self[:4]
 
     @property
     def place(self) -> tuple[Any, ...]:
-        """Place among the settings."""
         return (self.policy, self.latency.steps, self.latency.runner, str(self.latency), *self[2:4])
 
 
@@ -118,11 +116,7 @@ def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
 def measured_settings(
     settings: Sequence[PlayedSetting], records: Sequence[PairRecord], tasks: Sequence[str]
 ) -> list[Setting]:
-    """Compute everything that is reported of settings.
-
-    Raises:
-        ReportError: A record lacks an arm.
-    """
+    """Compute everything that is reported of settings."""
     labels = _labels(settings, records)
     return [_measured(*one, records, tasks) for one in zip(settings, labels, strict=True)]
 

@@ -47,9 +47,6 @@ def expectations_of(report: Report) -> tuple[Expectation, ...]:
     """Return what an earlier run lets one expect, overall and for each event that it played.
 
     The share of pairs that chance changes, either way, is that of :func:`chance_of`, for every event.
-
-    Raises:
-        OptionError: A number cannot be.
     """
     most, _ = chance_of(report)
     blocks = {"overall": report.overall, **report.by["event"]}

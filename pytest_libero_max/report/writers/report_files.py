@@ -37,11 +37,7 @@ HTML_NAME = "report.html"
 
 
 def report_of(stored: StoredRun) -> Report:
-    """Return the report of a run as read from disk.
-
-    Raises:
-        ReportError: The run contradicts itself.
-    """
+    """Return the report of a run as read from disk."""
     return build_report(
         stored.records, stored.errors, stored.run.planned, stored.run.provenance, stored.stopped
     )
@@ -108,11 +104,7 @@ def run_page(
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:
-    """Write the figures of a report into an existing folder: as SVG, and as PNG where the extra is installed.
-
-    Raises:
-        ReportError: They cannot be written.
-    """
+    """Write the figures of a report into an existing folder, see :func:`write_drawings`."""
     return write_drawings(all_figures(report), folder)
 
 
@@ -129,11 +121,7 @@ def all_figures(report: Report) -> dict[str, str]:
 
 
 def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:
-    """Write SVG documents by the stem of their file name, as PNG as well where the extra is installed.
-
-    Raises:
-        ReportError: They cannot be written.
-    """
+    """Write SVG documents by the stem of their file name, as PNG as well where the extra is installed."""
     files = {f"{stem}.svg": svg.encode() for stem, svg in documents.items()}
     if raster.available():
         files |= {f"{stem}.png": raster.png_of(svg) for stem, svg in documents.items()}
@@ -182,11 +170,7 @@ def read_report(path: Path) -> Report:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it, where it is missing.
-
-    Raises:
-        ReportError: It cannot be made.
-    """
+    """Make a folder, and those above it, where it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -194,11 +178,7 @@ def make_folder(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old content or the new, never half of it.
-
-    Raises:
-        ReportError: It cannot be written.
-    """
+    """Write a file so that a reader sees the old content or the new, never half of it."""
     write_bytes(path, text.encode(errors="backslashreplace"))  # a name may hold what UTF-8 does not know
 
 
