@@ -1,4 +1,4 @@
-"""Gates before every pair is played: verdicts over the ways a run can still end, and rules that await them."""
+"""Gates while pairs are played: verdicts over the ways a run can still end, and rules that watch them."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def test_base_that_solves_nothing_says_what_to_mend() -> None:
 
 def test_a_base_that_solves_some_is_no_wrong_adapter() -> None:
     text = next_step(_report(3, reach_m=0.01))
-    assert text.startswith("Base solves 3 of 8 pairs, so events have little to break.")
+    assert "3 of 8 pairs" in text
     assert "Fix" not in text
     assert "its own evaluation" in text, "the next step"
 

@@ -59,11 +59,12 @@ def test_the_lines_name_pairs_with_their_films_and_say_how_to_see_the_rest() -> 
     film = {"camera_shift-dropped-01": "run/films/one.mp4"}
     lines = broken_lines(report(MANY), film)
     assert lines[1].startswith("What broke: 33 of ")
-    assert lines[2] == "30 x missed_moved_target, target_relocation; the first: It was missed_moved_target."
+    assert lines[2].startswith("30 x missed_moved_target, target_relocation; ")
+    assert lines[2].endswith(MANY[0].sentence)
     assert "R   camera_shift-dropped-01  filmed" in lines
-    assert lines[-1] == "Films: run/films; libero-max view run shows them beside their cases."
+    assert lines[-1].startswith("Films: run/films; libero-max view run")
     assert sum(line.startswith("R   ") for line in lines) == 14
-    assert "The table of cases of report.html has 19 more, by outcome and cause." in lines
+    assert any("report.html has 19 more" in line for line in lines)
     assert sum(line.startswith("G   ") for line in lines) == 2
     assert not any("libero-max film" in line for line in lines)
     assert "--libero-max-film=all -k target_relocation" in broken_lines(report(MANY))[-1]
@@ -84,7 +85,7 @@ def test_markdown_has_a_table_of_those_that_broke_and_one_of_those_gained() -> N
     row = "| R | `camera_shift-dropped-01` | camera_shift | dropped (2) | It was dropped. | [film]"
     assert f"{row}(films/one.mp4) |" in text
     assert text.count("| R | ") == 20
-    assert "report.html and `changed_pairs` of report.json have 13 more." in text
+    assert "report.json have 13 more." in text
     assert text.count("| G | ") == 2
     assert "Film |" not in markdown(report(MANY))
 
@@ -102,7 +103,7 @@ def test_a_group_of_pairs_that_play_a_program_names_it() -> None:
     named = msgspec.structs.replace(pair, item_id="plus-object-t01-i02-camera_shift-v1-slip")
     assert (pair.program, named.program) == ("", "slip")
     lines = broken_lines(report([named]))
-    assert "1 x grasp_slipped, camera_shift (program slip): It was grasp_slipped." in lines
+    assert f"1 x grasp_slipped, camera_shift (program slip): {pair.sentence}" in lines
     assert "| camera_shift (program slip) |" in markdown(report([named]))
     ((_, text),) = broken_properties([named])
     assert ", camera_shift (program slip), grasp_slipped: " in text

@@ -247,6 +247,6 @@ def test_the_sentence_of_a_program_tells_what_it_did_and_not_the_event_of_the_ca
     substrate: EmbeddedSubstrate,
 ) -> None:
     record = play(Broken(never_closes), LIGHT, SPATIAL, substrate)
-    assert diagnosed(record, "dynamic").sentence.startswith("Illumination switch at step ")
+    assert diagnosed(record, "dynamic").sentence.startswith("Illumination switch ")
     program = structs.replace(record, fingerprints={**record.fingerprints, PROGRAM: "dark 0"})
-    assert diagnosed(program, "dynamic").sentence.startswith("Light changed at step ")
+    assert diagnosed(program, "dynamic").sentence.startswith("Light changed ")

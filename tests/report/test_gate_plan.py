@@ -90,7 +90,7 @@ def test_sizes_of_use_tell_a_loss_from_none(monkeypatch: pytest.MonkeyPatch) -> 
 def test_what_cannot_be_planned_is_refused(text: str, words: str) -> None:
     with pytest.raises(OptionError, match=words):
         chance_of_passing(parse_gate(text), 32, Chances(0.9, 0.01, 0.01))
-    with pytest.raises(OptionError, match="only what succeeds in Base can be lost"):
+    with pytest.raises(OptionError, match="loss <= base"):
         Chances(0.1, 0.2, 0.0)
 
 

@@ -168,17 +168,17 @@ def test_a_run_with_names_that_are_no_names_is_refused(
     assert main(["report", str(tmp_path / "run")]) == 1
     said = capsys.readouterr().err
     assert "run: planned[" in said
-    assert "printable text on one line" in said
+    assert "printable text" in said
     assert all(line.isprintable() for line in said.splitlines())
 
 
 def test_names_of_records_policies_and_cases_are_checked() -> None:
     stored = record_of(plan()[0], True, True).to_dict()
     for values in ({"event": TERMINAL}, {"policy": {**stored["policy"], "name": TERMINAL}}):
-        with pytest.raises(ReportError, match="printable text on one line"):
+        with pytest.raises(ReportError, match="printable text"):
             PairRecord.from_dict({**stored, **values})
-    with pytest.raises(AdapterError, match="of a policy, but must be printable text on one line"):
+    with pytest.raises(AdapterError, match=r"of a policy, .* printable"):
         PolicySpec(TERMINAL)
     case = {**make_case("camera_shift", "libero_goal", 0).record, "case_id": TERMINAL}
-    with pytest.raises(ManifestError, match="printable text on one line"):
+    with pytest.raises(ManifestError, match="printable text"):
         parse_case(case)

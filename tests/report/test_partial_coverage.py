@@ -87,7 +87,7 @@ def test_a_comparison_still_refuses_cases_that_are_merely_missing() -> None:
     lacking = StoredRun(
         lacking.run, tuple(r for r in lacking.records if r.case_id != SPATIAL[0].case_id), (), False
     )
-    with pytest.raises(ReportError, match="do not share all cases"):
+    with pytest.raises(ReportError, match="--restrict"):
         compare_runs({"whole": lacking, "partial": _run(False)})
 
 
@@ -99,7 +99,7 @@ def test_a_gate_against_a_partial_run_is_undecidable(tmp_path: Path) -> None:
         store.close()
     (result,) = decide(parse_gates(["regressions_vs(partial) <= 3"]), tmp_path / "whole", tmp_path)
     assert result.verdict == "undecidable"
-    assert "the 32 pairs that both policies support" in result.reason
+    assert "the 32 pairs" in result.reason
 
 
 def test_a_partial_run_beside_several_whole_ones_changes_none_of_their_results() -> None:

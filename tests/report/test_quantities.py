@@ -53,7 +53,7 @@ def test_a_column_stands_in_every_file_it_names(column: Quantity[Any]) -> None:
         stands = not lacks_tasks
         assert (f"| {column.title} | {column.long(overall)} |" in markdown(REPORT)) is stands
         assert html(REPORT, [], []).count(line) == stands
-        assert "No interval by task: too few tasks (1 of 30 needed)." in markdown(REPORT)
+        assert markdown(REPORT).count("too few tasks (1 of 30") == 1
     for table in {"coverage", "given_response"} & {*column.tables}:
         shown = column.title if table == "coverage" else column.short_heading
         cell = f"<td data-title='{shown}'>{column.long(UNANSWERED.overall)}</td>"

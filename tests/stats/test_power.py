@@ -96,5 +96,5 @@ def test_impossible_probabilities_are_refused(loss: float, gain: float) -> None:
 
 
 def test_no_pairs_are_refused() -> None:
-    with pytest.raises(OptionError, match="at least one pair"):
+    with pytest.raises(OptionError, match="pairs=0"):
         power(0, 0.1, 0.1)

@@ -40,7 +40,7 @@ def test_an_earlier_run_gives_the_expectations() -> None:
     pairs = plan(per_cell=3)
     report = build_report(records_of(pairs), [], pairs, PROVENANCE)
     expected = expectations_of(report)
-    assert "the smaller of the run's gains and losses" in chance_of(report)[1]
+    assert f" of {len(pairs)} pairs" in chance_of(report)[1]
     assert [one.name for one in expected] == ["overall", *plain(report)["by"]["event"]]
     assert expected[0].base == plain(report)["overall"]["base_success"]["value"]
     outcomes = plain(report)["overall"]["outcomes"]
@@ -66,13 +66,14 @@ def test_chance_is_that_of_a_section_that_measures_it(monkeypatch: pytest.Monkey
     monkeypatch.setattr(SECTIONS, "_loaders", {"coin": Coin})
     monkeypatch.setattr(SECTIONS, "_loaded", {})
     most, text = chance_of(report)
-    assert "(95% upper end; a coin: 3 lost, 1 gained of 40 pairs)" in text
+    assert "a coin: 3 lost, 1 gained of 40" in text
     assert 3 / 40 < most < 0.2
 
 
 def test_a_change_beyond_base_success_is_impossible() -> None:
     lines = power_lines((Expectation("overall", 0.1, 0.0),), change=-0.2)
-    assert lines[-1] == "overall                impossible: at most 10.0% of the pairs can regress"
+    assert lines[-1].split()[:5] == ["overall", "impossible:", "at", "most", "10.0%"]
+    assert lines[-1].endswith("regress")
 
 
 def test_a_gain_needs_as_many_pairs_as_a_loss_of_the_same_size() -> None:
@@ -83,7 +84,8 @@ def test_a_gain_needs_as_many_pairs_as_a_loss_of_the_same_size() -> None:
 
 def test_a_gain_beyond_base_failures_is_impossible() -> None:
     lines = power_lines((Expectation("overall", 0.9, 0.02),), change=0.2)
-    assert lines[-1] == "overall                impossible: at most 10.0% of the pairs can gain"
+    assert lines[-1].split()[:5] == ["overall", "impossible:", "at", "most", "10.0%"]
+    assert lines[-1].endswith("gain")
 
 
 def test_a_perfect_policy_can_only_lose() -> None:

@@ -4,7 +4,9 @@ import csv
 import io
 
 from pytest_libero_max.report.build import build_report
+from pytest_libero_max.report.formats import latex_escaped
 from pytest_libero_max.report.run_tables import csv_text, latex_text
+from pytest_libero_max.report.run_texts import title_text
 from tests.report.made_up import PROVENANCE, plain, plan, records_of
 
 PAIRS = plan()
@@ -31,12 +33,10 @@ def test_what_does_not_exist_is_an_empty_cell() -> None:
 
 def test_latex_escapes_and_ends_with_the_whole_run() -> None:
     text = latex_text(REPORT)
-    assert text.startswith(
-        "% scripted (10 actions per query, 5 executed) on embedded, 32 cases of track smoke "
-        "(selection not recorded)\n"
-        "% Percent; changes in percentage points with their 95\\% intervals.\n"
-        "% Measured on the embedded substrate"
-    )
+    title, unit, note, *_ = text.splitlines()
+    assert title == f"% {title_text(REPORT)}"
+    assert r"95\%" in unit
+    assert note == f"% {latex_escaped(REPORT.substrate.note or '')}"
     assert r"camera\_shift & 4 & " in text
     assert text.index("All pairs & 32 &") > text.index(r"obstacle\_insertion")
     assert text.count(r"\\") == 10
