@@ -110,7 +110,7 @@ def _began(seen: Seen) -> str:
 def _rates(seen: Seen) -> tuple[str, str, str]:
     from pytest_libero_max.report.formats import percent, points
     from pytest_libero_max.runs.outcomes import read_outcomes
-    from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+    from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE
 
     if seen.state != "ended" or not seen.complete or not seen.progress.done:
         return ("", "", "")

@@ -18,6 +18,7 @@ from pytest_libero_max.report.document import Code, Link, Section, Table
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import BaseFailures, ChangedPair, Report
 from pytest_libero_max.runs.replay_command import film_text, replay_of, traces_setting
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE
 
 TITLE = "What broke"
 GAINED_TITLE = "What was gained"
@@ -368,8 +369,6 @@ def base_title(report: Report) -> str:
 
 def next_step(report: Report) -> str:
     """Return what low Base success means, and what to do first."""
-    from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE  # with NumPy: the plugin imports this
-
     groups, played = report.base_failures, report.overall.played
     failed = _failed(groups)
     solved = played - failed

@@ -48,11 +48,10 @@ from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
-from pytest_libero_max.stats.blocks import Outcomes, Result, Split, Substrate
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE, Outcomes, Result, Split, Substrate
 from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
-from pytest_libero_max.stats.measured import rate_of, ratio_of, without_intervals
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
+from pytest_libero_max.stats.measured import rate_of, ratio_of, tabulate, without_intervals
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
 

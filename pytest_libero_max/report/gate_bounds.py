@@ -10,7 +10,6 @@ from typing import ClassVar
 from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate, Verdict, shown, value_in, verdict_in
-from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.report_document import Watched
 from pytest_libero_max.report.stopping_rule import Declared, StoppingRule
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
@@ -112,7 +111,7 @@ class Outlook:
 def outlook(gate: Gate, endings: Iterable[Ending]) -> Outlook:
     """Return the verdict and the values of a gate, one of :data:`BOUNDED`, over endings."""
     ends = [*endings]
-    if gate.name == "delta" and gate.end is not None:
+    if gate.name == "delta":
         # Computed together, which is much faster; each of them is then known.
         paired_differences([(end.losses, end.gains, end.pairs) for end in ends])
     values = [value for end in ends if (value := value_in(gate, end)) is not None]
@@ -218,12 +217,7 @@ class GateRule(StoppingRule):
         """Count the pairs of each gate; the first record says which suites its policy supports."""
         unsupported = {pair.case_id for pair in unsupported_pairs(self.planned, record.policy)}
         for gate in self.gates:
-            cases = {
-                pair.case_id
-                for pair in self.planned
-                if pair.case_id not in unsupported
-                and (gate.scope is None or DIMENSIONS[gate.scope[0]].label(pair) == gate.scope[1])
-            }
+            cases = {pair.case_id for pair in gate.of_scope(self.planned)} - unsupported
             self._cases[gate], self._left[gate] = cases, len(cases)
             self._watches[gate] = self.watch(gate, len(cases)) if cases else None
 

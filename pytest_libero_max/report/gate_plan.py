@@ -18,19 +18,18 @@ from pytest_libero_max.report.gates import (
     parse_gate,
     require_known_groups,
 )
-from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.writers.power_text import TRACK_SIZES
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.gate_power import (
+from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
+from pytest_libero_max.stats.paired_difference import exact
+from pytest_libero_max.stats.power import (
     Chances,
     Counts,
     chance_by_task,
     chance_of_count,
     chance_of_losses,
 )
-from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
-from pytest_libero_max.stats.paired_difference import exact
 from pytest_libero_max.stats.ratios import Ratio
 
 SIZES = (8, 16, 32, 64, 100, 200, 400, 800, 1600, 3200, 8000)
@@ -190,7 +189,10 @@ def gate_plan_lines(
         chance: Share of pairs lost, and gained, by chance alone.
         loss: Share of pairs lost by an effect, and by chance; None for several.
     """
-    planned = () if isinstance(pairs, int) else tuple(_of_group(gate, pairs))
+    planned: Sequence[PlannedPair] = ()
+    if not isinstance(pairs, int):
+        require_known_groups([gate], pairs)
+        planned = gate.of_scope(pairs)
     count = pairs if isinstance(pairs, int) else len(planned)
     lines = [
         f"{gate.text}, decided on {counted(count, 'pair')}",
@@ -232,12 +234,3 @@ def advice_lines(base: float, chance: float, effect: float) -> list[str]:
         rows.append((advice.gate.text, str(advice.pairs), *passes, f"--libero-max-track={track}{limit}"))
     beside = "Add gates on base_sr and trigger_coverage: a policy that solves little has little to lose."
     return [*lines, *aligned(rows), "", beside]
-
-
-def _of_group(gate: Gate, pairs: Sequence[PlannedPair]) -> Iterator[PlannedPair]:
-    require_known_groups([gate], pairs)
-    if gate.scope is None:
-        yield from pairs
-        return
-    dimension, group = gate.scope
-    yield from (pair for pair in pairs if DIMENSIONS[dimension].label(pair) == group)

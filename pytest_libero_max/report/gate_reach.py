@@ -12,11 +12,9 @@ from pytest_libero_max.report.gate_arguments import refused
 from pytest_libero_max.report.gate_bounds import BOUNDED
 from pytest_libero_max.report.gate_quantities import COUNTS, is_of_pairs
 from pytest_libero_max.report.gates import Gate, always_or_never, decided_value, versus_value
-from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.blocks import SuccessContrast
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE, SuccessContrast
 from pytest_libero_max.stats.comparison import contrasts
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired import Pairs, measure
 
 _CURE = "Gate more pairs, a wider limit, or the estimate; libero-max plan gates says what can be met."
@@ -37,7 +35,7 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     """
     if not is_of_pairs(gate.name):
         return
-    pairs = [pair for pair in chosen if gate.scope is None or _label(gate.scope[0], pair) == gate.scope[1]]
+    pairs = gate.of_scope(chosen)
     if not pairs:
         return
     if gate.name in COUNTS:
@@ -88,10 +86,6 @@ def _contrast(earlier: int, losses: int, gains: int, cases: int) -> SuccessContr
     here[:losses] = False
     here[earlier : earlier + gains] = True
     return contrasts({"there": there, "here": here})[0]
-
-
-def _label(dimension: str, pair: PlannedPair) -> str:
-    return DIMENSIONS[dimension].label(pair)
 
 
 def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:

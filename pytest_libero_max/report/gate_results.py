@@ -24,7 +24,6 @@ from pytest_libero_max.report.gates import (
     require_known_groups,
     shown,
 )
-from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.measurable import lack_of_run
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
@@ -343,14 +342,9 @@ def _why_no_equivalence(gate: Gate, interval: Interval | None) -> tuple[bool, st
 
 def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
     """Pairs of a gate's scope that count against it, by item id: regressions, then failures of an arm."""
-    label = DIMENSIONS[gate.scope[0]].label if gate.scope else None
     if gate.name not in (*_OF_LOSSES, *SUCCESS_OF):
         return ()
-    within = {
-        pair.item_id
-        for pair in stored.run.planned
-        if label is None or (gate.scope and label(pair) == gate.scope[1])
-    }
+    within = {pair.item_id for pair in gate.of_scope(stored.run.planned)}
     success = SUCCESS_OF.get(gate.name)
     against = [
         (record.outcome != "regression", record.item_id)

@@ -168,6 +168,13 @@ class Gate:
     row: str | None = None
     """Key of the row of the paper, for a quantity against one."""
 
+    def of_scope(self, pairs: Iterable[PlannedPair]) -> list[PlannedPair]:
+        """Return the pairs that it is on."""
+        if self.scope is None:
+            return [*pairs]
+        dimension, group = self.scope
+        return [pair for pair in pairs if DIMENSIONS[dimension].label(pair) == group]
+
 
 @dataclass(frozen=True)
 class GateResult:

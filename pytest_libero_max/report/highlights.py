@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pytest_libero_max.report.formats import counted, percent, points
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.blocks import Rate
-from pytest_libero_max.stats.extremes import ByChance, lowest_by_chance, split_by_chance
+from pytest_libero_max.stats.breakdown import ByChance, lowest_by_chance, split_by_chance
 
 TITLE = "Averages and extremes"
 

@@ -24,8 +24,7 @@ from pytest_libero_max.report.quantities import TEXT, Cell
 from pytest_libero_max.stats import ratios
 from pytest_libero_max.stats.blocks import MeanDifference, Measure, Rate, Ratio
 from pytest_libero_max.stats.intervals import Interval, median_interval
-from pytest_libero_max.stats.measured import number, rate_of, table_change_of, without_intervals
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import number, rate_of, table_change_of, tabulate, without_intervals
 
 Plain = str | int | float | bool | None
 Rows = dict[str, Measure | Plain]

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from pytest_libero_max.stats import intervals
 
 
+FLOOR_BASE_RATE = 0.2
+"""Below this Base success rate a small change does not show a successful response (the paper's limit)."""
+
 _LARGEST = 2**63 - 1  # as in benchmark/structs.py, which statistics do not import
 
 Count = Annotated[int, Meta(ge=0, le=_LARGEST)]

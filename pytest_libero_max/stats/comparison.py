@@ -17,7 +17,6 @@ from pytest_libero_max.stats.blocks import (
     ChangeDifference,
     GroupContrast,
     GroupDifference,
-    IntervalByTask,
     SettingDifference,
     SuccessContrast,
     SuccessDifference,
@@ -25,8 +24,7 @@ from pytest_libero_max.stats.blocks import (
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import task_interval
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, clopper_pearson, mean_change
-from pytest_libero_max.stats.measured import ends, interval_of, number, ratio_of
-from pytest_libero_max.stats.outcome_table import BoolArray, boolean
+from pytest_libero_max.stats.measured import BoolArray, ends, interval_of, number, ratio_of
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm, log_fair_coins, mcnemar
@@ -62,7 +60,7 @@ def contrasts(
             correction is over exactly these.
         tasks: (n,) the task of each case, for intervals that take the cases of a task as one draw, or None.
     """
-    columns = {name: boolean(values, name) for name, values in successes.items()}
+    columns = {name: np.asarray(values, dtype=np.bool_) for name, values in successes.items()}
     chosen = list(combinations(columns, 2)) if pairs is None else list(pairs)
     cases = len(next(iter(columns.values()), ()))
     counts = [
@@ -106,17 +104,8 @@ def _success_difference(
         upper=upper,
         simultaneous=interval_of(simultaneous),
         bootstrap=interval_of(bootstrap),
-        by_task=_by_task(change, tasks, interval, 1.0),
+        by_task=None if tasks is None else task_interval(change, tasks, interval),
     )
-
-
-def _by_task(
-    change: NDArray[np.int64], tasks: ArrayLike | None, interval: Interval | None, most: float
-) -> IntervalByTask | None:
-    """Return the interval that takes the cases of a task as one draw; None without tasks."""
-    if tasks is None:
-        return None
-    return task_interval(change, tasks, interval, bounds=(-most, most))
 
 
 def group_contrasts(
@@ -192,7 +181,8 @@ def change_contrasts(
 ) -> tuple[ChangeContrast, ...]:
     """Compare the paired changes of conditions on common cases, all pairs of conditions."""
     changes = {
-        name: boolean(dynamic[name], name).astype(np.int64) - boolean(base[name], name) for name in base
+        name: np.asarray(dynamic[name], dtype=np.int64) - np.asarray(base[name], dtype=np.int64)
+        for name in base
     }
     chosen = list(combinations(changes, 2))
     differences = [changes[second] - changes[first] for first, second in chosen]
@@ -210,7 +200,9 @@ def change_contrasts(
                 lower=ends(interval)[0],
                 upper=ends(interval)[1],
                 simultaneous=interval_of(simultaneous),
-                by_task=_by_task(difference, tasks, interval, _MOST),
+                by_task=None
+                if tasks is None
+                else task_interval(difference, tasks, interval, bounds=(-_MOST, _MOST)),
             ),
             log10_p_value=number(test),
             log10_p_value_holm=number(corrected),

@@ -9,7 +9,6 @@ import numpy as np
 from msgspec.structs import asdict
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.blocks import (
     Bootstraps,
     Change,
@@ -23,14 +22,16 @@ from pytest_libero_max.stats.blocks import (
 from pytest_libero_max.stats.clusters import task_interval
 from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
 from pytest_libero_max.stats.measured import (
+    BoolArray,
+    at_floor,
     bootstrap_of,
     mcnemar_of,
     mean_difference_of,
     number,
     rate_of,
     ratio_of,
+    tabulate,
 )
-from pytest_libero_max.stats.outcome_table import BoolArray, at_floor, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -76,11 +77,7 @@ Labels = NDArray[np.str_] | NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Columns of measured pairs, one row a pair.
-
-    Raises:
-        ReportError: The columns differ in length or contradict each other.
-    """
+    """Columns of measured pairs, one row a pair."""
 
     base: BoolArray
     """(n,) bool, Base completed the task."""
@@ -95,17 +92,6 @@ class Pairs:
     """(n,) labels; strata of the fixed-composition bootstrap."""
     task: Labels
     """(n,) labels; pairs of one task are not independent."""
-
-    def __post_init__(self) -> None:
-        lengths = {name: len(column) for name, column in vars(self).items()}
-        if len(set(lengths.values())) > 1:
-            raise ReportError(f"Columns of pairs have the lengths {lengths}, but must have one.")
-        if (self.responded & ~self.triggered).any():
-            raise ReportError("A pair has a query after an event that never fired; its record is damaged.")
-        if ((self.stale >= 0) != self.triggered).any():
-            raise ReportError(
-                "Stale actions must be counted in exactly the triggered pairs; a record is damaged."
-            )
 
     def __len__(self) -> int:
         return len(self.base)
@@ -122,10 +108,7 @@ class Pairs:
         task: ArrayLike,
     ) -> Pairs:
         return cls(
-            boolean(base, "base"),
-            boolean(dynamic, "dynamic"),
-            boolean(triggered, "triggered"),
-            boolean(responded, "responded"),
+            *(np.asarray(values, dtype=np.bool_) for values in (base, dynamic, triggered, responded)),
             np.asarray(stale, dtype=np.int64),
             np.asarray(source, dtype=np.str_),
             np.asarray(task, dtype=np.str_),
@@ -136,13 +119,9 @@ class Pairs:
         source, task = (np.unique(labels, return_inverse=True)[1] for labels in (self.source, self.task))
         return replace(self, source=source.astype(np.int64), task=task.astype(np.int64))
 
-    def at(self, places: Sequence[int]) -> Pairs:
-        return Pairs(
-            **{name: column[np.asarray(places, dtype=np.intp)] for name, column in vars(self).items()}
-        )
-
-    def where(self, mask: BoolArray) -> Pairs:
-        return Pairs(**{name: column[mask] for name, column in vars(self).items()})
+    def at(self, places: Sequence[int] | BoolArray) -> Pairs:
+        """Return some of the pairs, by their places or by a mask."""
+        return Pairs(**{name: column[np.asarray(places)] for name, column in vars(self).items()})
 
 
 def measure(pairs: Pairs, planned: int | None = None) -> Result:

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 
 FloatArray = NDArray[np.float64]
@@ -83,11 +82,8 @@ def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
 
     Args:
         pairs: All pairs, at least 1.
-
-    Raises:
-        ReportError: The counts cannot be those of pairs.
     """
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     # The lower bound is the upper one with losses and gains exchanged, negated.
     bounds = _upper_bounds(
         np.concatenate([down.ravel(), up.ravel()]),
@@ -188,24 +184,11 @@ def chunks(size: int) -> list[slice]:
     return [slice(start, start + _CHUNK) for start in range(0, size, _CHUNK)]
 
 
-def checked_counts(
+def together(
     losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return losses, gains and pairs as float arrays of a common shape.
-
-    Raises:
-        ReportError: A count is negative, or the changed pairs are more than all pairs.
-    """
+    """Return losses, gains and pairs as float arrays of a common shape."""
     down, up, n = np.broadcast_arrays(
-        np.asarray(losses, dtype=np.float64),
-        np.asarray(gains, dtype=np.float64),
-        np.asarray(pairs, dtype=np.float64),
+        *(np.asarray(counts, dtype=np.float64) for counts in (losses, gains, pairs))
     )
-    wrong = (down < 0) | (up < 0) | (n < 1) | (down + up > n)
-    if wrong.any():
-        at = int(np.flatnonzero(wrong)[0])
-        raise ReportError(
-            f"losses={down.flat[at]:g}, gains={up.flat[at]:g} of pairs={n.flat[at]:g}, but both are at least "
-            "0 and together at most the pairs, of which there is at least one."
-        )
     return down, up, n

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.robot import CAMERAS
 from tests.pairing.actors import Approaching
 
-from .short_run import BUDGET, SIZE, Played, play, store
+from .short_run import BUDGET, SIZE, Played, leave_out_shadows, play, shorten_episodes, store
 
 ADAPTER = {"reference": "adapter.py", "code": None}
 MODULE = """
@@ -42,10 +43,20 @@ policy = Dark
 """
 
 
+@pytest.fixture(scope="module")
+def seen_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Played, Approaching, Path]:
+    folder, policy = tmp_path_factory.mktemp("seen"), Approaching(horizon=5, interval=3, cameras=CAMERAS)
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_shadows(patch)
+        shorten_episodes(patch)
+        return play(folder, policy=policy, event="sensor_noise_onset"), policy, folder / "tiny.json"
+
+
 @pytest.fixture
-def seeing(short: None, tmp_path: Path) -> tuple[Played, Approaching]:
-    policy = Approaching(horizon=5, interval=3, cameras=CAMERAS)
-    return play(tmp_path, policy=policy, event="sensor_noise_onset"), policy
+def seeing(seen_once: tuple[Played, Approaching, Path], tmp_path: Path) -> tuple[Played, Approaching]:
+    played, policy, manifest = seen_once
+    shutil.copy(manifest, tmp_path)
+    return played, policy
 
 
 def _ticks(played: Played, ran: dict[str, Any], every: int = 1, **options: str) -> list[Tick]:

@@ -20,10 +20,9 @@ from pytest_libero_max.report.published import published_policies
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.ratios import Ratio
-from tests.report.made_up import POLICY, PROVENANCE, plan, records_of
+from tests.report.made_up import POLICY, PROVENANCE, plan, records_of, run_of
 
 PAIRS = plan()
 MAX, LITE, PRO = (
@@ -61,7 +60,7 @@ def report_of(outcomes: Outcomes, provenance: Json, query_interval: int = 5) -> 
 
 
 def finding(report: Report, text: str) -> tuple[Finding, str]:
-    stored = StoredRun(Run((), report.provenance), (), (), torn=False)
+    stored = run_of([], [], report.provenance)
     (result,) = decide_on([parse_gate(text)], stored, report, Path())
     return result.finding, result.detail
 

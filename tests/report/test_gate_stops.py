@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement, product
 from typing import Any
 
@@ -23,9 +24,9 @@ from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_texts import stopped_texts
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, Declared, parse_rule
 from pytest_libero_max.report.writers.summary import summary_lines
-from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, run_of
 
 GATES = (
     "delta >= -5%",
@@ -76,7 +77,7 @@ def played(pair: PlannedPair, kind: tuple[bool, bool, bool, bool]) -> PairRecord
     return record_of(pair, base, dynamic, **changes)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_an_ending_has_the_verdicts_of_its_report(seed: int) -> None:
     rng = random.Random(seed)
     kinds = rng.choices(KINDS[: rng.choice((2, 8, len(KINDS)))], k=16)
@@ -101,7 +102,7 @@ def test_one_verdict_at_the_extremes_is_that_of_every_ending(text: str) -> None:
     """Against all ways in which up to three pairs of eight can end."""
     gate, rng = parse_gate(text), random.Random(text)
     found = 0
-    for left, _ in product((1, 2, 3), range(12)):
+    for left, _ in product((1, 2, 3), range(4)):
         seen = ending_of(rng.choices(KINDS[: rng.choice((1, 4, 8, len(KINDS)))], k=8 - left))
         ends = [seen + ending_of(more) for more in combinations_with_replacement(KINDS, left)]
         verdicts = {verdict_in(gate, end) for end in ends}
@@ -130,11 +131,7 @@ def stored_run(
             break
     provenance = {**PROVENANCE, "gates": list(gates), "stopping_rule": rule}
     report = build_report(records, [], planned, provenance, stopped)
-    return (
-        StoredRun(Run(tuple(planned), provenance), tuple(records), (), False, stopped=stopped),
-        report,
-        declared,
-    )
+    return replace(run_of(planned, records, provenance), stopped=stopped), report, declared
 
 
 def test_certain_stops_where_nothing_can_change_a_gate_and_the_gate_is_decided(tmp_path: Any) -> None:

@@ -41,6 +41,7 @@ pairs = plan()
 silent = {"response_step": None, "stale_actions": 72}
 records = [record_of(pair, True, True, **(silent if place < 3 else {})) for place, pair in enumerate(pairs)]
 report = build_report(records, [], pairs, PROVENANCE)
+result = evaluate_gate(parse_gate("unanswered <= 2"), report)
 print(json.dumps({
     "terminal": summary_lines(report),
     "markdown": markdown(report),
@@ -48,7 +49,7 @@ print(json.dumps({
     "csv": csv_text(report),
     "latex": latex_text(report),
     "json": report_json(report),
-    "gate": evaluate_gate(parse_gate("unanswered <= 2"), report),
+    "gate": [result.verdict, result.value],
     "of a group": evaluate_gate(parse_gate("source.plus.unanswered <= 5"), report).verdict,
 }))
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ def stopped_run(name: str, rule: str = "first_regression") -> StoredRun:
     stored = read_pairs(REPORTS / name)
     planned = len(stored.run.planned)
     stop = Stopped("it is a regression", planned, rule, len(stored.records) - 1)
-    return StoredRun(stored.run, stored.records[:-1], (), torn=False, stopped=stop)
+    return replace(stored, records=stored.records[:-1], stopped=stop)
 
 
 def numbers_of_intervals(value: Any) -> Iterator[float]:
@@ -94,7 +95,7 @@ def test_a_run_that_its_rule_stopped_at_its_last_pair_keeps_its_intervals_everyw
     whole = read_pairs(REPORTS / "smoke/stale_expert")
     planned = len(whole.run.planned)
     stop = Stopped("it is a regression", planned, "first_regression", planned - 1)
-    completed = StoredRun(whole.run, whole.records, (), torn=False, stopped=stop)
+    completed = replace(whole, stopped=stop)
     report = build_report(completed.records, (), completed.run.planned, completed.run.provenance, stop)
     assert report == build_report(whole.records, (), whole.run.planned, whole.run.provenance)
     for run in (completed, stopped_run("smoke/stale_expert")):

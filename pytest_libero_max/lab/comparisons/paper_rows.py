@@ -14,7 +14,7 @@ from pytest_libero_max.report.published import PublishedPolicy
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.breakdown import macro_average
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import tabulate
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.stats.ratios import Ratio
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order, substrate_of
+from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import (
     ApartRun,
     CommonPairs,
@@ -27,8 +28,10 @@ from pytest_libero_max.report.comparison.comparison_document import (
     OverRuns,
     RunDifference,
 )
-from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
+from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.statements import statements_of
+from pytest_libero_max.report.stopping_rule import bias_of
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
     Difference,
@@ -40,7 +43,7 @@ from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import ChangeContrast, GroupContrast, Result, SuccessContrast
-from pytest_libero_max.stats.breakdown import breakdown
+from pytest_libero_max.stats.breakdown import breakdown, lowest_by_chance
 from pytest_libero_max.stats.comparison import (
     change_contrasts,
     contrasts,
@@ -50,7 +53,6 @@ from pytest_libero_max.stats.comparison import (
     rank_sets,
     ranks,
 )
-from pytest_libero_max.stats.extremes import lowest_by_chance
 from pytest_libero_max.stats.measured import number, without_intervals
 from pytest_libero_max.stats.paired import Pairs, measure, measure_groups
 
@@ -102,6 +104,33 @@ def apart_run(name: str, run: RunOutcomes) -> ApartRun:
         warnings=run_warnings(run, result),
         caveats=run_caveats(run, planned),
     )
+
+
+def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
+    """Return what keeps the numbers of a run from saying what they seem to: a floor, or its stopping rule."""
+    warnings = [warning_of(result)]
+    if run.stopped is not None and run.stopped_by_rule:
+        warnings.append(
+            f"{run.stopped.text}. It has no 95% intervals and no p-values here: these need a number of pairs "
+            "that is fixed before the run."
+        )
+        warnings.append(bias_of(run.stopped))
+    return [text for text in warnings if text]
+
+
+def run_caveats(run: RunOutcomes, cases: Collection[str]) -> list[Caveat]:
+    """Return the caveats on the pairs of some cases of a run."""
+    return caveats_of(
+        played for case_id, played in zip(run.case_ids, run.played, strict=True) if case_id in cases
+    )
+
+
+def notes_of(name: str, run: RunOutcomes, result: Result, cases: Collection[str]) -> list[str]:
+    """Return the warnings and the caveats of one run over some cases, each with its name."""
+    return [
+        *(f"{name}: {text}" for text in run_warnings(run, result)),
+        *(f"{name}: {caveat_text(caveat)}" for caveat in run_caveats(run, cases)),
+    ]
 
 
 AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContrast)

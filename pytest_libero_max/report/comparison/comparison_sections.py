@@ -20,12 +20,12 @@ from pytest_libero_max.report.comparison.comparison_document import (
     OverRuns,
     RunDifference,
 )
-from pytest_libero_max.report.comparison.run_notes import caveat_names, caveats_by_run, warnings_by_run
 from pytest_libero_max.report.document import Document, Section, Table, table_of
 from pytest_libero_max.report.formats import Interval, LogP, Number, Tenths, counted
 from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.render.terminal import WIDTH, section_lines, sections_lines
 from pytest_libero_max.report.run_texts import substrate_lines
+from pytest_libero_max.report.statements import CAVEATS_TITLE
 from pytest_libero_max.runs.comparability import policies_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.stats import intervals
@@ -180,6 +180,42 @@ def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
         yield "Do not credit the policies alone for a difference between the results."
 
 
+def warnings_by_run(comparison: Comparison) -> list[str]:
+    """Return the warnings of the runs, each with the names of the runs that it is about."""
+    return _by_text((text, run.name) for run in _all_runs(comparison) for text in run.warnings)
+
+
+def caveats_by_run(comparison: Comparison) -> list[str]:
+    """Return the caveats of the runs in full, each with its runs and their numbers of pairs."""
+    return _by_text(
+        (caveat.text, f"{caveat.pairs} of {counted(caveat.played, 'pair')} of {run.name}")
+        for run in _all_runs(comparison)
+        for caveat in run.caveats
+    )
+
+
+def caveat_names(comparison: Comparison) -> list[str]:
+    """Return for each run that has caveats a line with their keys and numbers of pairs."""
+    return [
+        f"{CAVEATS_TITLE} of {run.name} (in full in its report.md): "
+        + ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in run.caveats)
+        for run in _all_runs(comparison)
+        if run.caveats
+    ]
+
+
+def _all_runs(comparison: Comparison) -> list[ComparedRun | ApartRun]:
+    return [*comparison.runs, *comparison.apart]
+
+
+def _by_text(texts: Iterable[tuple[str, str]]) -> list[str]:
+    """Return the texts, each once and behind the names that it is about."""
+    found: dict[str, list[str]] = {}
+    for text, name in texts:
+        found.setdefault(text, []).append(name)
+    return [f"{', '.join(names)}: {text}" for text, names in found.items()]
+
+
 def _runs_table(comparison: Comparison) -> Table:
     by_task = quantity("paired_change_by_task")
     ranks = _RANKS if any(run.highest_rank for run in comparison.runs) else _RANKS[:1]
@@ -243,7 +279,12 @@ _BY_TASK: Quantity[SuccessContrast | ChangeContrast] = Quantity(
 )
 _OVER_RUNS: tuple[Quantity[OverRuns], ...] = (
     Quantity("median", "Median, pp", lambda row: row.median, Tenths()),
-    Quantity("quartiles", "Quartiles", lambda row: _ends(row.lower_quartile, row.upper_quartile), Interval()),
+    Quantity(
+        "quartiles",
+        "Quartiles",
+        lambda row: _ends(row.lower_quartile, row.upper_quartile),
+        Interval(),
+    ),
     Quantity("range", "Range", lambda row: _ends(row.lowest, row.highest), Interval()),
 )
 _LOWEST: tuple[Quantity[ComparedRun], ...] = (

@@ -47,10 +47,9 @@ def run_cases(
         ``items``: the item ids, those of regressions first; everything else is in the same order, or by the
         place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
-        :func:`number_column`. ``details``: of each case, see
-        :func:`~pytest_libero_max.report.page.case_table.details_of`. ``films`` and ``pictures``: captions and
-        addresses. ``has``: what there is of a case. ``commands``: see :func:`command`. ``hz``: policy steps
-        in a second of a film.
+        :func:`number_column`. ``details``: of each case, see :func:`_details`. ``films`` and
+        ``pictures``: captions and addresses. ``has``: what there is of a case. ``commands``: see
+        :func:`command`. ``hz``: policy steps in a second of a film.
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
@@ -92,7 +91,7 @@ def run_cases(
         ]
         for place, (pair, record) in enumerate(zip(planned, found, strict=True))
     }
-    details = [_details(pair, records, errors) for pair in planned]
+    details = [_details(pair, records.get(pair.item_id), errors.get(pair.item_id)) for pair in planned]
     for pair, record, detail in zip(planned, found, details, strict=True):
         if record is not None and pair.item_id in films:
             detail["timeline"] = timeline_of(record, folder)
@@ -275,24 +274,23 @@ def _without_record(item: str, errors: Mapping[str, PairError], unsupported: set
     return "invalid" if item in errors else "unsupported" if item in unsupported else "missing"
 
 
-def _details(pair: PlannedPair, records: Mapping[str, PairRecord], errors: Mapping[str, PairError]) -> Json:
-    if pair.item_id in records:
-        return details_of(pair, records[pair.item_id])
-    return error_details(pair, errors[pair.item_id]) if pair.item_id in errors else plan_details(pair)
-
-
 _DIGITS = 16
 """Hexadecimal digits of a digest that are shown; the records have all of them."""
 
 
-def details_of(pair: PlannedPair, record: PairRecord) -> Json:
-    """Return what is shown of a measured pair.
+def _details(pair: PlannedPair, record: PairRecord | None, error: PairError | None) -> Json:
+    """Return what is shown of a pair.
 
     Returns:
-        ``says``: arm, cause and sentence of each arm that failed. ``tables``: arms and event by their titles.
-        ``more``: tables of the case, of parameters, and of values before and after the event.
+        ``tables``: arms and event by their titles, or the error. ``more``: tables of the case, of parameters,
+        and of values before and after the event. ``says``, of a measured pair: arm, cause and sentence of
+        each arm that failed.
     """
-    case = _case(pair) | {
+    case: Json = {"Task": pair.task}
+    if record is None:
+        row = error and {"Phase": error.phase, "Kind": error.kind, "Message": error.message}
+        return {"tables": {"Error": row} if row else {}, "more": {"Case": case}}
+    case |= {
         "Instruction": record.instruction,
         "Initial state": record.init_state_index,
         "Policy seed": record.policy_seed,
@@ -316,17 +314,6 @@ def _happened(record: PairRecord) -> list[tuple[str, str, str]]:
     ]
 
 
-def error_details(pair: PlannedPair, error: PairError) -> Json:
-    """Return the tables of a pair that could not be measured."""
-    row = {"Phase": error.phase, "Kind": error.kind, "Message": error.message}
-    return {"tables": {"Error": row}, "more": {"Case": _case(pair)}}
-
-
-def plan_details(pair: PlannedPair) -> Json:
-    """Return the table of a pair of which only the plan is known."""
-    return {"tables": {}, "more": {"Case": _case(pair)}}
-
-
 def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the values inside nested objects, by their names joined with dots; an empty object is a value."""
     if not isinstance(value, Mapping) or not value:
@@ -334,10 +321,6 @@ def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         return
     for key, part in value.items():
         yield from flat(part, f"{name}.{key}" if name else str(key))
-
-
-def _case(pair: PlannedPair) -> Json:
-    return {"Task": pair.task}
 
 
 def _arms(record: PairRecord) -> Json:

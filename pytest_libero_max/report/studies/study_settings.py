@@ -17,8 +17,7 @@ from pytest_libero_max.report.studies.study_document import Setting
 from pytest_libero_max.runs.outcomes import columns_of
 from pytest_libero_max.stats.blocks import BestSetting
 from pytest_libero_max.stats.comparison import best_of
-from pytest_libero_max.stats.measured import number, table_change_of
-from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
+from pytest_libero_max.stats.measured import BoolArray, number, table_change_of, tabulate
 from pytest_libero_max.stats.paired import measure
 from pytest_libero_max.stats.ratios import Ratio
 

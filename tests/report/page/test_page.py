@@ -23,9 +23,9 @@ from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import run_page
-from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import StoredRun, read_pairs
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, run_of
 
 PAIRS = plan()
 UNSUPPORTED = structs.replace(PAIRS[9], suite="libero_goal")
@@ -42,7 +42,7 @@ def _run() -> StoredRun:
         record_of(PAIRS[2], False, False, policy=policy, **NEVER_TRIGGERED),
         *(record_of(pair, True, index % 2 == 0, policy=policy) for index, pair in enumerate(PAIRS[10:])),
     ]
-    return StoredRun(Run(tuple(planned), PROVENANCE), tuple(records), (error_of(PAIRS[1]),), torn=False)
+    return run_of(planned, records, errors=[error_of(PAIRS[1])])
 
 
 def _column(cases: Json, key: str) -> dict[str, object]:

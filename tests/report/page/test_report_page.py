@@ -21,9 +21,7 @@ from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_plots import base_to_dynamic, forest
 from pytest_libero_max.report.statements import LIMITS_TITLE
 from pytest_libero_max.report.writers.report_files import all_figures, write_figures
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of, run_of
 from tests.report.svg_frame import SVG, parsed_inside
 
 PAIRS = plan(per_cell=2)
@@ -138,7 +136,7 @@ def test_a_page_links_the_film_of_each_pair_that_has_one() -> None:
 
 
 def test_a_page_and_markdown_show_each_gate_with_its_verdict_in_the_unit_of_the_gate() -> None:
-    stored = StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(RECORDS), (), torn=False)
+    stored = run_of(PAIRS, RECORDS)
     gates = parse_gates(["base_sr >= 1%", "delta.upper <= -90%", "delta.lower >= -1%", "p_value_vs(no) > 1%"])
     rows = gate_rows(decide_on(gates, stored, FULL, Path()))
     assert [row.finding for row in rows] == ["holds", "violated", "not shown", "open"]
@@ -193,12 +191,7 @@ def test_figures_are_written_as_files(tmp_path: Path) -> None:
 
 def test_the_first_screen_says_what_changed_since_an_earlier_run() -> None:
     runs = {
-        name: StoredRun(
-            Run(tuple(PAIRS), PROVENANCE),
-            tuple(record_of(pair, True, index >= lost) for index, pair in enumerate(PAIRS)),
-            (),
-            torn=False,
-        )
+        name: run_of(PAIRS, (record_of(pair, True, index >= lost) for index, pair in enumerate(PAIRS)))
         for name, lost in (("out/before", 2), ("out/after", 9))
     }
     report = build_report(runs["out/after"].records, [], PAIRS, PROVENANCE)

@@ -173,7 +173,7 @@ def test_without_denominators_no_number_is_invented() -> None:
 
 
 def test_the_summary_fits_a_terminal() -> None:
-    pairs = plan(per_cell=250)
+    pairs = plan(per_cell=32)
     records = [record_of(pair, index % 3 > 0, index % 2 > 0) for index, pair in enumerate(pairs)]
     lines = summary_lines(build_report(records[:-9], [], pairs, PROVENANCE))
     assert len(lines) <= 31 + 2 * 23  # twenty lines of pairs lost, as many of pairs gained

@@ -25,7 +25,7 @@ from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import NOT_AVAILABLE, Change, Interval, Number, Rate, interval_text
 from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.stats.blocks import Bootstrap
-from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.stats.measured import BoolArray
 
 Strengths = Mapping[float, tuple[str, str]]
 """Names of the arms of Reset and Mid-task by strength."""

@@ -17,9 +17,8 @@ from pytest_libero_max.report.gate_results import decide, require_usable
 from pytest_libero_max.report.gate_text import gate_lines, gate_rows, github_annotations
 from pytest_libero_max.report.gates import GateResult, parse_gate, parse_gates
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, parse_rule
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import PairStore, read_pairs
-from tests.report.made_up import POLICY, PROVENANCE, plan, record_of
+from pytest_libero_max.runs.store import read_pairs
+from tests.report.made_up import POLICY, PROVENANCE, plan, record_of, run_of, write_run
 
 PAIRS = plan()
 GATES = ("regressions_vs(old) <= 0", "dynamic_sr_vs(old) >= -5%", "equivalent_vs(old, 20%)")
@@ -61,15 +60,11 @@ def store(
     played: int = 32,
     **provenance: Any,
 ) -> Path:
-    written = PairStore(folder, Run(tuple(PAIRS), {**PROVENANCE, **provenance}))
-    for pair in PAIRS[:played]:
-        policy, prints = {**POLICY, **(spec or {})}, {**PRINTS, **(drawn or {})}
-        for name in ("strength", "latency"):
-            if (value := provenance.get("protocol", {}).get(name)) is not None:
-                prints[name] = str(value)
-        written.append(record_of(pair, True, dynamic, policy=policy, fingerprints=prints))
-    written.close()
-    return folder
+    policy, prints = {**POLICY, **(spec or {})}, {**PRINTS, **(drawn or {})}
+    protocol = provenance.get("protocol", {})
+    prints |= {name: str(protocol[name]) for name in ("strength", "latency") if name in protocol}
+    records = (record_of(pair, True, dynamic, policy=policy, fingerprints=prints) for pair in PAIRS[:played])
+    return write_run(folder, run_of(PAIRS, records, {**PROVENANCE, **provenance}))
 
 
 def verdicts(folder: Path, *gates: str) -> list[GateResult]:
