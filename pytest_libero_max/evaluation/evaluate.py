@@ -71,7 +71,7 @@ class Evaluation:
     @property
     def numbers(self) -> dict[str, float]:
         """The main numbers under flat names, for experiment trackers."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         return main_numbers(self.report)
 

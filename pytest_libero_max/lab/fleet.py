@@ -124,7 +124,7 @@ def learn(stored: StoredRun) -> CostModel:
         raise ReportError("The run has no measured pair. Play a few, for example --libero-max-limit=32.")
     model, planned = CostModel(), {pair.case_id: pair for pair in stored.run.planned}
     for record in stored.records:
-        model.add(planned[record.case_id]Kind.of(), record)
+        model.add(Kind.of(planned[record.case_id]), record)
     return model
 
 

@@ -158,7 +158,7 @@ class RunEnd:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
         from pytest_libero_max.report.broken import to_look_at
         from pytest_libero_max.report.comparison.comparison_sections import short_lines
-        from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
+        from pytest_libero_max.report.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
@@ -215,7 +215,7 @@ class RunEnd:
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         told = {"report": msgspec.to_builtins(report), "numbers": main_numbers(report)}
         hook = self.config.hook.pytest_libero_max_reported
@@ -302,7 +302,7 @@ class RunEnd:
         from pytest_libero_max.report.broken import colour_of
 
         if terminalreporter.verbosity < 0:
-            from pytest_libero_max.report.writers.gate_text import KEPT
+            from pytest_libero_max.report.gate_text import KEPT
 
             kept = (*KEPT, "::error", "::notice", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]

@@ -3,12 +3,45 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from pytest_libero_max.report.formats import counted
-from pytest_libero_max.report.gate_rows import named_pairs
-from pytest_libero_max.report.gates import SUCCESS_OF, GateResult
+from pytest_libero_max.report.gates import SUCCESS_OF, Finding, GateResult, shown
 from pytest_libero_max.runs.replay_command import replay_text
+
+_NAMED = 3
+
+
+class GateRow(NamedTuple):
+    """A verdict as reports show it."""
+
+    gate: str
+    finding: Finding
+    value: str
+    """Value of its quantity, in the unit of the gate."""
+    why: str
+    """What else explains the verdict; empty where the value does."""
+    lost: Sequence[str]
+
+
+def gate_rows(results: Iterable[GateResult]) -> list[GateRow]:
+    """Return a row for each gate, for the page and the Markdown of a report."""
+    rows = []
+    for result in results:
+        value, why = "n/a", result.detail
+        if result.value is not None:  # which the detail begins with, and with the verdict after it
+            value, why = shown(result.gate, result.value), why.partition(". ")[2].partition(": ")[2]
+        why = f"{why[:1].upper()}{why[1:]} {result.differences}".strip()
+        rows.append(GateRow(result.gate.text, result.finding, value, why, result.lost))
+    return rows
+
+
+def named_pairs(names: Sequence[str]) -> str:
+    """Return the first pairs by name, and the number of the others."""
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return f"{', '.join(names[:_NAMED])}{more}"
+
 
 _LOST, _FAILED, _AGAIN, _SEE = "  lost:", "  failed:", "  again:", "  see:"
 
@@ -19,12 +52,9 @@ KEPT = ("gate FAIL", "gate open", "gate wait", "gate first", _LOST, _FAILED, _AG
 def gate_lines(
     results: Sequence[GateResult], replay: Sequence[str] | None = None, show: str | None = None
 ) -> list[str]:
-    """Return the lines on gates for the terminal: one each, and the pairs that count against one that fails.
+    """Return the lines on gates for the terminal, with the pairs that count against one that fails.
 
-    Args:
-        results: Result of :func:`~pytest_libero_max.report.gate_results.decide`.
-        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`; None leaves it out.
-        show: Result of :func:`~pytest_libero_max.runs.media.show_command`, which takes its place.
+    A command that shows them takes the place of the one that plays them again.
     """
     marks = {"passed": "pass", "failed": "FAIL", "undecidable": "open"}
     lines = []

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pytest_libero_max.errors import ReportError
-from pytest_libero_max.stats.exposure import expose
+from pytest_libero_max.stats.paired import expose
 
 
 def test_a_small_distribution() -> None:
@@ -23,11 +22,6 @@ def test_without_a_pair_nothing_is_invented() -> None:
     assert exposure.median is None
     assert set(exposure.quantiles.values()) == {None}
     assert exposure.histogram == {}
-
-
-def test_a_negative_count_is_refused() -> None:
-    with pytest.raises(ReportError, match="at least 0"):
-        expose([1, -1])
 
 
 @given(st.lists(st.integers(0, 60), min_size=1, max_size=80))

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import csv
+import io
 import json
 from pathlib import Path
 
@@ -9,13 +11,12 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.cli import main
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.formats import percent, points
-from pytest_libero_max.report.numbers import main_numbers
+from pytest_libero_max.report.formats import latex_escaped, percent, points
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_tables import csv_text, latex_text, main_numbers
+from pytest_libero_max.report.run_texts import title_text
 from pytest_libero_max.report.writers.badge import badge_json
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import PairStore
-from tests.report.made_up import PROVENANCE, plain, plan, record_of
+from tests.report.made_up import PROVENANCE, plain, plan, record_of, records_of, run_of, write_run
 
 PLAN = plan()
 
@@ -57,10 +58,7 @@ def test_a_badge_says_what_was_measured_on_what() -> None:
 
 
 def test_a_badge_is_written_with_the_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    store = PairStore(tmp_path, Run(tuple(PLAN[:2]), PROVENANCE))
-    for pair in PLAN[:2]:
-        store.append(record_of(pair, True, True))
-    store.close()
+    write_run(tmp_path, run_of(PLAN[:2], (record_of(pair, True, True) for pair in PLAN[:2])))
     assert main(["report", str(tmp_path), "--badge"]) == 0
     assert str(tmp_path / "badge.json") in capsys.readouterr().out
     assert json.loads((tmp_path / "badge.json").read_text())["message"] == "Base 100.0%, Dynamic 100.0%"
@@ -69,3 +67,41 @@ def test_a_badge_is_written_with_the_report(tmp_path: Path, capsys: pytest.Captu
 def test_ties_are_rounded_away_from_zero_as_in_the_paper() -> None:
     assert [percent(count / 8000) for count in (3452, 3460, 0, 8000)] == ["43.2%", "43.3%", "0.0%", "100.0%"]
     assert [points(count / 8000) for count in (-1540, 1540, 4, 0)] == ["-19.3", "+19.3", "+0.1", "+0.0"]
+
+
+PAIRS = plan()
+REPORT = build_report(records_of(PAIRS), [], PAIRS, PROVENANCE)
+EMPTY = build_report([], [], PAIRS, PROVENANCE)
+
+
+def test_csv_has_the_run_and_every_group_once() -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_text(REPORT))))
+    groups = [row for row in rows if row["dimension"] in ("overall", *plain(REPORT)["by"])]
+    assert len(groups) == 1 + sum(len(groups) for groups in plain(REPORT)["by"].values())
+    assert len({(row["dimension"], row["group"]) for row in rows}) == len(rows)
+    overall = plain(REPORT)["overall"]
+    assert float(rows[0]["dynamic_success"]) == overall["dynamic_success"]["value"]
+    assert int(rows[0]["regression"]) == overall["outcomes"]["regression"]
+    assert float(rows[0]["paired_change_lower"]) == overall["paired_change"]["lower"]
+
+
+def test_what_does_not_exist_is_an_empty_cell() -> None:
+    row = next(csv.DictReader(io.StringIO(csv_text(EMPTY))))
+    assert row["played"] == "0"
+    assert row["base_success"] == row["stale_mean"] == row["log10_p_value"] == ""
+
+
+def test_latex_escapes_and_ends_with_the_whole_run() -> None:
+    text = latex_text(REPORT)
+    title, unit, note, *_ = text.splitlines()
+    assert title == f"% {title_text(REPORT)}"
+    assert r"95\%" in unit
+    assert note == f"% {latex_escaped(REPORT.substrate.note or '')}"
+    assert r"camera\_shift & 4 & " in text
+    assert text.index("All pairs & 32 &") > text.index(r"obstacle\_insertion")
+    assert text.count(r"\\") == 10
+    assert "nan" not in text.lower()
+
+
+def test_latex_marks_what_is_incomplete() -> None:
+    assert "All pairs & 0 of 32 & -- & -- & -- & --" in latex_text(EMPTY)
