@@ -285,8 +285,7 @@ def test_answers_of_a_fresh_process_are_compared(
     subject = PolicySubject(Sound(), shown, {"reference": "adapter.py"})
     here = [answer.tolist() for answer in subject.first.answers]
     monkeypatch.setattr(determinism, "_answers_elsewhere", lambda subject: answers(here))
-    (finding,) = determinism.fresh_process.check(subject)
-    assert finding.state == state
+    assert Examination(lambda: subject, RULES).outcome("policy/determinism/process").state == state
 
 
 def test_images_are_found_in_every_usual_form() -> None:

@@ -24,28 +24,27 @@ _SHAPES = {"position": (3,), "quaternion": (4,), "gripper": (2,), "state": (8,)}
 
 
 @rule(OPENS, "must")
-def opens(subject: EnvironmentSubject) -> Iterator[Finding]:
+def opens(subject: EnvironmentSubject) -> Finding:
     """Open, begin an episode, and play a step."""
     reading = subject.start()
     subject.step(NOOP_ACTION)
     kind = "a vector of environments" if subject.is_vector else type(subject.environment).__name__
-    yield kept(f"{kind} as {subject.reference.task}, with {', '.join(reading) or 'nothing that is known'}")
+    return kept(f"{kind} as {subject.reference.task}, with {', '.join(reading) or 'nothing that is known'}")
 
 
 @rule(KEYS, "must", needs=OPENS)
-def keys(subject: EnvironmentSubject) -> Iterator[Finding]:
+def keys(subject: EnvironmentSubject) -> Finding:
     """Observe both cameras' images, and the hand's position, orientation and fingers."""
     reading = subject.start()
     wrong = [*_wrong_images(reading), *_wrong_values(reading)]
     if wrong:
-        yield broken(
+        return broken(
             ", ".join(wrong),
             "images (H, W, 3) uint8; position (3,), quaternion (4,), gripper (2,) or state (8,)",
             "Declare where they are: DeclaredEnvironment(keys={ROLE: KEY}), with / between levels.",
         )
-        return
     sizes = ", ".join(f"{camera} {image.shape}" for camera, image in images_of(reading).items())
-    yield kept(f"{sizes}, and the robot's state")
+    return kept(f"{sizes}, and the robot's state")
 
 
 def _wrong_images(reading: Reading) -> Iterator[str]:
@@ -68,20 +67,19 @@ def _wrong_values(reading: Reading) -> Iterator[str]:
 
 
 @rule("env/contract/steps", "must", needs=OPENS)
-def steps(subject: EnvironmentSubject) -> Iterator[Finding]:
+def steps(subject: EnvironmentSubject) -> Finding:
     """Return from a step a number as reward, and flags that are true or false."""
     subject.start()
     played = subject.step(NOOP_ACTION)
     try:
         reward = float(played.reward)
     except (TypeError, ValueError):
-        yield broken(f"reward={played.reward!r}", "a number", "Return a float.")
-        return
-    yield kept(f"{played.fields} values, reward {reward:g}")
+        return broken(f"reward={played.reward!r}", "a number", "Return a float.")
+    return kept(f"{played.fields} values, reward {reward:g}")
 
 
 @rule("env/contract/aliases", "must", needs=KEYS)
-def aliases(subject: EnvironmentSubject) -> Iterator[Finding]:
+def aliases(subject: EnvironmentSubject) -> Finding:
     """Return observations that later steps leave as they are."""
     reading = subject.start()
     before = copied(reading)
@@ -89,9 +87,8 @@ def aliases(subject: EnvironmentSubject) -> Iterator[Finding]:
         subject.step((0.5, 0.5, -0.5, 0.0, 0.0, 0.0, -1.0))
     changed = [role for role, value in before.items() if not np.array_equal(value, reading[role])]
     if not changed:
-        yield kept("an observation stays as it was while the episode goes on")
-        return
-    yield broken(
+        return kept("an observation stays as it was while the episode goes on")
+    return broken(
         f"{', '.join(changed)} of an observation changed with later steps",
         "copies",
         "Copy what step() returns.",
@@ -99,7 +96,7 @@ def aliases(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 @rule("env/contract/close", "should", needs=OPENS)
-def closes(subject: EnvironmentSubject) -> Iterator[Finding]:
+def closes(subject: EnvironmentSubject) -> Finding:
     """Close in the middle of an episode, and be closed twice."""
     neighbour = subject.another()
     neighbour.start()
@@ -109,27 +106,26 @@ def closes(subject: EnvironmentSubject) -> Iterator[Finding]:
         for _ in range(2):
             environment.close()
     except Exception as error:  # an environment of others may raise anything
-        yield broken(
+        return broken(
             f"the second close() raised {type(error).__name__}: {error}",
             "nothing to happen",
             "Return where it is closed already: a cleanup after an error closes twice.",
         )
     else:
-        yield kept("close() may be called twice, in the middle of an episode")
+        return kept("close() may be called twice, in the middle of an episode")
     finally:
         subject.abandon()  # closing may have taken the renderer of the others with it
 
 
 @rule("env/contract/reopens", "must", needs=SAME)
-def reopens(subject: EnvironmentSubject) -> Iterator[Finding]:
+def reopens(subject: EnvironmentSubject) -> Finding:
     """Begin as before in an environment that is opened after another was closed."""
     first = subject.once(settled)
     subject.abandon()
     parts = differing(first, subject.begin(drawn=True))
     if not parts:
-        yield kept("an environment that is opened again begins in the same bits")
-        return
-    yield broken(
+        return kept("an environment that is opened again begins in the same bits")
+    return broken(
         f"opened again, it begins with another {', '.join(parts)}",
         "the same observation of the same initial state",
         "Seed before each reset: LIBERO draws its fixtures' places from numpy's global generator.",
@@ -137,7 +133,7 @@ def reopens(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 @rule("env/contract/company", "must", needs=SAME)
-def company(subject: EnvironmentSubject) -> Iterator[Finding]:
+def company(subject: EnvironmentSubject) -> Finding:
     """Show the same images while another environment of the process is opened, played and closed."""
     alone = _episode(subject)
     shown = _episode(subject, subject.another())
@@ -145,13 +141,12 @@ def company(subject: EnvironmentSubject) -> Iterator[Finding]:
     for when, (first, second) in zip(("open", "closed"), zip(alone, shown, strict=True), strict=True):
         parts = [part for part in differing(images_of(first), images_of(second)) if part]
         if parts:
-            yield broken(
+            return broken(
                 f"while another is {when}: {', '.join(parts)}",
                 "the images of an environment alone",
                 "Make its own GL context current before drawing, or open one environment a process.",
             )
-            return
-    yield kept("another environment of the same process leaves the images as they are")
+    return kept("another environment of the same process leaves the images as they are")
 
 
 def _episode(

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pytest_libero_max.conformance.environment.declared import DeclaredEnvironment, FactoryName
 from pytest_libero_max.conformance.environment.observing import Reading, read_observation
 from pytest_libero_max.conformance.environment.reference import TaskReference
+from pytest_libero_max.conformance.rules import Measurements
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.worlds.robot import NOOP_ACTION
 
@@ -40,26 +41,18 @@ class Played(NamedTuple):
 
 
 @dataclass
-class EnvironmentSubject:
+class EnvironmentSubject(Measurements):
     """An environment that is declared; it is opened when a rule first needs it."""
 
     declared: DeclaredEnvironment
     name: str = ""
     """Name by which another process opens it; empty where it is an object of this one."""
     _opened: Any = field(init=False, default=None, repr=False)
-    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
 
     @cached_property
     def reference(self) -> TaskReference:
         """Recording of genuine LIBERO in the task."""
         return self.declared.expects()
-
-    def once(self, measure: Callable[[EnvironmentSubject], T]) -> T:
-        """Return what a function makes of this subject; it is called once for all rules."""
-        if measure not in self._measured:
-            self._measured[measure] = measure(self)
-        result: T = self._measured[measure]
-        return result
 
     @property
     def environment(self) -> Any:

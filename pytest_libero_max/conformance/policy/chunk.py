@@ -20,13 +20,12 @@ def _lengths(subject: PolicySubject) -> list[int]:
 
 
 @rule("policy/chunk/length", "should", needs=ANSWERS)
-def same_length(subject: PolicySubject) -> Iterator[Finding]:
+def same_length(subject: PolicySubject) -> Finding:
     """Return the same number of actions from every query."""
     lengths = _lengths(subject)
     if len(lengths) == 1:
-        yield kept(f"every query returns {counted(lengths[0], 'action')}")
-        return
-    yield broken(
+        return kept(f"every query returns {counted(lengths[0], 'action')}")
+    return broken(
         f"answers of {', '.join(map(str, lengths))} actions",
         "the same number from every query",
         "The chunk drifts: a queue inside the adapter may hand out what is left of it.",
@@ -34,62 +33,56 @@ def same_length(subject: PolicySubject) -> Iterator[Finding]:
 
 
 @rule("policy/chunk/horizon", "should", needs=ANSWERS)
-def horizon(subject: PolicySubject) -> Iterator[Finding]:
+def horizon(subject: PolicySubject) -> Finding:
     """Return as many actions as the spec declares."""
     lengths, spec = _lengths(subject), subject.policy.spec
     if len(lengths) > 1:
-        yield unexamined("the number of actions changes from query to query")
-    elif lengths[0] == spec.horizon:
-        yield kept(f"every query returns H={spec.horizon}; Q={spec.query_interval}")
-    else:
-        yield broken(
-            f"every query returns {counted(lengths[0], 'action')}",
-            f"horizon={spec.horizon}, as declared",
-            "Declare the H that the model really returns.",
-        )
+        return unexamined("the number of actions changes from query to query")
+    if lengths[0] == spec.horizon:
+        return kept(f"every query returns H={spec.horizon}; Q={spec.query_interval}")
+    return broken(
+        f"every query returns {counted(lengths[0], 'action')}",
+        f"horizon={spec.horizon}, as declared",
+        "Declare the H that the model really returns.",
+    )
 
 
 @rule("policy/chunk/cut", "note", needs=ANSWERS)
-def follows_horizon(subject: PolicySubject) -> Iterator[Finding]:
+def follows_horizon(subject: PolicySubject) -> Finding:
     """Cut the chunk where a smaller horizon is asked for."""
     spec = subject.policy.spec
     if spec.horizon == spec.query_interval:
-        yield kept("H and Q are equal: there is no smaller horizon")
-        return
+        return kept("H and Q are equal: there is no smaller horizon")
     if isinstance(subject.once(_cut), LiberoMaxError):
-        yield broken(
+        return broken(
             f"--libero-max-horizon={spec.query_interval} is not followed",
             "a chunk that is cut",
             "Return actions[: self.spec.horizon].",
         )
-    else:
-        yield kept(f"--libero-max-horizon={spec.query_interval} is followed")
+    return kept(f"--libero-max-horizon={spec.query_interval} is followed")
 
 
 @rule("policy/chunk/first", "must", needs=ANSWERS)
-def first_actions(subject: PolicySubject) -> Iterator[Finding]:
+def first_actions(subject: PolicySubject) -> Finding:
     """Return the first actions of the chunk where a smaller horizon is asked for."""
     spec = subject.policy.spec
     if spec.horizon == spec.query_interval:
-        yield kept("H and Q are equal: there is no smaller horizon")
-        return
+        return kept("H and Q are equal: there is no smaller horizon")
     if reason := not_repeatable(subject):
-        yield reason
-        return
+        return reason
     subject.start()
     whole, part = subject.ask(0), subject.once(_cut)
     if isinstance(part, LiberoMaxError) or len(part) == len(whole):
-        yield unexamined("a smaller horizon is not followed")
-    elif part.tobytes() == whole[-len(part) :].tobytes() != whole[: len(part)].tobytes():
-        yield broken(
+        return unexamined("a smaller horizon is not followed")
+    if part.tobytes() == whole[-len(part) :].tobytes() != whole[: len(part)].tobytes():
+        return broken(
             "a smaller H gives the last actions of the chunk",
             "the first ones",
             "A deque with maxlen keeps its last entries: cut the chunk with [:n] before.",
         )
-    elif part.tobytes() == whole[: len(part)].tobytes():
-        yield kept("a smaller H gives the first actions of the chunk")
-    else:
-        yield unexamined("a smaller H gives other actions: the model's own answer may depend on it")
+    if part.tobytes() == whole[: len(part)].tobytes():
+        return kept("a smaller H gives the first actions of the chunk")
+    return unexamined("a smaller H gives other actions: the model's own answer may depend on it")
 
 
 def _cut(subject: PolicySubject) -> Actions | LiberoMaxError:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
 from pytest_libero_max.conformance.policy.subject import PolicySubject
-from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.policies.model_inputs import INPUTS, USUAL, Inputs
 
 _SILENT = unexamined(
@@ -38,15 +38,14 @@ def colours(subject: PolicySubject) -> Iterator[Finding]:
     inputs, unrecognised = _images(subject)
     yield from unrecognised
     for image in inputs.images:
-        if image.view.reversed_colours:
-            yield broken(
-                "has blue and red exchanged",
-                "RGB, as the world delivers it",
-                "OpenCV reads and writes BGR: turn the channels with [:, :, ::-1].",
-                part=f"input {image.name!r}",
-            )
-        else:
-            yield kept("is RGB", part=f"input {image.name!r}")
+        swapped = image.view.reversed_colours
+        yield judged(
+            not swapped,
+            "has blue and red exchanged" if swapped else "is RGB",
+            "RGB, as the world delivers it",
+            "OpenCV reads and writes BGR: turn the channels with [:, :, ::-1].",
+            part=f"input {image.name!r}",
+        )
 
 
 @rule("policy/images/cameras", "must", needs=ANSWERS)
@@ -55,15 +54,13 @@ def cameras(subject: PolicySubject) -> Iterator[Finding]:
     inputs, unrecognised = _images(subject)
     yield from unrecognised
     for image in inputs.images:
-        if image.meant is not None and image.view.camera != image.meant:
-            yield broken(
-                f"is the image of {image.view.camera}",
-                f"that of {image.meant}, by its name or place",
-                "The two cameras may be exchanged.",
-                part=f"input {image.name!r}",
-            )
-        else:
-            yield kept(f"is the image of {image.view.camera}", part=f"input {image.name!r}")
+        yield judged(
+            image.meant in (None, image.view.camera),
+            f"is the image of {image.view.camera}",
+            f"that of {image.meant}, by its name or place",
+            "The two cameras may be exchanged.",
+            part=f"input {image.name!r}",
+        )
 
 
 @rule("policy/images/rotated", "should", needs=ANSWERS)
@@ -87,46 +84,34 @@ def rotated(subject: PolicySubject) -> Iterator[Finding]:
 @rule("policy/state/order", "must", needs=ANSWERS)
 def quaternion_order(subject: PolicySubject) -> Iterator[Finding]:
     """Read the quaternion as x, y, z, w."""
-    inputs = subject.inputs
-    if inputs is None or not inputs.states:
-        yield _no_state(inputs)
-        return
-    for state in inputs.states:
-        part = f"input {state.name!r}"
-        if state.verdict == "misread":
-            yield broken(state.form, "x, y, z, w", "robot0_eef_quat has w last.", part=part)
-        else:
-            yield kept(state.form, part=part)
+    return _states(subject, {"misread": ("x, y, z, w", "robot0_eef_quat has w last.")})
 
 
 @rule("policy/state/form", "should", needs=ANSWERS)
 def orientation_form(subject: PolicySubject) -> Iterator[Finding]:
     """Write the orientation as robosuite does, unless the model was trained otherwise."""
+    wrong = {
+        "antipodal": (
+            "the sign kept, as robosuite has it, unless the model was trained otherwise",
+            "pytest_libero_max.transforms.axis_angle keeps it.",
+        ),
+        "w_first": (
+            "x, y, z, w, as LIBERO delivers it, unless the model was trained otherwise",
+            "robot0_eef_quat has w last.",
+        ),
+    }
+    return _states(subject, wrong)
+
+
+def _states(subject: PolicySubject, wrong: Mapping[str, tuple[str, str]]) -> Iterator[Finding]:
+    """Yield a finding for each orientation among the inputs; wrong verdicts have a rule and a cure."""
     inputs = subject.inputs
-    if inputs is None or not inputs.states:
-        yield _no_state(inputs)
-        return
-    for state in inputs.states:
-        part = f"input {state.name!r}"
-        if state.verdict == "antipodal":
-            yield broken(
-                state.form,
-                "the sign kept, as robosuite has it, unless the model was trained otherwise",
-                "pytest_libero_max.transforms.axis_angle keeps it.",
-                part=part,
-            )
-        elif state.verdict == "w_first":
-            yield broken(
-                state.form,
-                "x, y, z, w, as LIBERO delivers it, unless the model was trained otherwise",
-                "robot0_eef_quat has w last.",
-                part=part,
-            )
-        else:
-            yield kept(state.form, part=part)
-
-
-def _no_state(inputs: Inputs | None) -> Finding:
     if inputs is None:
-        return _SILENT
-    return unexamined(f"the orientation of the hand was recognised in none of {', '.join(inputs.names)}")
+        yield _SILENT
+    elif not inputs.states:
+        names = ", ".join(inputs.names)
+        yield unexamined(f"the orientation of the hand was recognised in none of {names}")
+    else:
+        for state in inputs.states:
+            expected, cure = wrong.get(state.verdict, ("", ""))
+            yield judged(not expected, state.form, expected, cure, part=f"input {state.name!r}")

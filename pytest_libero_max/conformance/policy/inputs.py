@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from typing import Any
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
@@ -53,49 +53,46 @@ def _unexamined(subject: PolicySubject) -> Finding | None:
 
 
 @rule(ANYTHING, "must", needs=ANSWERS)
-def anything(subject: PolicySubject) -> Iterator[Finding]:
+def anything(subject: PolicySubject) -> Finding:
     """Answer to what is shown."""
     if reason := _unexamined(subject):
-        yield reason
-        return
+        return reason
     if len(subject.once(_ignored)) < len(_changes(subject)):
-        yield kept("the answer changes with what is shown")
-        return
-    yield broken(
+        return kept("the answer changes with what is shown")
+    return broken(
         "the answer stays the same whatever is shown",
         "an answer to the observation",
         "An old chunk is returned, or the model is not asked.",
     )
 
 
-def _each(subject: PolicySubject, names: Collection[str]) -> Iterator[Finding]:
+def _each(subject: PolicySubject, names: Collection[str]) -> Finding:
     if reason := _unexamined(subject):
-        yield reason
-    elif not names:
-        yield unexamined("the policy asks for no images")
-    elif ignored := [name for name in names if name in subject.once(_ignored)]:
-        yield broken(
+        return reason
+    if not names:
+        return unexamined("the policy asks for no images")
+    if ignored := [name for name in names if name in subject.once(_ignored)]:
+        return broken(
             f"the answer does not depend on {', '.join(ignored)}",
             f"an answer that changes with {', '.join(names)}",
             "If the model reads it, it does not arrive there.",
         )
-    else:
-        yield kept(f"the answer depends on {', '.join(names)}")
+    return kept(f"the answer depends on {', '.join(names)}")
 
 
 @rule("policy/inputs/images", "should", needs=ANYTHING)
-def images(subject: PolicySubject) -> Iterator[Finding]:
+def images(subject: PolicySubject) -> Finding:
     """Let the answer depend on every image."""
     return _each(subject, _images(subject))
 
 
 @rule("policy/inputs/instruction", "should", needs=ANYTHING)
-def instruction(subject: PolicySubject) -> Iterator[Finding]:
+def instruction(subject: PolicySubject) -> Finding:
     """Let the answer depend on the instruction."""
     return _each(subject, _INSTRUCTION)
 
 
 @rule("policy/inputs/state", "note", needs=ANYTHING)
-def state(subject: PolicySubject) -> Iterator[Finding]:
+def state(subject: PolicySubject) -> Finding:
     """Let the answer depend on the state. Many models have none."""
     return _each(subject, _state(subject))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 from pytest_libero_max.conformance.policy.contract import ANSWERS
@@ -13,11 +12,10 @@ from pytest_libero_max.policies.check import copy_memory, memory_of, remembers, 
 
 
 @rule("policy/memory/reset", "must", needs=ANSWERS)
-def forgets(subject: PolicySubject) -> Iterator[Finding]:
+def forgets(subject: PolicySubject) -> Finding:
     """Forget everything at the beginning of an episode."""
     if reason := not_repeatable(subject):
-        yield reason
-        return
+        return reason
     subject.start()
     fresh = subject.ask(0)
     for index in range(1, QUERIES):
@@ -27,9 +25,8 @@ def forgets(subject: PolicySubject) -> Iterator[Finding]:
     subject.ask(0)
     subject.start()
     if subject.ask(0).tobytes() == fresh.tobytes():
-        yield kept("a new episode forgets everything")
-        return
-    yield broken(
+        return kept("a new episode forgets everything")
+    return broken(
         "the first answer of an episode depends on the episodes before",
         "a new episode forgets everything",
         "Let reset() empty queues, histories, counters and generators.",
@@ -37,40 +34,36 @@ def forgets(subject: PolicySubject) -> Iterator[Finding]:
 
 
 @rule("policy/memory/declared", "must", needs=ANSWERS)
-def declared(subject: PolicySubject) -> Iterator[Finding]:
+def declared(subject: PolicySubject) -> Finding:
     """Have no memory, or offer snapshot() and restore(memory)."""
     if reason := not_repeatable(subject):
-        yield reason
-        return
+        return reason
     subject.start()
     subject.ask(0)
     after = subject.ask(1)
     subject.start()
     alone = subject.ask(1)
     if after.tobytes() == alone.tobytes():
-        yield kept("an answer depends on its own observation and query alone")
-    elif remembers(subject.policy):
-        yield kept("answers depend on earlier queries, and snapshot() is offered")
-    elif memory_of(subject.policy) != "none":
-        yield kept("answers depend on earlier queries, as the policy declares")
-    else:
-        yield broken(
-            "an answer depends on the queries before it",
-            "no memory, or snapshot() and restore(memory)",
-            "A queue, a history or a generator lives on between queries: empty it, or offer both methods.",
-        )
+        return kept("an answer depends on its own observation and query alone")
+    if remembers(subject.policy):
+        return kept("answers depend on earlier queries, and snapshot() is offered")
+    if memory_of(subject.policy) != "none":
+        return kept("answers depend on earlier queries, as the policy declares")
+    return broken(
+        "an answer depends on the queries before it",
+        "no memory, or snapshot() and restore(memory)",
+        "A queue, a history or a generator lives on between queries: empty it, or offer both methods.",
+    )
 
 
 @rule("policy/memory/snapshot", "must", needs=ANSWERS)
-def snapshot(subject: PolicySubject) -> Iterator[Finding]:
+def snapshot(subject: PolicySubject) -> Finding:
     """Bring back the memory that was copied."""
     policy = subject.policy
     if not remembers(policy):
-        yield kept("the policy offers no snapshot()")
-        return
+        return kept("the policy offers no snapshot()")
     if reason := not_repeatable(subject):
-        yield reason
-        return
+        return reason
     subject.start()
     subject.ask(0)
     memory = copy_memory(policy)
@@ -79,10 +72,9 @@ def snapshot(subject: PolicySubject) -> Iterator[Finding]:
     for _ in range(2):
         restore_memory(policy, memory)
         if subject.ask(1).tobytes() != first.tobytes():
-            yield broken(
+            return broken(
                 "after restore(), the same query got another answer",
                 "the memory that snapshot() copied",
                 "Let snapshot() copy all that answers depend on (copy.deepcopy), and restore() copy from it.",
             )
-            return
-    yield kept("restore() brings back what snapshot() copied")
+    return kept("restore() brings back what snapshot() copied")

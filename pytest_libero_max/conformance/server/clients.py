@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from threading import Barrier, Event, Thread
 from typing import Any
@@ -39,7 +39,7 @@ LEAVES, STRANGER = "server/clients/leaves", "server/clients/stranger"
 
 
 @rule(SECOND, "must", needs=ANSWERS)
-def second_client(subject: ServerSubject) -> Iterator[Finding]:
+def second_client(subject: ServerSubject) -> Finding:
     """Answer a second client while a first one is connected."""
     began = time.monotonic()
     subject.alone(0)
@@ -50,31 +50,28 @@ def second_client(subject: ServerSubject) -> Iterator[Finding]:
         second.start()
         second.join(limit)
         if second.is_alive():
-            yield broken(
+            return broken(
                 f"a second client got no answer within {limit:.0f} s while a first one was connected",
                 "an answer",
                 "The server handles one connection at a time: handle each in a thread or task of its own. "
                 "Runs with several workers open several.",
             )
-            return
-    yield kept("a second client is answered while a first one is connected")
+    return kept("a second client is answered while a first one is connected")
 
 
 @rule("server/clients/company", "must", needs=SECOND)
-def company(subject: ServerSubject) -> Iterator[Finding]:
+def company(subject: ServerSubject) -> Finding:
     """Give each client the answers to its own queries, whoever else asks in turn."""
     if reason := subject.not_comparable():
-        yield reason
-        return
+        return reason
     rows = ((0, 1), (2, 3))
     alone = [subject.alone(*row) for row in rows]
     with subject.client() as first, subject.client() as second:
         turns = [(first.ask(rows[0][turn]), second.ask(rows[1][turn])) for turn in (0, 1)]
     together = [[turn[number] for turn in turns] for number in (0, 1)]
     if all(same(*pair) for pair in zip(alone, together, strict=True)):
-        yield kept("two clients that ask in turn get the answers that each gets alone")
-        return
-    yield broken(
+        return kept("two clients that ask in turn get the answers that each gets alone")
+    return broken(
         "two clients that ask in turn get other answers than each alone",
         "the same bytes",
         "A queue, a history or a seed is shared by all connections: keep it with the connection.",
@@ -82,37 +79,35 @@ def company(subject: ServerSubject) -> Iterator[Finding]:
 
 
 @rule(AT_ONCE, "must", needs="server/clients/company")
-def at_once(subject: ServerSubject) -> Iterator[Finding]:
+def at_once(subject: ServerSubject) -> Finding:
     """Give clients that ask at the same moment the answer that each gets alone."""
     answers = subject.once(_alone_and_at_once)
     if isinstance(answers, Finding):
-        yield answers
-    elif any(a.shape != b.shape or np.abs(a - b).max() > MIXED_UP for a, b in answers):
-        yield broken(
+        return answers
+    if any(a.shape != b.shape or np.abs(a - b).max() > MIXED_UP for a, b in answers):
+        return broken(
             f"{QUERIES} clients that ask at the same moment get other answers than each alone",
             "the answer that each query gets alone",
             "A batch is mixed up, or something is shared by queries that are computed together: keep each "
             "answer with its query.",
         )
-    else:
-        yield kept(f"{QUERIES} clients that ask at the same moment get the answers of each alone")
+    return kept(f"{QUERIES} clients that ask at the same moment get the answers of each alone")
 
 
 @rule("server/clients/rounding", "note", needs=AT_ONCE)
-def rounding(subject: ServerSubject) -> Iterator[Finding]:
+def rounding(subject: ServerSubject) -> Finding:
     """Answer with the same bytes alone and in a batch."""
     answers = subject.once(_alone_and_at_once)
     if isinstance(answers, Finding):
-        yield answers
-    elif same(*map(list, zip(*answers, strict=True))):
-        yield kept("the same bytes alone and at the same moment as others")
-    else:
-        furthest = max(float(np.abs(a - b).max()) for a, b in answers)
-        yield broken(
-            f"answers change by up to {furthest:.1g} when others ask at the same moment",
-            "the same bytes alone and in a batch",
-            "Serve it with --pad-batch, or without batches, or declare repeatable=False.",
-        )
+        return answers
+    if same(*map(list, zip(*answers, strict=True))):
+        return kept("the same bytes alone and at the same moment as others")
+    furthest = max(float(np.abs(a - b).max()) for a, b in answers)
+    return broken(
+        f"answers change by up to {furthest:.1g} when others ask at the same moment",
+        "the same bytes alone and in a batch",
+        "Serve it with --pad-batch, or without batches, or declare repeatable=False.",
+    )
 
 
 def _alone_and_at_once(subject: ServerSubject) -> Finding | list[tuple[Actions, Actions]]:
@@ -151,27 +146,25 @@ def asked_together(clients: list[PolicySubject]) -> list[Actions | LiberoMaxErro
 
 
 @rule("server/clients/reconnects", "must", needs=ANSWERS)
-def reconnects(subject: ServerSubject) -> Iterator[Finding]:
+def reconnects(subject: ServerSubject) -> Finding:
     """Answer a client that has connected again as before."""
     first, second = (subject.alone(0, 1) for _ in range(2))
     if reason := subject.not_comparable():
-        yield kept(f"a client that has connected again is answered; {reason.observed}")
-    elif same(first, second):
-        yield kept("a client that has connected again gets the same answers")
-    else:
-        yield broken(
-            "a client that has connected again gets other answers",
-            "the same bytes for the same queries of the same episode",
-            "Something lives on from connection to connection: a generator, a queue, a count.",
-        )
+        return kept(f"a client that has connected again is answered; {reason.observed}")
+    if same(first, second):
+        return kept("a client that has connected again gets the same answers")
+    return broken(
+        "a client that has connected again gets other answers",
+        "the same bytes for the same queries of the same episode",
+        "Something lives on from connection to connection: a generator, a queue, a count.",
+    )
 
 
 @rule("server/clients/idle", "should", needs=ANSWERS)
-def idle(subject: ServerSubject) -> Iterator[Finding]:
+def idle(subject: ServerSubject) -> Finding:
     """Keep a connection over which nothing is asked for three seconds."""
     if subject.address.protocol.startswith("http"):
-        yield unexamined("HTTP connections may end between two requests")
-        return
+        return unexamined("HTTP connections may end between two requests")
     with subject.client() as client:
         client.ask(0)
         greeting = served(client).greeting
@@ -179,9 +172,8 @@ def idle(subject: ServerSubject) -> Iterator[Finding]:
         client.ask(1)
         lost = served(client).greeting is not greeting  # made anew by each connection
     if not lost:
-        yield kept(f"a client is answered after {PAUSE_S:g} s of silence")
-        return
-    yield broken(
+        return kept(f"a client is answered after {PAUSE_S:g} s of silence")
+    return broken(
         f"the connection of a client was lost after {PAUSE_S:g} s of silence",
         "an answer over the same connection",
         "A pair plays for minutes between some queries: lengthen the server's idle and ping timeouts.",
@@ -189,13 +181,12 @@ def idle(subject: ServerSubject) -> Iterator[Finding]:
 
 
 @rule("server/clients/pings", "note", needs=ANSWERS)
-def pings(subject: ServerSubject) -> Iterator[Finding]:
+def pings(subject: ServerSubject) -> Finding:
     """Answer pings while a query is computed."""
     with subject.client() as client:
         ping: Callable[[], Event] | None = getattr(served(client).client.link, "ping", None)
         if ping is None:
-            yield unexamined(f"{subject.address.protocol} has no pings")
-            return
+            return unexamined(f"{subject.address.protocol} has no pings")
         link = alter_requests(client)
         client.ask(0)
         request = link.request
@@ -205,13 +196,11 @@ def pings(subject: ServerSubject) -> Iterator[Finding]:
         link.ask(request)
         query_s = time.monotonic() - asked_at
         if query_s < max(VISIBLE_S, 4 * (asked_at - began)):
-            yield unexamined(f"a query takes {1e3 * query_s:.0f} ms, too short to see a ping in it")
-            return
+            return unexamined(f"a query takes {1e3 * query_s:.0f} ms, too short to see a ping in it")
         answered = [_pinged(lambda: link.ask(request), ping, query_s) for _ in range(3)]
     if sum(answered) > 1:  # a busy machine may miss one
-        yield kept("a ping is answered while a query is computed")
-        return
-    yield broken(
+        return kept("a ping is answered while a query is computed")
+    return broken(
         f"pings were not answered before the answer to a query of {query_s:.2f} s",
         "an answer while the query is computed",
         "The model computes in the event loop: run it in a thread. A client with the keepalive that "
@@ -230,7 +219,7 @@ def _pinged(ask: Callable[[], Any], ping: Callable[[], Event], query_s: float) -
 
 
 @rule(LEAVES, "must", needs=ANSWERS)
-def leaves_in_a_query(subject: ServerSubject) -> Iterator[Finding]:
+def leaves_in_a_query(subject: ServerSubject) -> Finding:
     """Go on when a client has left in the middle of a query."""
     with subject.client() as leaving:
         thread = Thread(target=_ask_in_vain, args=(leaving,), daemon=True)
@@ -238,17 +227,17 @@ def leaves_in_a_query(subject: ServerSubject) -> Iterator[Finding]:
         time.sleep(0.02)
     thread.join(TOGETHER_S)
     served(leaving).client.close()  # it may have connected again
-    yield from still_answers(subject, "a client left in the middle of a query")
+    return still_answers(subject, "a client left in the middle of a query")
 
 
 @rule(STRANGER, "must", needs=LEAVES)
-def stranger(subject: ServerSubject) -> Iterator[Finding]:
+def stranger(subject: ServerSubject) -> Finding:
     """Go on when something has connected that does not speak the protocol."""
     with suppress(OSError, ServerError), connect(subject.address) as connection:
         connection.sendall(b"\x00\xff of no protocol\r\n\r\n")
         connection.settimeout(0.2)
         connection.recv(1)
-    yield from still_answers(subject, "a connection that sent bytes of no protocol")
+    return still_answers(subject, "a connection that sent bytes of no protocol")
 
 
 def _ask_as_another(subject: ServerSubject) -> None:

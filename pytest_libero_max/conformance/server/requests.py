@@ -29,9 +29,9 @@ Array = NDArray[Any]
 
 
 @rule("server/requests/large", "should", needs=STRANGER)
-def large_images(subject: ServerSubject) -> Iterator[Finding]:
+def large_images(subject: ServerSubject) -> Finding:
     """Answer a request with images of 1024 pixels, or refuse it in words."""
-    yield _with_images(
+    return _with_images(
         subject,
         LARGE_PX,
         "Permit larger messages (websockets: max_size=None), in the server and in a proxy before it.",
@@ -39,9 +39,9 @@ def large_images(subject: ServerSubject) -> Iterator[Finding]:
 
 
 @rule("server/requests/small", "should", needs=STRANGER)
-def small_images(subject: ServerSubject) -> Iterator[Finding]:
+def small_images(subject: ServerSubject) -> Finding:
     """Answer a request with images of 16 pixels, or refuse it in words."""
-    yield _with_images(
+    return _with_images(
         subject, SMALL_PX, "Resize images before they reach the model, or refuse other sizes in words."
     )
 
@@ -91,40 +91,38 @@ def _resized(request: Any, side: int, sizes: list[int]) -> Any:
 
 
 @rule("server/errors/words", "should", needs=STRANGER)
-def errors_in_words(subject: ServerSubject) -> Iterator[Finding]:
+def errors_in_words(subject: ServerSubject) -> Finding:
     """Answer a request that lacks its inputs with an error in words."""
     error = _error_of_nonsense(subject)
     if error is None:
-        yield broken(
+        return broken(
             "a request without any input was answered with actions",
             "an error",
             "The model is not asked, or missing inputs are replaced by zeros.",
         )
-    elif is_in_words(error):
-        yield kept("a request without any input is answered with an error in words")
-    else:
-        yield broken(
-            f"a request without any input: {error}",
-            "an error in words",
-            "Catch exceptions of the policy, and send their text: users otherwise see a lost connection.",
-        )
+    if is_in_words(error):
+        return kept("a request without any input is answered with an error in words")
+    return broken(
+        f"a request without any input: {error}",
+        "an error in words",
+        "Catch exceptions of the policy, and send their text: users otherwise see a lost connection.",
+    )
 
 
 @rule("server/errors/survives", "must", needs=STRANGER)
-def survives_errors(subject: ServerSubject) -> Iterator[Finding]:
+def survives_errors(subject: ServerSubject) -> Finding:
     """Go on after a request that lacks its inputs."""
     _error_of_nonsense(subject)
-    yield from still_answers(subject, "a request without any input")
+    return still_answers(subject, "a request without any input")
 
 
 @rule("server/errors/neighbours", "should", needs=AT_ONCE)
-def spares_neighbours(subject: ServerSubject) -> Iterator[Finding]:
+def spares_neighbours(subject: ServerSubject) -> Finding:
     """Answer clients that ask at the same moment as one whose request lacks its inputs."""
     try:
         subject.alone(0)
     except ServerError:
-        yield unexamined("the server does not answer any more")
-        return
+        return unexamined("the server does not answer any more")
     with ExitStack() as stack:
         clients = [stack.enter_context(subject.client()) for _ in range(QUERIES)]
         alter_requests(clients[0], _nonsense(subject))
@@ -135,9 +133,8 @@ def spares_neighbours(subject: ServerSubject) -> Iterator[Finding]:
         for again, answer in zip(asked_again, answers, strict=True)
     )
     if not met:
-        yield kept(f"{counted(len(answers), 'client')} beside one without inputs are answered")
-        return
-    yield broken(
+        return kept(f"{counted(len(answers), 'client')} beside one without inputs are answered")
+    return broken(
         f"{met} of {counted(len(answers), 'client')} that asked beside one without inputs met an error",
         "an error for that client alone",
         "A batch fails as a whole: check requests before they are batched, or compute them again alone.",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 from pytest_libero_max.conformance.policy.subject import PolicySubject, Shown, first_scene
-from pytest_libero_max.conformance.rules import Finding, broken, kept, unexamined
+from pytest_libero_max.conformance.rules import Finding, Measurements, broken, kept, unexamined
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.address import Address
@@ -17,8 +17,6 @@ from pytest_libero_max.policies.clients.opening import open_server, parse_addres
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.transport import Link
 from pytest_libero_max.policies.profile import Profile
-
-T = TypeVar("T")
 
 PATIENCE_S = 5.0
 """Longest time to wait for a server that cannot be reached; somebody is waiting."""
@@ -30,7 +28,7 @@ NOT_REPEATABLE = "repeatable=False, so no two answers can be compared"
 
 
 @dataclass
-class ServerSubject:
+class ServerSubject(Measurements):
     """A server by its address, and the profile by which it is asked."""
 
     address: Address
@@ -40,14 +38,6 @@ class ServerSubject:
     """H (chunk size), where the profile does not say."""
     query_interval: int | None = None
     """Q (execution horizon), likewise."""
-    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
-
-    def once(self, measure: Callable[[ServerSubject], T]) -> T:
-        """Return what a function makes of this subject; it is called once for all rules."""
-        if measure not in self._measured:
-            self._measured[measure] = measure(self)
-        result: T = self._measured[measure]
-        return result
 
     @contextmanager
     def client(self) -> Iterator[PolicySubject]:
@@ -148,18 +138,18 @@ def is_in_words(error: str) -> bool:
     return "reports an error" in error or "HTTP" in error
 
 
-def still_answers(subject: ServerSubject, after: str) -> Iterator[Finding]:
+def still_answers(subject: ServerSubject, after: str) -> Finding:
     """Yield the finding that the next client is answered, or not."""
     try:
         subject.alone(0)
     except ServerError as error:
-        yield broken(
+        return broken(
             f"after {after}: {error}".rstrip("."),
             "an answer to the next client",
             "One client must not take the server down: catch what a connection raises.",
         )
     else:
-        yield kept(f"after {after}, the next client is answered")
+        return kept(f"after {after}, the next client is answered")
 
 
 def open_at(

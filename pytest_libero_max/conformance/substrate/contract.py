@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject
 from pytest_libero_max.errors import ActionError, SubstrateError, counted
 from pytest_libero_max.worlds.contract import OnMujoco, World
@@ -21,18 +21,17 @@ _LEAST_M = 0.01
 
 
 @rule(OPENS, "must")
-def opens(subject: SubstrateSubject) -> Iterator[Finding]:
+def opens(subject: SubstrateSubject) -> Finding:
     """Open, and build the world of a first case with every member of a world."""
     world = subject.world
     if not isinstance(world, World):
         members = sorted(name for name in dir(World) if not name.startswith("_") and not hasattr(world, name))
-        yield broken(
+        return broken(
             f"{type(world).__name__} lacks {', '.join(members)}",
             "every member of pytest_libero_max.worlds.contract.World",
             "Add them.",
         )
-        return
-    yield kept(f"{world.scene}; {counted(len(subject.cases), 'case')} of its track can be played")
+    return kept(f"{world.scene}; {counted(len(subject.cases), 'case')} of its track can be played")
 
 
 @rule("substrate/contract/actions", "must", needs=OPENS)
@@ -89,20 +88,17 @@ def refuses_inits(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/contract/rate", "must", needs=OPENS)
-def control_rate(subject: SubstrateSubject) -> Iterator[Finding]:
+def control_rate(subject: SubstrateSubject) -> Finding:
     """Advance the simulator by one control step of its robot in a step: 50 ms for LIBERO's."""
     world = subject.begin()
     if not isinstance(world, OnMujoco):
-        yield unexamined("the world has no clock of MuJoCo")
-        return
+        return unexamined("the world has no clock of MuJoCo")
     before, hz = world.data.time, world.robot.control_hz
     for _ in range(hz):
         world.step(world.robot.noop)
     seconds = world.data.time - before
-    if abs(seconds - 1.0) < 1e-6:
-        yield kept(f"{counted(hz, 'step')} take {seconds:.3f} s of simulated time")
-        return
-    yield broken(
+    return judged(
+        abs(seconds - 1.0) < 1e-6,
         f"{counted(hz, 'step')} take {seconds:.3f} s of simulated time",
         "1 s",
         f"The control rate of robot {world.robot.name!r} is {hz} Hz: budgets of steps are times.",
@@ -110,7 +106,7 @@ def control_rate(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/contract/directions", "must", needs=OPENS)
-def directions(subject: SubstrateSubject) -> Iterator[Finding]:
+def directions(subject: SubstrateSubject) -> Finding:
     """Move the hand along the axis of the world that an action names."""
     for axis, name in enumerate("xyz"):
         for sign in (1.0, -1.0):
@@ -123,18 +119,17 @@ def directions(subject: SubstrateSubject) -> Iterator[Finding]:
                 world.step(action)
             way = np.asarray(world.end_effector()) - start
             if sign * way[axis] < _LEAST_M or abs(way[axis]) < np.abs(way).max():
-                yield broken(
+                return broken(
                     f"{steps} actions of {sign:+.0f} in {name} move the hand by "
                     f"({', '.join(f'{value:+.3f}' for value in way)}) m",
                     f"{sign * _LEAST_M:+.2f} m in {name} at least, more than in any other direction",
                     "The order, the sign or the frame of the action differs.",
                 )
-                return
-    yield kept("an action moves the hand along the axis that it names")
+    return kept("an action moves the hand along the axis that it names")
 
 
 @rule("substrate/contract/gripper", "must", needs=OPENS)
-def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
+def gripper(subject: SubstrateSubject) -> Finding:
     """Open the gripper with the sign of the no-op's last component, LIBERO's -1; close it with the other."""
     world = subject.begin()
     openings, opening = [], world.robot.opening
@@ -145,10 +140,8 @@ def gripper(subject: SubstrateSubject) -> Iterator[Finding]:
     opened, closed, reopened = openings
     signs = f"{opening:+.0f}, {-opening:+.0f}, {opening:+.0f}"
     text = f"openings after {signs}: {opened:.3f}, {closed:.3f}, {reopened:.3f} m"
-    if closed < 0.5 * opened and reopened > 2 * closed:
-        yield kept(text)
-        return
-    yield broken(
+    return judged(
+        closed < 0.5 * opened and reopened > 2 * closed,
         text,
         f"a small one after {-opening:+.0f} only",
         "The sign of the gripper, or of the last component of the robot's noop, is the wrong way round.",
