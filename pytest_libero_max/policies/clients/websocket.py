@@ -8,9 +8,9 @@ from threading import Event
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import Address, server_token
+from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
-from pytest_libero_max.policies.clients.connection import connect
+from pytest_libero_max.policies.clients.connection import answer_in_place, connect, open_websocket
 from pytest_libero_max.policies.clients.recognition import watched
 from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
 from pytest_libero_max.policies.clients.transport import (
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Socket:
-    """A WebSocket without compression and without pings: a server that computes does not answer them."""
+    """A WebSocket to a policy server."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
@@ -126,34 +126,20 @@ class Socket:
             raise
 
     def _shake_hands(self, connection: socket.socket, target: Address) -> Response | None:
-        from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
-        from websockets.sync.client import connect as open_websocket
+        from websockets.exceptions import ConnectionClosed, WebSocketException
 
-        token = server_token()
         try:
-            self._connection = self._until_closed.enter_context(
-                open_websocket(
-                    f"ws://{target.where}{target.path or '/'}",  # over TLS as well, which is spoken already
-                    sock=connection,
-                    additional_headers={} if token is None else {"Authorization": f"Api-Key {token}"},
-                    compression=None,
-                    max_size=MOST_BYTES,
-                    ping_interval=None,
-                    open_timeout=target.timeout_s,
-                    close_timeout=1.0,
-                    proxy=None,
-                )
-            )
+            websocket = open_websocket(connection, target, target.timeout_s, MOST_BYTES)
+            self._connection = self._until_closed.enter_context(websocket)
         except TimeoutError:
             raise late(target.timeout_s) from None
         except (OSError, EOFError, ConnectionClosed) as error:
             raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
         except (WebSocketException, ValueError) as error:
-            # A redirect is not followed over a connection that is given, and another error says so.
-            for status in (error, error.__cause__, error.__context__):
-                if isinstance(status, InvalidStatus):
-                    return status.response
-            raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
+            answer = answer_in_place(error)
+            if answer is None:
+                raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
+            return answer
         return None
 
     def _open_connection(self) -> ClientConnection:
