@@ -151,9 +151,5 @@ def conformance_json(document: Conformance) -> str:
 
 
 def read_conformance(text: str) -> Conformance:
-    """Return a stored document.
-
-    Raises:
-        ReportError: It is none.
-    """
+    """Return a stored document."""
     return decode(text.encode(), Conformance)

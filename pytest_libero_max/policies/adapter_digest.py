@@ -195,9 +195,6 @@ def code_digest(paths: Iterable[Path]) -> str:
     A Python file counts as its syntax tree: comments, docstrings, layout and the version of Python make no
     difference. Any other file (an extension module, or one that does not parse) counts as its bytes. Where a
     file lies and the order of the files make no difference either; its name does.
-
-    Raises:
-        OSError: A file cannot be read.
     """
     digests = sorted((path.name, _digest_of(path)) for path in paths)
     return hashlib.sha256(repr(digests).encode()).hexdigest()

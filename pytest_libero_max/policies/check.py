@@ -216,21 +216,13 @@ def _check_poses(actions: Actions, spec: PolicySpec) -> None:
 
 
 def start(policy: Policy, episode: Episode) -> None:
-    """``policy.reset(episode)``.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.reset(episode)``."""
     with _blaming(policy, "reset"), FILES_READ.resetting():
         policy.reset(episode)
 
 
 def show(policy: Policy, observation: Observation, step: int) -> None:
-    """``policy.see(observation, step)``, for a policy that :func:`sees`.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.see(observation, step)``, for a policy that :func:`sees`."""
     seeing: SeeingPolicy = policy  # type: ignore[assignment]  # sees() looked
     with _blaming(policy, f"see, step {step}"):
         seeing.see(observation, step)
@@ -299,11 +291,7 @@ def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
 
 
 def copy_memory(policy: Policy) -> object:
-    """``policy.snapshot()``, or None for a policy that has none.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.snapshot()``, or None for a policy that has none."""
     if not remembers(policy):
         return None
     remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
@@ -321,11 +309,7 @@ def memory_digest(memory: object) -> bytes | None:
 
 
 def restore_memory(policy: Policy, memory: object) -> None:
-    """``policy.restore(memory)``, for a policy that :func:`remembers`.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.restore(memory)``, for a policy that :func:`remembers`."""
     remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
     with _blaming(policy, "restore"):
         remembering.restore(memory)

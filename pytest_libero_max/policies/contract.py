@@ -103,7 +103,7 @@ class PolicySpec:
             raise AdapterError(
                 f"query_interval={self.query_interval} > horizon={self.horizon} of policy {self.name!r}: "
                 "a query returns at most H actions, so no more than H can be executed before the next "
-                "(Q <= H). Lower Q or raise H."
+                "(Q <= H). Lower Q (--libero-max-query-interval) or raise H (--libero-max-horizon)."
             )
         if isinstance(self.cameras, str):
             raise self._refusal("cameras", "must be a tuple of names")

@@ -9,12 +9,13 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.events.schedules import Cadence
+from pytest_libero_max.policies.cadence import at_cadence, declare
 from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.contract import Policy
@@ -27,9 +28,6 @@ from pytest_libero_max.policies.references import (
     refusal,
     require_installed,
 )
-
-HORIZON_FLAG = "--libero-max-horizon"
-QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
 
 _PRIVATE = "_pytest_libero_max_adapter_"
 
@@ -100,15 +98,11 @@ def load_policy(
     else:
         module = _import(reference, path)
         policy = _construct(_find(module, reference), reference, path)
-    return override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
+    return override(check_policy(policy, reference.where), horizon, query_interval)
 
 
 def installed_policy(name: str) -> Policy:
-    """Load a policy by the name under which it is installed, for an arm that names it.
-
-    Raises:
-        AdapterError: None is installed under this name, or it cannot be loaded.
-    """
+    """Load a policy by the name under which it is installed, for an arm that names it."""
     require_installed(name)
     return load_policy(name)
 
@@ -359,38 +353,16 @@ def _failed(error: BaseException, reference: Reference, path: Path | None, doing
     )
 
 
-def override(policy: Policy, where: str, horizon: int | None, query_interval: int | None) -> Policy:
+def override(policy: Policy, horizon: int | None, query_interval: int | None) -> Policy:
     """Return a policy whose spec has another H or Q.
 
     Args:
         policy: The policy; its ``spec`` is assigned.
         horizon: Replaces H; None for its own.
         query_interval: Replaces Q; None for its own.
-
-    Raises:
-        AdapterError: Q would be more than H, or the spec cannot be assigned.
     """
     if horizon is None and query_interval is None:
         return policy
-    spec = policy.spec
-    new_horizon = spec.horizon if horizon is None else horizon
-    new_interval = spec.query_interval if query_interval is None else query_interval
-    if new_interval > new_horizon:
-        raise AdapterError(
-            f"query_interval={new_interval} ({_whose(query_interval, QUERY_INTERVAL_FLAG)}) > "
-            f"horizon={new_horizon} ({_whose(horizon, HORIZON_FLAG)}) of policy {spec.name!r}: a query "
-            f"returns at most H actions, so Q <= H. Lower {QUERY_INTERVAL_FLAG} or raise {HORIZON_FLAG}."
-        )
-    changed = replace(spec, horizon=new_horizon, query_interval=new_interval)
-    try:
-        policy.spec = changed
-    except AttributeError as error:
-        raise AdapterError(
-            f"{where}.spec cannot be assigned ({error}), but {HORIZON_FLAG} and {QUERY_INTERVAL_FLAG} "
-            "replace it. Make `spec` a plain attribute, or leave the flags out."
-        ) from error
+    interval = policy.spec.query_interval if query_interval is None else query_interval
+    declare(policy, at_cadence(policy.spec, Cadence(interval, horizon)))
     return policy
-
-
-def _whose(override: int | None, flag: str) -> str:
-    return "declared by the adapter" if override is None else flag

@@ -160,11 +160,7 @@ def _instead(path: Path, name: str) -> str:
 
 
 def file_of(reference: Reference) -> Path | None:
-    """Return the file a reference leads to, without importing anything; None for a module that is not a file.
-
-    Raises:
-        AdapterError: There is no such file or module.
-    """
+    """Return the file of a reference, without importing anything; None for a module that is not a file."""
     return _existing_file(reference) if reference.is_file else _module_file(reference)
 
 

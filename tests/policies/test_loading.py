@@ -485,29 +485,20 @@ def test_a_module_that_fails_to_import_says_so_and_not_that_it_is_missing(
 
 
 @pytest.mark.parametrize(
-    ("override", "message"),
+    ("override", "named"),
     [
-        (
-            {"horizon": 3},
-            "query_interval=4 (declared by the adapter) > horizon=3 (--libero-max-horizon) of policy "
-            "'sound': a query returns at most H actions, so Q <= H. Lower --libero-max-query-interval or "
-            "raise --libero-max-horizon.",
-        ),
-        (
-            {"query_interval": 9},
-            "query_interval=9 (--libero-max-query-interval) > horizon=8 (declared by the adapter) of policy ",
-        ),
-        (
-            {"horizon": 0, "query_interval": 0},
-            "horizon=0 of policy 'sound', but must be an integer of at least 1.",
-        ),
+        ({"horizon": 3}, ("query_interval=4", "horizon=3", "--libero-max-query-interval")),
+        ({"query_interval": 9}, ("query_interval=9", "horizon=8", "--libero-max-horizon")),
+        ({"horizon": 0, "query_interval": 0}, ("horizon=0", "at least 1")),
     ],
     ids=["H below Q", "Q above H", "zero"],
 )
-def test_overrides_that_contradict_are_refused(write: Writer, override: Any, message: str) -> None:
+def test_overrides_that_contradict_are_refused(
+    write: Writer, override: Any, named: tuple[str, ...]
+) -> None:
     with pytest.raises(AdapterError) as caught:
         load_policy(str(write(SOUND + "policy = Sound")), **override)
-    assert str(caught.value).startswith(message)
+    assert all(part in str(caught.value) for part in ("'sound'", *named))
 
 
 def test_a_spec_that_cannot_be_assigned_is_told_about_the_flags(write: Writer) -> None:
@@ -516,7 +507,5 @@ def test_a_spec_that_cannot_be_assigned_is_told_about_the_flags(write: Writer) -
         + "class Fixed(Sound):\n    spec = property(lambda self: PolicySpec('fixed', 8, 4))\npolicy = Fixed"
     )
     assert load_policy(str(path)).spec.name == "fixed"
-    with pytest.raises(
-        AdapterError, match=r"policy\.spec cannot be assigned .* Make `spec` a plain attribute"
-    ):
+    with pytest.raises(AdapterError, match="'fixed'.*plain attribute"):
         load_policy(str(path), horizon=20)

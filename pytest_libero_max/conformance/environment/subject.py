@@ -224,11 +224,7 @@ def called(what: str, function: Callable[..., T], *arguments: Any) -> T:
 
 
 def open_environment(text: str) -> EnvironmentSubject:
-    """Return the environment that ``PACKAGE:FACTORY:ARGUMENTS`` names; it is not opened yet.
-
-    Raises:
-        OptionError: It cannot be imported, or has no such factory.
-    """
+    """Return the environment that ``PACKAGE:FACTORY:ARGUMENTS`` names; it is not opened yet."""
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in every process that plays: its threads change last bits

@@ -41,11 +41,7 @@ class ServerSubject(Measurements):
 
     @contextmanager
     def client(self) -> Iterator[PolicySubject]:
-        """Connect another client, at the beginning of an episode.
-
-        Raises:
-            ServerError: The server was given up.
-        """
+        """Connect another client, at the beginning of an episode."""
         policy = open_server(self.address, self.profile, self.horizon, self.query_interval)
         try:
             subject = PolicySubject(policy, self.shown)
@@ -55,11 +51,7 @@ class ServerSubject(Measurements):
             policy.client.close()
 
     def alone(self, *indices: int) -> list[Actions]:
-        """Return the answers to queries that a client of its own asks, in one episode.
-
-        Raises:
-            ServerError: The server was given up.
-        """
+        """Return the answers to queries that a client of its own asks, in one episode."""
         with self.client() as client:
             return [client.ask(index) for index in indices]
 
@@ -159,12 +151,7 @@ def open_at(
     horizon: int | None = None,
     query_interval: int | None = None,
 ) -> ServerSubject:
-    """Return the server at an address, which is asked for its spec alone.
-
-    Raises:
-        AdapterError: The address or the profile cannot be used.
-        ServerError: The server was given up: its spec says which images to show.
-    """
+    """Return the server at an address, which is asked for its spec alone."""
     patient = parse_address(address)
     patient = replace(
         patient, timeout_s=min(patient.timeout_s, TIMEOUT_S), patience_s=min(patient.patience_s, PATIENCE_S)

@@ -58,11 +58,7 @@ class SubstrateSubject:
 
 
 def open_subject(name: str) -> SubstrateSubject:
-    """Open a substrate, see :func:`.chosen_substrate`.
-
-    Raises:
-        SubstrateError: It cannot be opened, or no case of its default tracks can be played here.
-    """
+    """Open a substrate, see :func:`.chosen_substrate`."""
     from pytest_libero_max.substrates.registry import SUBSTRATES, chosen_substrate
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 

@@ -182,11 +182,7 @@ class SeeingPolicy(RememberingPolicy):
     """A policy behind a server that is shown every step: each request holds the steps since the last one."""
 
     def see(self, observation: Observation, step: int) -> None:
-        """Keep a step for the next request.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
+        """Keep a step for the next request."""
         query = Query(0, step, self._episode.instruction, 0)
         shown = self.request(observation, query)["observation"]
         self._frames = (*self._frames, {"observation": shown, "step": step})

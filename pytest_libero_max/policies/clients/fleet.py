@@ -195,11 +195,7 @@ class ServerFleet:
         return self._pool.server
 
     def begin_pair(self, marks: Collection[str]) -> None:
-        """Choose the servers of a pair by its markers; without this the suite of each episode chooses.
-
-        Raises:
-            AdapterError: No server is for it.
-        """
+        """Choose the servers of a pair by its markers; without this the suite of each episode chooses."""
         self._marks = marks
         self._pool = self._pools[self._servers.group_of(marks)]
 

@@ -10,9 +10,8 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, TLS, Address
-from pytest_libero_max.policies.clients.protocol import Opening
+from pytest_libero_max.policies.clients.protocol import PROTOCOLS, Opening
 from pytest_libero_max.policies.clients.recognition import recognise
-from pytest_libero_max.policies.clients.registry import PROTOCOLS
 from pytest_libero_max.policies.clients.reply import Reply
 from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import ServedPolicy
@@ -40,12 +39,7 @@ _REFUSED = MappingProxyType(
 def load_served(
     text: str, profile_text: str | None, horizon: int | None = None, query_interval: int | None = None
 ) -> ServedPolicy:
-    """Return the policy at an address, connected.
-
-    Raises:
-        AdapterError: The address or the profile cannot be used.
-        ServerError: The server was given up.
-    """
+    """Return the policy at an address, connected."""
     return open_server(parse_address(text), require_profile(text, profile_text), horizon, query_interval)
 
 

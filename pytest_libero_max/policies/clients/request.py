@@ -80,9 +80,6 @@ class Request:
         Args:
             observation: The world's observation.
             layout: Another request than that of the profile, with names of the same inputs.
-
-        Raises:
-            AdapterError: An input cannot be made; names it and the step.
         """
         values = {name: value_of(query, episode) for name, value_of in _QUERY_VALUES.items()}
         values["instruction"] = self.instruction(values["instruction"])
@@ -93,21 +90,13 @@ class Request:
         return filled
 
     def arrays(self, observation: Observation, layout: Any = None) -> dict[str, NDArray[Any]]:
-        """Return the inputs of a request that are arrays, by name.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
+        """Return the inputs of a request that are arrays, by name."""
         named = dict.fromkeys(_named(self._layout if layout is None else layout))
         values = {name: self._value(name, observation) for name in named if name in self._inputs}
         return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
 
     def visible(self, observation: Observation) -> dict[str, NDArray[Any]]:
-        """Return the arrays of a request that can be made of an observation that may lack cameras, by name.
-
-        Raises:
-            AdapterError: A step of one cannot be done.
-        """
+        """Return the arrays of a request, by name, that can be made of an observation without all cameras."""
         inputs = [name for name in dict.fromkeys(_named(self._layout)) if name in self._inputs]
         there = [f"${name}" for name in inputs if self._sources(name) <= observation.keys()]
         return self.arrays(observation, there)

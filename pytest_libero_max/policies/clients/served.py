@@ -66,27 +66,15 @@ class ServedPolicy:
         self._episode = episode
 
     def predict(self, observation: Observation, query: Query) -> Actions:
-        """Ask the server.
-
-        Raises:
-            ServerError: It was given up.
-        """
+        """Ask the server."""
         return self.client.ask(self.request(observation, query), self.read)
 
     def request(self, observation: Observation, query: Query) -> dict[str, Any]:
-        """Return the request.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
+        """Return the request."""
         return self._request.build(observation, query, self._episode, self._layout)
 
     def read(self, reply: Any) -> Actions:
-        """Return the actions of a reply; notes the size of the batch in which they were computed.
-
-        Raises:
-            ServerError: There are none that can be played.
-        """
+        """Return the actions of a reply; notes the size of the batch in which they were computed."""
         actions = self._reply.read(reply, self.spec.query_interval, self.spec.horizon)
         self.returned = self._reply.returned
         batch = reply.get("batch") if isinstance(reply, Mapping) else None
@@ -94,11 +82,7 @@ class ServedPolicy:
         return actions
 
     def model_inputs(self, observation: Observation, query: Query) -> dict[str, NDArray[Any]]:
-        """Return the arrays of the request by the profile's names, for inspection.
-
-        Raises:
-            AdapterError: An input cannot be made.
-        """
+        """Return the arrays of the request by the profile's names, for inspection."""
         return self._request.arrays(observation, self._layout)
 
     def _greeted(self, greeting: Any) -> None:

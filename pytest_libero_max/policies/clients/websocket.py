@@ -12,12 +12,14 @@ from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
 from pytest_libero_max.policies.clients.connection import answer_in_place, connect, open_websocket
 from pytest_libero_max.policies.clients.recognition import watched
-from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
 from pytest_libero_max.policies.clients.transport import (
+    MOST_REDIRECTS,
     Refused,
     StaleConnection,
     Unreachable,
     late,
+    redirected,
+    status_error,
     time_limit,
 )
 
@@ -89,11 +91,7 @@ class Socket:
             return self._received(f"a WebSocket opened, but {awaited} did not come")
 
     def ping(self) -> Event:
-        """Send a ping, also while an answer is awaited; return the event of its answer.
-
-        Raises:
-            Unreachable: The connection is closed.
-        """
+        """Send a ping, also while an answer is awaited; return the event of its answer."""
         return self._open_connection().ping()
 
     def close(self) -> None:

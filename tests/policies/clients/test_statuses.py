@@ -12,8 +12,7 @@ import pytest
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.opening import parse_address
-from pytest_libero_max.policies.clients.statuses import redirected, status_error
-from pytest_libero_max.policies.clients.transport import Refused, Unreachable
+from pytest_libero_max.policies.clients.transport import Refused, Unreachable, redirected, status_error
 from tests.policies.clients import fakes
 from tests.policies.clients.each_protocol import EACH, accepting, ask
 

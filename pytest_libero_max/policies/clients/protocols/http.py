@@ -30,13 +30,15 @@ from pytest_libero_max.policies.clients.codecs import (
 from pytest_libero_max.policies.clients.connection import ENDS, closed_by_peer, connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.recognition import watched
-from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
 from pytest_libero_max.policies.clients.transport import (
+    MOST_REDIRECTS,
     Refused,
     StaleConnection,
     Unreachable,
     late,
+    redirected,
     reported,
+    status_error,
     time_limit,
 )
 

@@ -185,11 +185,7 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
 
 def returns_poses(greeting: Any) -> bool:
-    """Return True if the server's greeting says that its actions are poses in the world.
-
-    Raises:
-        ServerError: The greeting is damaged.
-    """
+    """Return True if the server's greeting says that its actions are poses in the world."""
     parameters, formats = _declared(greeting)
     return bool(parameters.get("absolute_action")) or _format(formats, "position") == "absolute_xyz"
 
