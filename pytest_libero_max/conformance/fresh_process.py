@@ -35,8 +35,6 @@ def result_elsewhere(
     the working folder.
 
     Args:
-        function: A function of a module.
-        timeout_s: Longest time of the process, s.
         expected: The rule, where the process fails.
         cure: Likewise.
         environment: Variables that the process has besides.

@@ -57,13 +57,7 @@ def _text(finding: Finding) -> str:
 
 
 def message(outcome: Outcome, subject: str, options: Sequence[str] = ()) -> str:
-    """Return everything that a reader needs of a broken rule: observed, expected, cure, command.
-
-    Args:
-        outcome: Of the rule.
-        subject: Kind and name.
-        options: Of pytest, with which it is examined besides.
-    """
+    """Return everything that a reader needs of a broken rule: observed, expected, cure, command."""
     return "\n".join(_message(outcome, subject, options))
 
 

@@ -11,10 +11,6 @@ from pytest_libero_max.substrates.contract import ChosenSubstrate, SubstrateKind
 def playable_cases(chosen: ChosenSubstrate, name: str) -> tuple[Case, ...]:
     """Return the examples of a substrate or, where it has none, the cases of its default track that it plays.
 
-    Args:
-        chosen: The substrate.
-        name: Its name in messages.
-
     Raises:
         SubstrateError: No case of its default tracks can be played here.
     """

@@ -36,7 +36,6 @@ _MODULES = (
     "environment.task",
     "environment.repeats",
 )
-"""Modules with rules, in the order in which rules are examined."""
 
 
 def _own() -> Mapping[str, Callable[[], object]]:
@@ -56,7 +55,6 @@ def _accept(name: str, value: object) -> Rule:
 RULES: Registry[Rule] = Registry(
     "rule", "pytest_libero_max.rules", _own, _accept, OptionError, attribute="id"
 )
-"""Every rule by its id."""
 
 
 def rules_for(kind: str) -> tuple[Rule, ...]:

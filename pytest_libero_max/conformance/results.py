@@ -116,14 +116,7 @@ class Conformance(Document, frozen=True, kw_only=True):
 def conformance(
     subject: str, results: Mapping[str, RuleResult], all_rules: Iterable[str], substrate: str | None = None
 ) -> Conformance:
-    """Return the document of the results of a subject's rules, by id.
-
-    Args:
-        subject: Kind and name.
-        results: Those that were examined.
-        all_rules: Ids of all rules of its kind, in order.
-        substrate: Of the scene that a policy was shown.
-    """
+    """Return the document of the results of a subject's rules, by id."""
     ids = list(all_rules)
     rules = [results[id] for id in ids if id in results]
     counts = dict.fromkeys(("kept", "broken must", "broken should", "broken note", "unexamined"), 0)

@@ -124,12 +124,7 @@ class Outcome:
 
 
 class Examination:
-    """Examines rules of one subject, each once.
-
-    Args:
-        open: Returns the subject; called at most once, when the first rule is examined.
-        rules: In the order of :meth:`outcomes`.
-    """
+    """Examines rules of one subject, each once."""
 
     def __init__(self, open: Callable[[], object], rules: Iterable[Rule]) -> None:
         self._open = cache(open)

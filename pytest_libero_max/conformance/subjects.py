@@ -87,11 +87,7 @@ def examination(
     """Return the examination of a subject by all rules of its kind; nothing is opened yet.
 
     Args:
-        subject: To examine.
         horizon: Of a policy, also behind a server; None for the one that it declares.
-        query_interval: Likewise.
-        profile: Of a policy behind a server.
-        substrate: Substrate of the scene that a policy is shown.
     """
     module, name = _OPENERS[subject.kind]
     asked: dict[str, Any] = {}

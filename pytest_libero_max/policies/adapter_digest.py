@@ -120,9 +120,6 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
 def require_separate_helpers(references: Iterable[str]) -> None:
     """Check that adapter files which play in one process import no different helpers by one name.
 
-    Args:
-        references: The references of the policies; those that are no files have no such helpers.
-
     Raises:
         AdapterError: Two do, or a reference leads nowhere.
     """

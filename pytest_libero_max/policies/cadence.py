@@ -39,13 +39,6 @@ def declare(policy: Policy, spec: PolicySpec) -> None:
 def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[PolicySpec]:
     """Let the policy's spec declare a cadence within the block; afterwards it declares its own again.
 
-    Args:
-        policy: A checked policy, between two episodes.
-        cadence: The cadence to declare. None, or its own: nothing is done.
-
-    Yields:
-        The spec within the block.
-
     Raises:
         AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
     """

@@ -52,9 +52,6 @@ MOST_TURN_RAD = 2 * np.pi + 1e-3
 def check_policy(policy: Any, where: str) -> Policy:
     """Return ``policy`` if it has every member of the Policy contract.
 
-    Args:
-        where: Its name in an error, for example ``adapter.py:policy``.
-
     Raises:
         AdapterError: A member is missing, is of the wrong type, or cannot be called the way it will be.
     """
@@ -272,13 +269,7 @@ def _is_count(value: object) -> bool:
 
 
 def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
-    """Return the checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`.
-
-    Raises:
-        ActionError: An answer cannot be played.
-        AdapterError: The policy raised, or returned another number of answers.
-        ServerError: The policy's server was given up.
-    """
+    """Return the checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`."""
     together: BatchPolicy = policy  # type: ignore[assignment]  # batches() looked
     with _blaming(policy, f"predict_batch, {counted(len(items), 'item')}"):
         answers = list(together.predict_batch(items))

@@ -61,7 +61,6 @@ class FilesRead:
     alone elsewhere, so that it is the same on every machine.
 
     Attributes:
-        files: Those that loading read.
         reset_files: Those that ``reset`` has read since and loading had not, or not with this content.
     """
 
@@ -83,7 +82,6 @@ class FilesRead:
         """Collect the files of a policy that is loaded in the block; what was known before is forgotten.
 
         Args:
-            folder: The policy's folder; None where it has none.
             run_begun_s: When the run began, in seconds since 1970; None for now.
         """
         if not self._hooked:  # a hook stays until the process ends

@@ -354,13 +354,7 @@ def _failed(error: BaseException, reference: Reference, path: Path | None, doing
 
 
 def override(policy: Policy, horizon: int | None, query_interval: int | None) -> Policy:
-    """Return a policy whose spec has another H or Q.
-
-    Args:
-        policy: The policy; its ``spec`` is assigned.
-        horizon: Replaces H; None for its own.
-        query_interval: Replaces Q; None for its own.
-    """
+    """Return a policy whose spec has another H or Q."""
     if horizon is None and query_interval is None:
         return policy
     interval = policy.spec.query_interval if query_interval is None else query_interval

@@ -70,7 +70,6 @@ SECTIONS: Mapping[str, Mapping[str, Any]] = {
 """Tables of a profile with the types of their fields. Tables without fields here take any."""
 
 _NOT_PLAYED = ("sources", "native", "published")
-"""Tables about a policy that do not reach its requests."""
 
 GIVEN_BY_OPTION = MappingProxyType(
     {

@@ -42,7 +42,6 @@ def read_observation(raw: Any, keys: Mapping[str, str], first: bool = False) -> 
     """Return what an observation holds, by role; what it lacks is left out.
 
     Args:
-        raw: As the environment returned it.
         keys: Places that are declared, by role.
         first: True for a vector of environments, the first of which is read.
     """

@@ -17,10 +17,8 @@ STARTS = 10
 """Number of initial states of which the robot is recorded."""
 
 LONGEST_SETTLING = 30
-"""Number of no-op steps that are recorded."""
 
 MOVE_STEPS = 5
-"""Steps of a move."""
 
 OPENING_STEPS = 10
 """Steps of the gripper in one direction."""
@@ -59,7 +57,6 @@ def record(
     """Play a world, and return what an environment of the same task is compared with.
 
     Args:
-        world: Of the task; it is reset.
         actions: (N, 7): an episode from the settled state in which the task is solved.
         task: Suite and number, ``libero_spatial/0``.
         init: Index of the initial state of that episode.

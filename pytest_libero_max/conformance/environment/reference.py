@@ -22,7 +22,6 @@ REFERENCE_VERSION: Final = 1
 """Version of the document's form."""
 
 FOLDER = Path(__file__).parent / "references"
-"""References of this package, ``NAME.json``."""
 
 SIDE = 32
 """Side of a small picture, pixels."""

@@ -31,11 +31,9 @@ class Played(NamedTuple):
     reading: Reading
     reward: Any
     done: bool
-    """True if the episode has ended, in success or not."""
     truncated: bool
     """True if it ended at a limit of steps; False where the environment cannot say so."""
     success: bool
-    """True if the task is solved, as the environment says."""
     fields: int
     """Length of the tuple."""
 

@@ -59,7 +59,6 @@ class PlayedEpisode:
     entries: tuple[Any, ...]
     """All that the loop did, in order; see :mod:`.spies`."""
     result: Any
-    """Result of the loop."""
 
     @property
     def queries(self) -> tuple[Asked, ...]:

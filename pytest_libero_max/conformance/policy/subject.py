@@ -57,9 +57,6 @@ def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_in
 
     Args:
         policy: Names the cameras and the size of images. One that is privileged gets the live world.
-        world: It is reset and stepped.
-        suite: Of the world's task.
-        task_index: Of that task.
     """
     spec = policy.spec
     world.reset(0)
@@ -104,7 +101,6 @@ class PolicySubject(Measurements):
         """Return the answer to query ``index``, from a copy of the observation.
 
         Args:
-            index: Number of the query.
             observation: Entries that replace those of the observation.
             query: Fields that replace those of the query.
         """

@@ -23,7 +23,6 @@ from pytest_libero_max.conformance.server.subject import (
 from pytest_libero_max.errors import AdapterError, LiberoMaxError, ServerError, counted
 
 LARGE_PX, SMALL_PX = 1024, 16
-"""Side of large and of small images, pixels."""
 
 Array = NDArray[Any]
 

@@ -22,7 +22,6 @@ PATIENCE_S = 5.0
 """Longest time to wait for a server that cannot be reached; somebody is waiting."""
 
 TIMEOUT_S = 60.0
-"""Longest time to wait for one answer."""
 
 NOT_REPEATABLE = "repeatable=False, so no two answers can be compared"
 

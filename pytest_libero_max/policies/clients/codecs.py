@@ -105,12 +105,7 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
 
 
 def foreign_arrays(content: bytes, dialect: Dialect) -> list[dict[Any, Any]]:
-    """Return the maps of a msgpack document that are arrays in another dialect than this one.
-
-    Args:
-        content: A document that :func:`unpack` has read.
-        dialect: The dialect of the protocol.
-    """
+    """Return the maps of a msgpack document that are arrays in another dialect than this one."""
     import msgpack
 
     own, foreign = dialect.encode(np.zeros(1)).keys(), list[dict[Any, Any]]()
@@ -129,12 +124,7 @@ def _no_extension(code: int, data: bytes) -> Any:
 
 
 def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
-    """Return a JSON document.
-
-    Args:
-        value: The value to write; NaN and infinities are refused.
-        encode: Returns an array as JSON values.
-    """
+    """Return a JSON document."""
     return json.dumps(value, default=_sent_as(encode), allow_nan=False).encode()
 
 
@@ -265,9 +255,6 @@ def decode(value: dict[Any, Any]) -> Any:
 
 def npy_array(content: Any) -> AnyArray:
     """Return the array of a NumPy file.
-
-    Args:
-        content: Its bytes, as ``numpy.save`` writes them without pickling.
 
     Raises:
         ServerError: It is damaged, or holds anything but plain real numbers.

@@ -168,11 +168,7 @@ class RememberingPolicy(DeclaredPolicy):
         return kept
 
     def restore(self, memory: object) -> None:
-        """Go back to a memory.
-
-        Raises:
-            AdapterError: It is none of a snapshot.
-        """
+        """Go back to a memory."""
         if not isinstance(memory, Kept):
             raise AdapterError.seen("memory", memory, ", but must be what snapshot() returned.")
         self._at, self._frames = memory.name, memory.frames

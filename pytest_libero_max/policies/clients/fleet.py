@@ -31,18 +31,9 @@ class OtherServer(ServerError):
 class Pool:
     """Equal servers, of which one is asked until it is given up.
 
-    Args:
-        seat: Number of this process among those that play; spreads them over the servers.
-
     Attributes:
-        policy: The policy behind the server that is asked.
-        declared: Spec that the first server gave.
         left_out: Sentences about the servers that were left out, by address.
         waited_s: Time spent waiting for servers that were left out since.
-
-    Raises:
-        ServerError: None of them answers.
-        AdapterError: The profile cannot be used.
     """
 
     def __init__(
@@ -79,9 +70,6 @@ class Pool:
 
     def move_on(self, error: ServerError) -> str:
         """Leave the current server out and open another one.
-
-        Returns:
-            A sentence about it, for people.
 
         Raises:
             ServerError: None is left. All are tried again at the next query.
@@ -206,12 +194,7 @@ class ServerFleet:
         self._pool.policy.reset(episode)
 
     def predict(self, observation: Observation, query: Query) -> Actions:
-        """Ask the server.
-
-        Raises:
-            ServerError: All were given up.
-            OtherServer: The one with the policy's memory was.
-        """
+        """Ask the server."""
         while True:
             try:
                 answer = self._pool.policy.predict(observation, query)
@@ -242,12 +225,7 @@ class ServerFleet:
 def open_fleet(
     servers: Servers, seat: int = 0, horizon: int | None = None, query_interval: int | None = None
 ) -> ServerFleet:
-    """Return the policy behind some servers, connected to one of each group.
-
-    Raises:
-        ServerError: No server of a group answers.
-        AdapterError: The groups are no one policy.
-    """
+    """Return the policy behind some servers, connected to one of each group."""
     pools = [Pool(group, seat, (horizon, query_interval)) for group in servers.groups]
     if len({(remembers(pool.policy), sees(pool.policy)) for pool in pools}) > 1:
         raise AdapterError(

@@ -54,10 +54,6 @@ def open_server(
 
     Args:
         revision: Identity of the weights, as the user declares it; follows that of the server, if it has one.
-
-    Raises:
-        AdapterError: The profile cannot be used.
-        ServerError: The server was given up.
     """
     given = {"policy.horizon": horizon, "policy.query_interval": query_interval}
     profile.require_known(tuple(name for name, value in given.items() if value is not None))

@@ -66,7 +66,6 @@ class Speech:
     protocol: str
     """Scheme of its addresses; empty for one that this package does not speak."""
     name: str
-    """Name of the kind of server, for people."""
     profile: str = ""
     """Words that name a fitting profile."""
     path: str | None = None
@@ -147,9 +146,6 @@ def watched(connection: socket.socket, address: Address, own: str, silence: str 
     Args:
         connection: The connection that waits; it is shut down.
         silence: What is waited for; logged where the server is not recognised.
-
-    Raises:
-        OtherProtocol: The server speaks another one.
     """
     sentences: list[str] = []
     over = Event()
@@ -234,11 +230,7 @@ def _of_websocket(websocket: ClientConnection, own: str, until: float) -> Speech
 
 
 def _message(websocket: ClientConnection, until: float, request: bytes | None = None) -> Any:
-    """Return the value of the next message, text as it is; None where none comes in time.
-
-    Args:
-        request: Message to send first.
-    """
+    """Return the value of the next message, text as it is; None where none comes in time."""
     from websockets.exceptions import ConnectionClosed
 
     try:

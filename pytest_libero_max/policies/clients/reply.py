@@ -56,9 +56,6 @@ class Reply:
         """Return the actions of a reply, (n, 7) float64, with ``least`` <= n <= ``most``.
 
         More than ``most`` are cut to the first ones, which are the next to be executed.
-
-        Raises:
-            ServerError: They are not there, of another shape, too few, or not finite.
         """
         raw, normalised = self._find(reply)
         try:

@@ -28,7 +28,6 @@ class Input:
     parts: tuple[str, ...]
     """Other inputs, joined: values one after the other, images side by side."""
     steps: tuple[Step, ...]
-    """Transforms, in order."""
     dtype: str | None
     """Its type, or None to leave it."""
     shape: tuple[int, ...] | None
@@ -37,9 +36,6 @@ class Input:
 
 class Request:
     """Conversion of an observation to a request.
-
-    Args:
-        profile: Its tables ``inputs``, ``instruction`` and ``request``.
 
     Attributes:
         cameras: Cameras whose images it needs.
@@ -75,12 +71,7 @@ class Request:
     def build(
         self, observation: Observation, query: Query, episode: Episode, layout: Any = None
     ) -> dict[str, Any]:
-        """Return the request of a query.
-
-        Args:
-            observation: The world's observation.
-            layout: Another request than that of the profile, with names of the same inputs.
-        """
+        """Return the request of a query."""
         values = {name: value_of(query, episode) for name, value_of in _QUERY_VALUES.items()}
         values["instruction"] = self.instruction(values["instruction"])
         layout = self._layout if layout is None else layout

@@ -127,17 +127,13 @@ class Client:
     no interruption.
 
     Args:
-        patience_s: Longest time to wait for a server that cannot be reached.
         on_open: Called with the server's greeting each time it is connected to.
-        sleep: Waits some seconds.
         timeout_s: Longest time of the link for one answer, for messages; None where it is not known.
         recognise: Returns a sentence about a server that speaks another protocol; None where it does not, or
             is not known.
 
     Attributes:
-        link: The connection.
         interruptions: Number of times that a query had to be asked again.
-        waited_s: Time spent on that, in all.
     """
 
     def __init__(
@@ -169,9 +165,6 @@ class Client:
 
     def ask(self, request: Any, read: Callable[[Any], Answer]) -> Answer:
         """Ask, and read the reply.
-
-        Args:
-            read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
 
         Raises:
             ServerError: The server was given up; names the number of tries, the time they took, and the last

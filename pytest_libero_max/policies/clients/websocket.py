@@ -37,13 +37,7 @@ class Socket:
         self._until_closed = ExitStack()
 
     def open(self) -> None:
-        """Connect; a redirect on the same host is followed.
-
-        Raises:
-            Unreachable: No server answers there.
-            Refused: The server does not let us in, or speaks another protocol.
-            ServerError: The server does not speak WebSocket.
-        """
+        """Connect; a redirect on the same host is followed."""
         self.close()
         target = self._address
         for _ in range(MOST_REDIRECTS):
@@ -57,12 +51,7 @@ class Socket:
         raise Refused(f"sends from address to address, at last to {target}")
 
     def send(self, content: bytes) -> None:
-        """Send a binary message.
-
-        Raises:
-            StaleConnection: The server had closed the connection.
-            Unreachable: The server did not take it in time.
-        """
+        """Send a binary message."""
         from websockets.exceptions import ConnectionClosed
 
         connection = self._open_connection()
@@ -78,11 +67,6 @@ class Socket:
 
         Args:
             awaited: Words for a greeting; another protocol is recognised while it does not come.
-
-        Raises:
-            Unreachable: The connection was lost, or nothing came in time.
-            Refused: The server speaks another protocol.
-            ServerError: The message is too large.
         """
         if not awaited:
             return self._received("no answer came")

@@ -39,7 +39,6 @@ class InferenceRequest:
     place: Place | None = None
     """Its place in an episode; None for a policy without memory."""
     cadence: Cadence | None = None
-    """H and Q that the policy declares while it answers; None for its own."""
     frames: tuple[tuple[Observation, int], ...] = ()
     """For a policy that sees every step: observations since the last query, each with its step."""
 
@@ -49,9 +48,7 @@ class InferenceResult:
     """Answer to a request."""
 
     actions: Actions
-    """(n, 7) with Q <= n <= H."""
     batch: int = 1
-    """Number of queries that were answered together."""
     memory: str | None = None
     """Name of the policy's memory after it; None for a policy without memory."""
 
@@ -61,11 +58,6 @@ class Host:
 
     Each answer is a function of its request alone and does not depend on other clients; only the arithmetic
     of a batch may differ in its last digits.
-
-    Args:
-        policy: A checked policy that reads no simulator.
-        revision: Identity of its weights or code, where its spec says nothing.
-        metrics: Counters; None to count nothing.
 
     Raises:
         AdapterError: The policy reads the simulator, has a memory that it cannot copy, or cannot answer

@@ -42,11 +42,7 @@ class Place:
 
     @classmethod
     def read(cls, value: Any) -> Place:
-        """Return the place that a request names.
-
-        Raises:
-            ServerError: It is none.
-        """
+        """Return the place that a request names."""
         value = value if isinstance(value, Mapping) else {}
         client, at, keep = value.get("client"), value.get("at"), value.get("keep", [])
         if (
@@ -70,11 +66,7 @@ class _Client:
 
 
 class Memories:
-    """The memories of all clients. One thread uses it; others may say that clients left.
-
-    Args:
-        clock: Seconds, growing.
-    """
+    """The memories of all clients. One thread uses it; others may say that clients left."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -86,11 +78,7 @@ class Memories:
         return sum(len(client.memories) for client in self._clients.values())
 
     def find(self, place: Place) -> object:
-        """Return the memory that a query begins with, which has a name.
-
-        Raises:
-            ServerError: It is not here.
-        """
+        """Return the memory that a query begins with, which has a name."""
         client = self._clients.get(place.client)
         if client is None or place.at not in client.memories:
             raise ServerError(

@@ -75,12 +75,7 @@ def greeting(host: Host) -> dict[str, Any]:
 
 
 def answer(host: Host, request: Any) -> dict[str, Any]:
-    """Return the reply to a request.
-
-    Raises:
-        ServerError: The request is not that of the profile ``served``.
-        LiberoMaxError: See :meth:`Host.ask`.
-    """
+    """Return the reply to a request."""
     message = _read(request)
     query = Query(message.query.index, message.query.step, message.prompt, message.query.seed)
     item = BatchItem(message.observation, query, Episode(**msgspec.structs.asdict(message.episode)))

@@ -58,11 +58,7 @@ class Session:
         self._memory: str | None = None
 
     def greeting(self) -> dict[str, Any]:
-        """Return the server's description of itself.
-
-        Raises:
-            AdapterError: The policy is shown every step.
-        """
+        """Return the server's description of itself."""
         spec = self._spec
         if self._host.sees:
             raise AdapterError(
@@ -84,12 +80,7 @@ class Session:
         }
 
     def reply(self, kind: str, payload: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
-        """Type and payload of the reply to a message; None where it gets none.
-
-        Raises:
-            ServerError: The message cannot be understood.
-            LiberoMaxError: See :meth:`Host.ask`.
-        """
+        """Type and payload of the reply to a message; None where it gets none."""
         match kind:
             case "hello":
                 return "hello", self.greeting()
@@ -251,4 +242,3 @@ def _decode(value: dict[Any, Any]) -> Any:
 
 
 WITH_IMAGES = Dialect(VLA_EVAL.encode, _decode)
-"""vla-eval's dialect, in which images come as files as well."""

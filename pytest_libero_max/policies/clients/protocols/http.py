@@ -68,10 +68,6 @@ class HttpLink:
     answer, is stale and no lost answer, and the client opens another. The server may have read the request in
     between. As after every interruption, the query is asked again with the same content: a server that
     remembers more than the query says does not fit this protocol.
-
-    Args:
-        path: Of the URL, where the address has none.
-        codec: A key of :data:`CODECS`.
     """
 
     def __init__(self, address: Address, path: str, codec: str) -> None:

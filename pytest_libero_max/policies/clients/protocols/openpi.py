@@ -41,19 +41,13 @@ class OpenpiLink:
 
     dialect: ClassVar[Dialect] = OPENPI
     message: bytes = b""
-    """The last message, as it came."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
         self._socket = Socket(address)
 
     def open(self) -> Any:
-        """Connect and return the metadata.
-
-        Raises:
-            AdapterError: They are those of a server for another robot.
-            OtherProtocol: They are those of a server that is asked in another protocol.
-        """
+        """Connect and return the metadata."""
         self._socket.open()
         metadata = self._read("the greeting of openpi's protocol")
         speech = of_greeting(metadata)

@@ -35,7 +35,6 @@ class VlaEvalLink:
 
     dialect: ClassVar[Dialect] = VLA_EVAL
     message: bytes | str = b""
-    """The last message, as it came."""
 
     def __init__(self, address: Address) -> None:
         self._socket = Socket(address)
@@ -147,14 +146,6 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
     The wrist image and the state are left out where they are not asked for; the state keeps the sign of the
     quaternion where the server says ``quat_no_antipodal``.
-
-    Args:
-        layout: The request of the profile: ``task``, and ``observation`` with all that may be asked for.
-        greeting: The server's description of itself.
-
-    Raises:
-        ServerError: The greeting is damaged.
-        AdapterError: The server's gripper is another one.
     """
     parameters, formats = _declared(greeting)
     if _flags(greeting, "capabilities").get("memory"):
