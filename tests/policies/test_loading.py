@@ -493,9 +493,7 @@ def test_a_module_that_fails_to_import_says_so_and_not_that_it_is_missing(
     ],
     ids=["H below Q", "Q above H", "zero"],
 )
-def test_overrides_that_contradict_are_refused(
-    write: Writer, override: Any, named: tuple[str, ...]
-) -> None:
+def test_overrides_that_contradict_are_refused(write: Writer, override: Any, named: tuple[str, ...]) -> None:
     with pytest.raises(AdapterError) as caught:
         load_policy(str(write(SOUND + "policy = Sound")), **override)
     assert all(part in str(caught.value) for part in ("'sound'", *named))
@@ -507,5 +505,5 @@ def test_a_spec_that_cannot_be_assigned_is_told_about_the_flags(write: Writer) -
         + "class Fixed(Sound):\n    spec = property(lambda self: PolicySpec('fixed', 8, 4))\npolicy = Fixed"
     )
     assert load_policy(str(path)).spec.name == "fixed"
-    with pytest.raises(AdapterError, match="'fixed'.*plain attribute"):
+    with pytest.raises(AdapterError, match=r"'fixed'.*plain attribute"):
         load_policy(str(path), horizon=20)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pytest_libero_max.conformance.environment.contract import GRIPPER, QUATERNION, RESTS
-from pytest_libero_max.conformance.environment.measures import settled
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, settled
 from pytest_libero_max.conformance.environment.task import FOLLOWS, episode
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import counted

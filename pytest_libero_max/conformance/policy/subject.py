@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.conformance.playable import playable_cases
 from pytest_libero_max.conformance.rules import Measurements
+from pytest_libero_max.conformance.substrate.subject import playable_cases
 from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.policies.check import Actions, ask, check_cameras, start
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query, query_seed
