@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,12 @@ MOST_TURN_RAD = 2 * np.pi + 1e-3
 """Largest rotation of an absolute action; the rotations of either sign of a quaternion are below."""
 
 
+_OPTIONAL = MappingProxyType(
+    {"snapshot": (), "restore": ("memory",), "see": ("observation", "step"), "predict_batch": ("items",)}
+)
+"""Methods that a policy may offer, with their arguments."""
+
+
 def check_policy(policy: Any, where: str) -> Policy:
     """Return ``policy`` if it has every member of the Policy contract.
 
@@ -78,13 +85,9 @@ def check_policy(policy: Any, where: str) -> Policy:
             f"{where} offers {offered[0]} but not {missing}; a policy with memory has both, one without has "
             f"neither. Add {missing}."
         )
-    if offered:
-        _check_method(policy, "snapshot", where)
-        _check_method(policy, "restore", where, "memory")
-    if hasattr(policy, "see"):
-        _check_method(policy, "see", where, "observation", "step")
-    if hasattr(policy, "predict_batch"):
-        _check_method(policy, "predict_batch", where, "items")
+    for name, arguments in _OPTIONAL.items():
+        if hasattr(policy, name):
+            _check_method(policy, name, where, *arguments)
     checked: Policy = policy
     return checked
 

@@ -13,8 +13,7 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.loading import check_reference, load_policy
-from tests.policies.forgetting import forget_adapter
+from pytest_libero_max.policies.loading import check_reference, forget_adapter, load_policy
 
 Writer = Callable[..., Path]
 

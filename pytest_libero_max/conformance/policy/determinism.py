@@ -1,4 +1,4 @@
-"""Rules for repetition and memory: a query gets the same answer again, and an episode forgets the one before."""
+"""Rules for repetition and memory: a query gets the same answer again, an episode forgets the one before."""
 
 from __future__ import annotations
 

@@ -88,18 +88,16 @@ class AlteredLink:
         self.request: Any = None
         self.reply: Any = None
 
-    def open(self) -> Any:
-        """Connect and return the greeting."""
-        return self._link.open()
-
     def ask(self, request: Any) -> Any:
         """Send the altered request and return the reply."""
         self.request = self._alter(request)
         self.reply = self._link.ask(self.request)
         return self.reply
 
+    def open(self) -> Any:
+        return self._link.open()
+
     def close(self) -> None:
-        """Close the connection."""
         self._link.close()
 
 

@@ -77,23 +77,11 @@ def open_server(
     link, adapt = protocol.link(opening), protocol.adapt(opening)
 
     def connected(kind: type[ServedPolicy]) -> ServedPolicy:
-        policy = kind(
-            spec,
-            request,
-            reply,
-            lambda on_greeting: Client(
-                f"policy server {address}",
-                link,
-                address.patience_s,
-                on_greeting,
-                timeout_s=address.timeout_s,
-                recognise=partial(recognise, address, _protocol(address))
-                if protocol.recognised
-                else lambda: None,
-            ),
-            adapt,
-        )
-        policy.client.connect()
+        client = Client(f"policy server {address}", link, address.patience_s, timeout_s=address.timeout_s)
+        if protocol.recognised:
+            client.recognise = partial(recognise, address, _protocol(address))
+        policy = kind(spec, request, reply, client, adapt)
+        client.connect()
         return policy
 
     first = protocol.policy({})

@@ -23,7 +23,7 @@ class ServedPolicy:
     """A policy behind a server, as the pair runner knows policies.
 
     Args:
-        connect: Makes the client, given a function to call with the server's greeting.
+        client: Of the server; it hands its greeting on.
         adapt: Makes the layout of the request and the spec from the greeting; None leaves them unchanged.
 
     Attributes:
@@ -41,7 +41,7 @@ class ServedPolicy:
         spec: PolicySpec,
         request: Request,
         reply: Reply,
-        connect: Callable[[Callable[[Any], None]], Client],
+        client: Client,
         adapt: Adapt | None = None,
     ) -> None:
         self.spec = spec
@@ -54,7 +54,8 @@ class ServedPolicy:
         self._adapt = adapt
         self._layout: Any = None
         self._episode = Episode("", 0, "", 0, 1)
-        self.client = connect(self._greeted)
+        self.client = client
+        client.on_open = self._greeted
 
     @property
     def waited_s(self) -> float:

@@ -127,13 +127,12 @@ class Client:
     no interruption.
 
     Args:
-        on_open: Called with the server's greeting each time it is connected to.
         timeout_s: Longest time of the link for one answer, for messages; None where it is not known.
-        recognise: Returns a sentence about a server that speaks another protocol; None where it does not, or
-            is not known.
 
     Attributes:
         interruptions: Number of times that a query had to be asked again.
+        on_open: Called with the server's greeting each time it is connected to.
+        recognise: Returns a sentence about a server that speaks another protocol; None where it does not.
     """
 
     def __init__(
@@ -141,20 +140,18 @@ class Client:
         name: str,
         link: Link,
         patience_s: float,
-        on_open: Callable[[Any], None] = lambda greeting: None,
         sleep: Callable[[float], None] = time.sleep,
         timeout_s: float | None = None,
-        recognise: Callable[[], str | None] = lambda: None,
     ) -> None:
         self.interruptions = 0
         self.waited_s = 0.0
         self._name = name
         self.link = link
         self._patience_s = patience_s
-        self._on_open = on_open
+        self.on_open: Callable[[Any], None] = lambda greeting: None
         self._sleep = sleep
         self._timeout_s = timeout_s
-        self._recognise = recognise
+        self.recognise: Callable[[], str | None] = lambda: None
         self._is_open = False
         self._given_up = False
         self._has_answered = False
@@ -231,7 +228,7 @@ class Client:
                 return act()
             except StaleConnection:
                 self.close()
-        self._on_open(self.link.open())
+        self.on_open(self.link.open())
         self._is_open = True
         return act()
 
@@ -243,7 +240,7 @@ class Client:
         """
         if self._has_answered or isinstance(error, NoConnection):
             return
-        sentence = None if isinstance(error, OtherProtocol) else self._recognise()
+        sentence = None if isinstance(error, OtherProtocol) else self.recognise()
         if sentence is not None or isinstance(error, Refused):
             self._given_up = True
             text = str(error).rstrip(".")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from contextlib import ExitStack
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.address import Address
@@ -36,7 +36,7 @@ class Socket:
         self._connection: ClientConnection | None = None
         self._until_closed = ExitStack()
 
-    def open(self) -> None:
+    def open(self) -> Any:
         """Connect; a redirect on the same host is followed."""
         self.close()
         target = self._address

@@ -121,7 +121,8 @@ def test_the_connection_is_given_up_when_somebody_interrupts(clock: Clock) -> No
 
 def test_the_greeting_is_told_at_every_opening(clock: Clock) -> None:
     told: list[Any] = []
-    asked = Client("server", Script(Unreachable("gone"), "x"), 60.0, told.append, clock.sleep)
+    asked = Client("server", Script(Unreachable("gone"), "x"), 60.0, sleep=clock.sleep)
+    asked.on_open = told.append
     asked.connect()
     asked.ask("?", str)
     assert told == [{"greeting": 1}, {"greeting": 2}]

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -195,7 +194,7 @@ def test_a_profile_without_an_observation_is_refused() -> None:
 def test_an_array_in_the_envelope_is_an_error_of_the_server(name: str) -> None:
     linked = VlaEvalLink(parse_address("vla-eval://127.0.0.1:1"))
     message = {"type": "hello", "seq": 1, "payload": {}, name: np.arange(3)}
-    linked._socket = SimpleNamespace(receive=lambda awaited: pack(message, VLA_EVAL))  # type: ignore[assignment]
+    linked.receive = lambda awaited="": pack(message, VLA_EVAL)  # type: ignore[method-assign]
     with pytest.raises(ServerError, match="was expected"):
         linked._read("hello", 1)
 

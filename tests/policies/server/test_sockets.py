@@ -24,6 +24,7 @@ from pytest_libero_max.policies.clients.declared import RememberingPolicy
 from pytest_libero_max.policies.clients.opening import load_served
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.server import sockets
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
@@ -32,7 +33,6 @@ from pytest_libero_max.policies.server.sockets import serving
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.conformance.policies import Copied, Sound
 from tests.policies.clients import fakes
-from tests.policies.forgetting import forget_adapter
 from tests.policies.server.policies import Batched, Counting, at_once
 
 
