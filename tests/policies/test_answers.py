@@ -117,5 +117,5 @@ def test_the_bytes_of_a_numpy_file_are_read_and_nothing_is_unpickled() -> None:
 
 
 def test_an_error_in_a_reply_is_that_of_the_server() -> None:
-    with pytest.raises(ServerError, match="reports an error: 'CUDA out of memory'"):
+    with pytest.raises(ServerError, match="'CUDA out of memory'"):
         Reply(load_profile("pi05_libero")).read({"error": "CUDA out of memory", "status": "error"}, 1, 4)

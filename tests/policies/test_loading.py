@@ -477,9 +477,7 @@ def test_a_module_that_fails_to_import_says_so_and_not_that_it_is_missing(
     write: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(write("import no_such_thing", "half_there.py").parent)
-    with pytest.raises(
-        AdapterError, match=r"^half_there\.py, line 1: ModuleNotFoundError while importing it"
-    ):
+    with pytest.raises(AdapterError, match=r"^half_there\.py, line 1: ModuleNotFoundError"):
         load_policy("half_there")
 
 

@@ -49,7 +49,8 @@ def test_a_token_that_is_missing_is_named_at_once(scheme: str, status: str) -> N
     with accepting(answering(status)) as port:
         text, took_s = refusal(scheme, port)
     assert f"HTTP status {status}" in text
-    assert "Give the token in LIBERO_MAX_SERVER_TOKEN" in text
+    assert "Give the token" in text
+    assert "LIBERO_MAX_SERVER_TOKEN" in text
     assert took_s < 5.0
 
 
@@ -70,7 +71,7 @@ def test_a_token_is_sent_and_called_wrong_where_it_is_refused(
 def test_a_wrong_path_is_told_at_once(scheme: str) -> None:
     with accepting(answering("404 Not Found")) as port:
         text, took_s = refusal(scheme, port)
-    assert "HTTP status 404 Not Found" in text
+    assert "404 Not Found" in text
     assert "Give the path" in text
     assert took_s < 5.0
 
@@ -79,7 +80,7 @@ def test_a_wrong_path_over_http_is_answered_with_the_usual_one() -> None:
     with fakes.http(lambda request: (404, "no")) as port, pytest.raises(ServerError) as raised:
         ask(EACH["http"].open(f"http://127.0.0.1:{port}/nothere?patience=0.2"))
     assert "404" in str(raised.value)
-    assert "stands for /v1/infer: leave /nothere out" in str(raised.value)
+    assert "/v1/infer: leave /nothere" in str(raised.value)
     assert "stands for" not in str(status_error(404, "", "/act", b"", "/act"))
 
 
@@ -105,7 +106,7 @@ def test_a_redirect_on_the_same_host_is_followed(scheme: str) -> None:
 @pytest.mark.parametrize("scheme", OVER_HTTP)
 def test_a_redirect_without_end_is_refused(scheme: str) -> None:
     with accepting(answering("307 Temporary Redirect", "Location: /again")) as port:
-        assert "from address to address" in refusal(scheme, port)[0]
+        assert "from address to" in refusal(scheme, port)[0]
 
 
 def test_a_server_that_has_answered_is_waited_for_whatever_a_balancer_says() -> None:

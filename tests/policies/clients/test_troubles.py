@@ -92,7 +92,7 @@ def test_an_answer_larger_than_the_limit_is_refused(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(websocket, "MOST_BYTES", 10_000)
     with (
         fakes.openpi(lambda request: {"actions": np.zeros((1000, 7))}) as port,
-        pytest.raises(ServerError, match="a message of more than 10000 bytes came"),
+        pytest.raises(ServerError, match="more than 10000 bytes"),
     ):
         ask(connect("openpi", port, "pi05_libero"))
 
@@ -154,7 +154,7 @@ def test_silence_ends_after_time_and_patience(
     began = time.monotonic()
     with (
         serve() as port,
-        pytest.raises(ServerError, match=r"no answer came within 0\.05 s \(\?timeout=SECONDS changes that\)"),
+        pytest.raises(ServerError, match=r"within 0\.05 s \(\?timeout=SECONDS"),
     ):
         ask(connect(scheme, port, profile, "patience=0.2&timeout=0.05"))
     assert time.monotonic() - began < 5.0
@@ -180,7 +180,7 @@ def test_nobody_there_is_said_so(scheme: str, profile: str) -> None:
 def test_a_web_server_is_no_policy_server() -> None:
     with (
         fakes.http(lambda request: (404, "no")) as port,
-        pytest.raises(ServerError, match=r"HTTP status 501.*ask http://"),
+        pytest.raises(ServerError, match=r"status 501.*ask http://"),
     ):
         connect("openpi", port, "pi05_libero", "patience=0.1")
 
@@ -340,7 +340,7 @@ def test_an_answer_that_drips_ends_with_the_timeout() -> None:
         threading.Thread(target=drip, daemon=True).start()
         began = time.monotonic()
         port = server.getsockname()[1]
-        with pytest.raises(ServerError, match=r"no answer came within 0\.3 s"):
+        with pytest.raises(ServerError, match=r"answer came within 0\.3 s"):
             ask(connect("http", port, "dm05", "timeout=0.3&patience=0.2"))
         assert time.monotonic() - began < 10
 
@@ -363,7 +363,7 @@ def test_a_server_that_reads_nothing_ends_with_the_timeout() -> None:
         threading.Thread(target=shake_hands, daemon=True).start()
         link = Socket(parse_address(f"openpi://127.0.0.1:{server.getsockname()[1]}?timeout=0.5"))
         link.open()
-        with pytest.raises(ServerError, match=r"no answer came within 0\.5 s"):
+        with pytest.raises(ServerError, match=r"answer came within 0\.5 s"):
             link.send(bytes(2**25))
         link.close()
         held[0].close()

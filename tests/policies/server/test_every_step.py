@@ -80,7 +80,7 @@ def test_mimic_video_is_shown_every_frame_of_both_arms_as_it_was_trained(world: 
     assert set(steps[5:]) <= set(base)
     for (step, words, state), looked in zip(video.asked, video.looked, strict=True):
         assert looked.shape == (5, 480, 640, 3)
-        assert words == "pick up the bowl"
+        assert words == world.language
         assert (state.shape, state.dtype) == ((10,), np.float32)
         if step == 0:
             assert (looked == looked[-1]).all(), "before the first frame there are copies of it"
@@ -118,7 +118,7 @@ def test_what_it_is_shown_is_what_the_world_draws_turned(world: Solvable) -> Non
 
 
 def test_a_server_that_is_not_shown_every_step_is_refused() -> None:
-    refused = pytest.raises(AdapterError, match="'mimic_video' is for a policy that sees every step")
+    refused = pytest.raises(AdapterError, match=r"'mimic_video' .* every step")
     with serving(Host(Approaching(), "x"), port=0) as (port, _), refused:
         load_served(f"openpi://127.0.0.1:{port}", "mimic_video")
     with fakes.openpi(lambda request: {}) as port, pytest.raises(AdapterError, match="sees every step"):

@@ -77,7 +77,7 @@ def test_another_number_of_answers_than_of_items_is_named() -> None:
 
     with (
         hosted(Losing(), batching=Batching(2)) as host,
-        pytest.raises(AdapterError, match=r"0 answers from predict_batch for 1 item"),
+        pytest.raises(AdapterError, match="0 answers from predict_batch"),
     ):
         host.ask(request(0))
 

@@ -216,7 +216,7 @@ def test_a_memory_that_is_not_copied_is_let_go(monkeypatch: pytest.MonkeyPatch) 
         for _ in range(3):
             policy.predict(fakes.observation(), fakes.query())
         policy.restore(type(policy.snapshot())(name))  # type: ignore[call-arg]
-        with pytest.raises(ServerError, match=r"the memory .* is not here"):
+        with pytest.raises(ServerError, match=r"memory .* not here"):
             policy.predict(fakes.observation(), fakes.query())
         with pytest.raises(AdapterError, match="what snapshot"):
             policy.restore(None)
@@ -287,9 +287,7 @@ def test_an_error_of_the_policy_reaches_the_client(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
     with (
         served(Raising()) as policy,
-        pytest.raises(
-            ServerError, match=r"reports an error: .*AdapterError: .*RuntimeError in predict.*out of"
-        ),
+        pytest.raises(ServerError, match=r"AdapterError: .*RuntimeError in predict"),
     ):
         policy.predict(fakes.observation(), fakes.query())
 
