@@ -16,7 +16,6 @@ _MODULES = (
     "policy.inputs",
     "server.contract",
     "server.clients",
-    "server.requests",
     "loop.episodes",
     "loop.observations",
     "loop.actions",

@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 
 from pytest_libero_max.conformance.environment.declared import DeclaredEnvironment
-from pytest_libero_max.conformance.environment.recording import record
-from pytest_libero_max.conformance.environment.reference import TaskReference
+from pytest_libero_max.conformance.environment.reference import TaskReference, record
 from pytest_libero_max.policies.transforms.states import axis_angle, axis_angle_antipodal
 from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
 from pytest_libero_max.worlds.contract import Array, Image

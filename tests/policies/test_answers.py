@@ -11,7 +11,7 @@ import pytest
 
 from pytest_libero_max.errors import ActionError, ServerError
 from pytest_libero_max.policies.check import check_actions
-from pytest_libero_max.policies.clients.reply import Reply
+from pytest_libero_max.policies.clients.messages import Reply
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import load_profile
 

@@ -83,38 +83,23 @@ def test_a_name_that_is_offered_twice_is_an_error(taken: str, offer: Offer) -> N
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "named"),
     [
-        (
-            "{d}/robot",
-            "'{d}/robot' is neither a Python file nor the dotted name of a module. '{d}/robot' is a folder; "
-            "an adapter is a file in it. Give FILE.py",
-        ),
-        (
-            "{d}/robot/",
-            "'{d}/robot/' is neither a Python file nor the dotted name of a module. '{d}/robot' is",
-        ),
-        (
-            "{d}/adapter",
-            "'{d}/adapter' is neither a Python file nor the dotted name of a module. Did you mean "
-            "'{d}/adapter.py'? Give FILE.py",
-        ),
-        (
-            "{d}/adapter:Own",
-            "'{d}/adapter' is neither a Python file nor the dotted name of a module. Did you mean "
-            "'{d}/adapter.py:Own'? Give FILE.py",
-        ),
-        ("{d}/robot.py", "'{d}/robot.py' is a folder, but an adapter is a file. Give the file."),
+        ("{d}/robot", ("'{d}/robot' is a folder", "FILE.py")),
+        ("{d}/robot/", ("'{d}/robot' is",)),
+        ("{d}/adapter", ("'{d}/adapter.py'?", "FILE.py")),
+        ("{d}/adapter:Own", ("'{d}/adapter.py:Own'?",)),
+        ("{d}/robot.py", ("'{d}/robot.py' is a folder",)),
     ],
 )
-def test_folders_and_missing_endings_are_explained(text: str, message: str, tmp_path: Path) -> None:
+def test_folders_and_missing_endings_are_explained(text: str, named: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "robot").mkdir()
     (tmp_path / "robot.py").mkdir()
     (tmp_path / "adapter.py").write_text(OWN)
     for check in (check_reference, load_policy):
         with pytest.raises(AdapterError) as caught:
             check(text.format(d=tmp_path))
-        assert str(caught.value).startswith(f"policy={text!r}: {message}".format(d=tmp_path))
+        assert all(part.format(d=tmp_path) in str(caught.value) for part in (f"policy={text!r}", *named))
 
 
 def test_a_folder_beside_the_adapter_that_is_no_package_is_not_taken_for_a_module(

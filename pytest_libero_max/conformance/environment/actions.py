@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.environment.contract import GRIPPER, QUATERNION, RATE, RESTS
-from pytest_libero_max.conformance.environment.observing import hand_of
-from pytest_libero_max.conformance.environment.recording import OPENING_STEPS, SIGNS
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, along_axes, moved
+from pytest_libero_max.conformance.environment.reference import OPENING_STEPS, SIGNS
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, along_axes, hand_of, moved
 from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.robot import NOOP_ACTION

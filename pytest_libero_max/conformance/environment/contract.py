@@ -6,8 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pytest_libero_max.conformance.environment.observing import Reading, differing, images_of
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, copied, settled
+from pytest_libero_max.conformance.environment.subject import (
+    EnvironmentSubject,
+    Reading,
+    copied,
+    differing,
+    images_of,
+    settled,
+)
 from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.errors import SubstrateError, counted
 from pytest_libero_max.worlds.robot import CAMERAS, NOOP_ACTION

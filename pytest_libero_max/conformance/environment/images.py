@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.environment.contract import KEYS
-from pytest_libero_max.conformance.environment.observing import images_of
 from pytest_libero_max.conformance.environment.reference import shrink
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, copied, settled
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, copied, images_of, settled
 from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 
 Array = NDArray[np.float64]

@@ -10,9 +10,14 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.conformance.environment.contract import SAME
-from pytest_libero_max.conformance.environment.observing import Reading, differing
 from pytest_libero_max.conformance.environment.starts import INDEX
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, copied, open_environment
+from pytest_libero_max.conformance.environment.subject import (
+    EnvironmentSubject,
+    Reading,
+    copied,
+    differing,
+    open_environment,
+)
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import counted

@@ -8,9 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.environment.contract import KEYS
-from pytest_libero_max.conformance.environment.observing import Reading, hand_of, images_of
 from pytest_libero_max.conformance.environment.reference import RobotState
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, starts
+from pytest_libero_max.conformance.environment.subject import (
+    EnvironmentSubject,
+    Reading,
+    hand_of,
+    images_of,
+    starts,
+)
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 
 FIXTURES = "env/starts/fixtures"

@@ -8,8 +8,7 @@ import numpy as np
 
 from pytest_libero_max.conformance.environment.actions import DIRECTIONS
 from pytest_libero_max.conformance.environment.contract import KEYS
-from pytest_libero_max.conformance.environment.observing import hand_of
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, Played, settled
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, Played, hand_of, settled
 from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.errors import counted
 

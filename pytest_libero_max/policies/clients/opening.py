@@ -10,10 +10,9 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, TLS, Address
+from pytest_libero_max.policies.clients.messages import Reply, Request
 from pytest_libero_max.policies.clients.protocol import PROTOCOLS, Opening
 from pytest_libero_max.policies.clients.recognition import recognise
-from pytest_libero_max.policies.clients.reply import Reply
-from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.transport import Client
 from pytest_libero_max.policies.contract import PolicySpec

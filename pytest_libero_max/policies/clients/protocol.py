@@ -18,7 +18,7 @@ from pytest_libero_max.registry import Registry, classes_in
 
 if TYPE_CHECKING:
     from pytest_libero_max.policies.clients.address import Address
-    from pytest_libero_max.policies.clients.request import Request
+    from pytest_libero_max.policies.clients.messages import Request
     from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
     from pytest_libero_max.policies.clients.transport import Link
     from pytest_libero_max.policies.contract import PolicySpec

@@ -18,8 +18,7 @@ from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query
-from pytest_libero_max.policies.server.host import Host, InferenceRequest
-from pytest_libero_max.policies.server.memories import Place
+from pytest_libero_max.policies.server.host import Host, InferenceRequest, Place
 
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection

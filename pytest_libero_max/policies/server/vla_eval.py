@@ -28,8 +28,7 @@ from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, array_f
 from pytest_libero_max.policies.clients.protocols.vla_eval import PROTOCOL_VERSION
 from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query_seed
-from pytest_libero_max.policies.server.host import Host, InferenceRequest
-from pytest_libero_max.policies.server.memories import Place
+from pytest_libero_max.policies.server.host import Host, InferenceRequest, Place
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.worlds.contract import height_and_width
 from pytest_libero_max.worlds.robot import CAMERAS

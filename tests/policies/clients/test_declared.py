@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.declared import declared_spec
+from pytest_libero_max.policies.clients.served import declared_spec
 from pytest_libero_max.policies.contract import PolicySpec
 
 

@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.codecs import JSON_NUMPY, MSGPACK_NUMPY, OPENPI, pack, unpack
+from pytest_libero_max.policies.clients.messages import Reply, Request
 from pytest_libero_max.policies.clients.opening import load_served
-from pytest_libero_max.policies.clients.reply import Reply
-from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import load_profile, profile_names
 from pytest_libero_max.policies.server import openpi

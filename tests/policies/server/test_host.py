@@ -11,10 +11,9 @@ import pytest
 
 from pytest_libero_max.errors import ActionError, AdapterError, ServerError
 from pytest_libero_max.policies.contract import BatchItem, PolicySpec
-from pytest_libero_max.policies.server import memories
+from pytest_libero_max.policies.server import host as hosts
 from pytest_libero_max.policies.server.batching import Batching
-from pytest_libero_max.policies.server.host import Host, InferenceRequest, InferenceResult
-from pytest_libero_max.policies.server.memories import Place
+from pytest_libero_max.policies.server.host import Host, InferenceRequest, InferenceResult, Place
 from pytest_libero_max.policies.server.metrics import Metrics
 from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
@@ -95,7 +94,7 @@ def test_each_client_has_its_own_memory() -> None:
 
 
 def test_memories_of_connections_that_end_do_not_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memories, "RECONNECT_S", -1.0)
+    monkeypatch.setattr(hosts, "RECONNECT_S", -1.0)
     with hosted(Counting()) as host:
         for number in range(20):
             with host.client():

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.server.memories import (
+from pytest_libero_max.policies.server.host import (
     FORGOTTEN_AFTER_S,
     MOST_CLIENTS,
     MOST_KEPT,

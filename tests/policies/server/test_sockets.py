@@ -20,9 +20,8 @@ from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import transport
-from pytest_libero_max.policies.clients.declared import RememberingPolicy
 from pytest_libero_max.policies.clients.opening import load_served
-from pytest_libero_max.policies.clients.served import ServedPolicy
+from pytest_libero_max.policies.clients.served import RememberingPolicy, ServedPolicy
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.server import sockets

@@ -10,13 +10,6 @@ from typing import Any, ClassVar
 
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.codecs import OPENPI, Dialect, pack, unpack
-from pytest_libero_max.policies.clients.declared import (
-    DeclaredPolicy,
-    RememberingPolicy,
-    SeeingPolicy,
-    as_declared,
-    as_prepared,
-)
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.recognition import (
     SERVED,
@@ -26,7 +19,15 @@ from pytest_libero_max.policies.clients.recognition import (
     of_greeting,
     other_protocol,
 )
-from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.served import (
+    Adapt,
+    DeclaredPolicy,
+    RememberingPolicy,
+    SeeingPolicy,
+    ServedPolicy,
+    as_declared,
+    as_prepared,
+)
 from pytest_libero_max.policies.clients.transport import Link, reported
 from pytest_libero_max.policies.clients.websocket import Socket
 
