@@ -62,11 +62,6 @@ def check_policy(policy: Any, where: str) -> Policy:
     Raises:
         AdapterError: A member is missing, is of the wrong type, or cannot be called the way it will be.
     """
-    if hasattr(policy, "no_policy_has_this_member"):
-        raise AdapterError(
-            f"{where} ({class_name(policy)}) has every member that it is asked for, so which optional "
-            "methods it offers cannot be seen. Let its __getattr__ raise AttributeError for unknown names."
-        )
     if not hasattr(policy, "spec"):
         raise AdapterError(
             f"{where} ({class_name(policy)}) has no attribute 'spec', but a policy declares itself with "
@@ -359,13 +354,9 @@ def _blaming(policy: Policy, what: str) -> Iterator[None]:
         left = type(error).__module__ == "_pytest.outcomes" and class_name(error) == "Exit"
         if (ends_the_session(error) and not left) or isinstance(error, ServerError):
             raise
-        raise _raised(policy, what, error) from error
-
-
-def _raised(policy: Policy, what: str, error: BaseException) -> AdapterError:
-    module = sys.modules.get(type(policy).__module__)
-    place = locate(error, getattr(module, "__file__", None) or "")
-    return AdapterError(
-        f"policy {policy.spec.name!r} raised {class_name(error)} in {what}"
-        f"{f' ({place})' if place else ''}: {text_of(error)}. Repair the adapter and play the pair again."
-    )
+        module = sys.modules.get(type(policy).__module__)
+        place = locate(error, getattr(module, "__file__", None) or "")
+        raise AdapterError(
+            f"policy {policy.spec.name!r} raised {class_name(error)} in {what}"
+            f"{f' ({place})' if place else ''}: {text_of(error)}. Repair the adapter and play the pair again."
+        ) from error

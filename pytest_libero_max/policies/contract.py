@@ -18,8 +18,6 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.worlds.contract import Control, ImageSize, Observation, World
 from pytest_libero_max.worlds.robot import CAMERAS, PANDA, ROBOTS, Robot
 
-Arm = Literal["base", "dynamic"]
-
 MemoryKind = Literal["none", "snapshot", "queries", "frames"]
 """The way to bring a policy's memory to the event: not at all, as a copy, by asking all queries again, or
 by showing every step again."""
@@ -322,7 +320,6 @@ def query_seed(policy_seed: int, index: int, reseeds: int = 0) -> int:
 
 
 __all__ = [
-    "Arm",
     "BatchItem",
     "BatchPolicy",
     "Episode",

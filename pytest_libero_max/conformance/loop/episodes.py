@@ -47,7 +47,11 @@ def environment_reset(subject: LoopSubject) -> Finding:
 def policy_reset(subject: LoopSubject) -> Finding:
     """Reset the policy before the first query of each episode, and not within it."""
     for episode in subject.episodes.values():
-        resets = [_queries_before(episode, place) for place in _places(episode)]
+        resets = [
+            sum(isinstance(earlier, Asked) for earlier in episode.entries[:place])
+            for place, entry in enumerate(episode.entries)
+            if isinstance(entry, PolicyReset)
+        ]
         if 0 not in resets:
             return broken(
                 f"{episode.name}: the policy was not reset before its first query",
@@ -61,14 +65,6 @@ def policy_reset(subject: LoopSubject) -> Finding:
                 "Call policy.reset() once, before the first query.",
             )
     return kept("the policy is reset before the first query of each episode")
-
-
-def _places(episode: PlayedEpisode) -> list[int]:
-    return [place for place, entry in enumerate(episode.entries) if isinstance(entry, PolicyReset)]
-
-
-def _queries_before(episode: PlayedEpisode, place: int) -> int:
-    return sum(isinstance(entry, Asked) for entry in episode.entries[:place])
 
 
 @rule(WHOLE, "must", needs=PLAYS)

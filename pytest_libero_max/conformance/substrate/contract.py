@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -44,47 +45,36 @@ def refuses_actions(subject: SubstrateSubject) -> Iterator[Finding]:
         ("an action with NaN", (np.nan, *noop[1:])),
         ("an action with infinity", (0.0, np.inf, *noop[2:])),
     ):
-        try:
-            world.step(action)
-        except ActionError:
-            pass
-        except Exception as error:  # a substrate of others may raise anything
-            yield broken(
-                f"{what} raised {type(error).__name__}: {error}", "an ActionError", "Check actions in step()."
-            )
-        else:
-            yield broken(f"{what} was played", "an ActionError", "Check actions in step().")
-    if world.digest() != before:
-        yield broken(
-            "a refused action altered the world",
-            "a world as it was",
-            "Check actions first.",
-        )
-        return
-    yield kept("actions of another shape and that are not finite are refused")
+        if instead := _instead_of(ActionError, world.step, action):
+            yield broken(f"{what} {instead}", "an ActionError", "Check actions in step().")
+    altered = world.digest() != before
+    yield judged(
+        not altered,
+        "a refused action altered the world" if altered else "wrong actions leave the world as it was",
+        "a world as it was",
+        "Check actions first.",
+    )
+
+
+def _instead_of(error: type[Exception], act: Callable[[Any], None], argument: Any) -> str:
+    """Return what happened in place of an error, in words; empty where it was raised."""
+    try:
+        act(argument)
+    except error:
+        return ""
+    except Exception as other:  # a substrate of others may raise anything
+        return f"raised {type(other).__name__}: {other}"
+    return "was played"
 
 
 @rule("substrate/contract/inits", "must", needs=OPENS)
-def refuses_inits(subject: SubstrateSubject) -> Iterator[Finding]:
+def refuses_inits(subject: SubstrateSubject) -> Finding:
     """Refuse an initial state that the scene does not have, with a SubstrateError."""
     world = subject.world
     for init in (-1, 10**6):
-        try:
-            world.reset(init)
-        except SubstrateError:
-            continue
-        except Exception as error:  # a substrate of others may raise anything
-            yield broken(
-                f"reset({init}) raised {type(error).__name__}: {error}",
-                "a SubstrateError",
-                "Check the index in reset().",
-            )
-        else:
-            yield broken(
-                f"reset({init}) was played", "a SubstrateError", "An index from the end is a wrong case."
-            )
-        return
-    yield kept("initial states that do not exist are refused")
+        if instead := _instead_of(SubstrateError, world.reset, init):
+            return broken(f"reset({init}) {instead}", "a SubstrateError", "Check the index in reset().")
+    return kept("initial states that do not exist are refused")
 
 
 @rule("substrate/contract/rate", "must", needs=OPENS)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
@@ -205,7 +204,8 @@ def takes_back_writes(subject: SubstrateSubject) -> Finding:
 @rule("substrate/states/success", "must", needs=OPENS)
 def not_yet_done(subject: SubstrateSubject) -> Finding:
     """Hold the goal for not reached at the beginning of an episode."""
-    for case in _one_a_suite(subject):
+    one_a_suite = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
+    for case in one_a_suite.values():
         if subject.begin(case).succeeded():
             return broken(
                 f"{case.case_id}: the goal holds at the beginning",
@@ -213,8 +213,3 @@ def not_yet_done(subject: SubstrateSubject) -> Finding:
                 "The goal's predicates, or the initial states, are those of another task.",
             )
     return kept("no goal holds at the beginning of an episode")
-
-
-def _one_a_suite(subject: SubstrateSubject) -> list[Case]:
-    cases = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
-    return [*cases.values()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,12 +66,9 @@ def open_subject(name: str) -> SubstrateSubject:
     kind = SUBSTRATES[chosen.name]
     playable = playable_cases(chosen, name)
     substrate = kind.open(chosen.options)
-    return SubstrateSubject(substrate, playable if _fits(substrate, playable) else (), name)
-
-
-def _fits(substrate: Substrate, cases: Sequence[Case]) -> bool:
-    """Return True if the scene of the first case has the entity that the case names; a toy scene has not."""
-    return cases[0].event.entity in substrate.world(cases[0]).entities
+    # A toy scene has not the entity that the case names.
+    fits = playable[0].event.entity in substrate.world(playable[0]).entities
+    return SubstrateSubject(substrate, playable if fits else (), name)
 
 
 def playable_cases(chosen: ChosenSubstrate, name: str) -> tuple[Case, ...]:

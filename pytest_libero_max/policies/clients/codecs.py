@@ -13,6 +13,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -250,7 +251,10 @@ def decode(value: dict[Any, Any]) -> Any:
         return npy_array(part("as_npy"))
     if {"nd", "type", "data"} <= keys.keys():
         return _msgpack_numpy(part)
-    return _unmarked(value, part) if {"data", "dtype", "shape"} == keys.keys() else value
+    if {"data", "dtype", "shape"} == keys.keys():  # no word marks it, and its size leaves no doubt
+        with suppress(ServerError):
+            return array_from(part("data"), part("dtype"), part("shape"))
+    return value
 
 
 def npy_array(content: Any) -> AnyArray:
@@ -278,14 +282,6 @@ def _msgpack_numpy(part: Callable[[str], Any]) -> Any:
     if part("nd") is not True:
         return array_from(part("data"), dtype, ()).item()
     return array_from(part("data"), dtype, part("shape"))
-
-
-def _unmarked(value: dict[Any, Any], part: Callable[[str], Any]) -> Any:
-    """Return an array that no word marks as one, where its size leaves no doubt."""
-    try:
-        return array_from(part("data"), part("dtype"), part("shape"))
-    except ServerError:
-        return value
 
 
 def _number(value: Any) -> int | float:

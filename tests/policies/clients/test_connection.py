@@ -30,14 +30,15 @@ SECURE = [name for name in BY_SCHEME if name not in EACH]
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "CONNECT_S", 0.4)
-    monkeypatch.setattr(recognition, "SILENT_S", 0.2)
+    monkeypatch.setattr(recognition, "SILENT_S", 0.1)
+    monkeypatch.setattr(recognition, "FIRST_S", 0.05)
 
 
 def told(scheme: str, where: str) -> tuple[str, float]:
-    """What is said of a server that cannot be reached, with a patience of 5 s, and after how many seconds."""
+    """What is said of a server that cannot be reached, and after how many seconds."""
     began = time.monotonic()
     with pytest.raises(ServerError) as caught:
-        BY_SCHEME[scheme].open(f"{scheme}://{where}?patience=0.8")
+        BY_SCHEME[scheme].open(f"{scheme}://{where}?patience=0.3")
     return str(caught.value), time.monotonic() - began
 
 
@@ -123,9 +124,9 @@ def test_a_connection_that_is_accepted_and_silent_is_an_answer_under_way(
 ) -> None:
     """A server of one thread that computes: the system accepts, and nothing is read until it has finished."""
     monkeypatch.setenv("SSL_CERT_FILE", str(CERTIFICATE))
-    monkeypatch.setattr(recognition, "LOOK_S", 0.3)
+    monkeypatch.setattr(recognition, "LOOK_S", 0.2)
     each = BY_SCHEME[scheme]
-    with each.serve() as port, forwarded(port, tls=scheme in SECURE, silent_s=1.0) as outer:
+    with each.serve() as port, forwarded(port, tls=scheme in SECURE, silent_s=0.5) as outer:
         policy = each.open(f"{scheme}://127.0.0.1:{outer}?timeout=20&patience=0.1")
         assert ask(policy).shape[1] == 7
         policy.client.close()
@@ -189,4 +190,4 @@ def test_a_forwarder_with_nothing_behind_it_is_waited_for_and_not_mistaken() -> 
         for scheme in EACH:
             assert recognise(parse_address(f"{scheme}://127.0.0.1:{port}"), scheme) is None
             with pytest.raises(ServerError, match=r"tried [1-9]"):
-                ask(EACH[scheme].open(f"{scheme}://127.0.0.1:{port}?patience=0.5"))
+                ask(EACH[scheme].open(f"{scheme}://127.0.0.1:{port}?patience=0.1"))

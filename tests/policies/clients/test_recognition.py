@@ -25,7 +25,7 @@ def server(request: pytest.FixtureRequest) -> Iterator[tuple[str, int]]:
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recognition, "SILENT_S", 0.2)
+    monkeypatch.setattr(recognition, "SILENT_S", 0.1)
 
 
 @pytest.mark.parametrize("client", EACH)

@@ -10,6 +10,7 @@ from contextlib import suppress
 import pytest
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients import recognition
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.opening import parse_address
 from pytest_libero_max.policies.clients.transport import Refused, Unreachable, redirected, status_error
@@ -17,6 +18,14 @@ from tests.policies.clients import fakes
 from tests.policies.clients.each_protocol import EACH, accepting, ask
 
 OVER_HTTP = ("openpi", "vla-eval", "starvla", "http")
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look briefly whether a server speaks another protocol: none does here."""
+    for name in ("FIRST_S", "GREETING_S"):
+        monkeypatch.setattr(recognition, name, 0.05)
+    monkeypatch.setattr(recognition, "LOOK_S", 0.5)
 
 
 def answering(status: str, *headers: str, seen: list[str] | None = None) -> Callable[[socket.socket], None]:

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from pytest_libero_max.errors import ActionError, AdapterError, ServerError
@@ -81,18 +80,6 @@ def test_another_number_of_answers_than_of_items_is_named() -> None:
         host.ask(request(0))
 
 
-def test_each_client_has_its_own_memory() -> None:
-    with hosted(Counting()) as host:
-        assert host.remembers
-        at: dict[str, str | None] = {"a": None, "b": None}
-        seen: dict[str, list[Any]] = {"a": [], "b": []}
-        for client in "aabababb":
-            answer = host.ask(request(0, Place(client, at[client]), task=ord(client)))
-            at[client] = answer.memory
-            seen[client].append(tuple(np.rint(100 * answer.actions[0, :2])))
-    assert seen == {client: [(n, ord(client)) for n in range(4)] for client in "ab"}
-
-
 def test_memories_of_connections_that_end_do_not_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hosts, "RECONNECT_S", -1.0)
     with hosted(Counting()) as host:
@@ -101,16 +88,6 @@ def test_memories_of_connections_that_end_do_not_add_up(monkeypatch: pytest.Monk
                 host.ask(request(0, Place(f"client {number}")))
         assert host._memories is not None
         assert len(host._memories) == 1
-
-
-def test_a_query_can_be_asked_again_from_the_memory_before_it() -> None:
-    with hosted(Counting()) as host:
-        first = host.ask(request(0, Place("a")))
-        second = host.ask(request(1, Place("a", first.memory)))
-        again = host.ask(request(1, Place("a", first.memory)))
-        assert second.actions.tobytes() == again.actions.tobytes()
-        with pytest.raises(ServerError, match="is not here"):
-            host.ask(request(2, Place("a", second.memory)))
 
 
 def test_after_an_error_no_memory_of_another_is_left() -> None:

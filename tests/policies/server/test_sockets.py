@@ -132,13 +132,6 @@ def test_h_and_q_of_the_server_may_be_overridden() -> None:
         shorter.client.close()
 
 
-def test_the_suites_of_an_adapter_are_declared_through_the_server() -> None:
-    some = Sound()
-    some.spec = PolicySpec("some", 8, 4, suites=("libero_goal",))
-    with served(some) as policy:
-        assert policy.spec.suites == ("libero_goal",)
-
-
 def test_many_clients_get_their_own_answers_in_batches_too() -> None:
     batched = Batched()
 
@@ -220,19 +213,6 @@ def test_a_memory_that_is_not_copied_is_let_go(monkeypatch: pytest.MonkeyPatch) 
         with pytest.raises(AdapterError, match="what snapshot"):
             policy.restore(None)
         policy.client.close()
-
-
-def test_vla_evals_protocol_is_spoken_at_its_own_path() -> None:
-    own = Sound()
-    own.spec = PolicySpec("own", 8, 4)
-    with serving(Host(own, "x"), port=0) as (port, _):
-        policy = load_served(f"vla-eval://127.0.0.1:{port}/vla-eval?patience=0.2", "vla_eval", 4, 4)
-        policy.reset(fakes.EPISODE)
-        first = policy.predict(fakes.observation(), fakes.query(0))
-        again = policy.predict(fakes.observation(), fakes.query(0))
-        policy.client.close()
-    assert first.shape == (4, 7)
-    assert first.tobytes() == again.tobytes()
 
 
 def test_a_server_with_a_token_answers_those_who_know_it(monkeypatch: pytest.MonkeyPatch) -> None:
