@@ -50,7 +50,9 @@ def refuses_actions(subject: SubstrateSubject) -> Iterator[Finding]:
     altered = world.digest() != before
     yield judged(
         not altered,
-        "a refused action altered the world" if altered else "wrong actions leave the world as it was",
+        "a refused action altered the world"
+        if altered
+        else "actions of another shape and that are not finite are refused",
         "a world as it was",
         "Check actions first.",
     )
