@@ -84,8 +84,8 @@ def load_policy(
     if reference.is_file:
         assert path is not None
         if further:
-            _BESIDE.append(_BesideAdapter())
-        policy = _BESIDE[-1 if further else 0].load(path, reference)
+            _beside.append(_BesideAdapter())
+        policy = _beside[-1 if further else 0].load(path, reference)
     else:
         module = _import(reference, path)
         policy = _construct(_find(module, reference), reference, path)
@@ -209,15 +209,15 @@ class _BesideAdapter:
                     del sys.modules[name]
 
 
-_BESIDE = [_BesideAdapter()]
+_beside = [_BesideAdapter()]
 """The adapter files of this process: the one that was loaded last, and those that play beside it."""
 
 
 def forget_adapter() -> None:
     """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter files that were loaded."""
-    while len(_BESIDE) > 1:
-        _BESIDE.pop().leave()
-    _BESIDE[0].leave()
+    while len(_beside) > 1:
+        _beside.pop().leave()
+    _beside[0].leave()
 
 
 def _module_name(path: Path) -> str:

@@ -40,33 +40,40 @@ _ImageSize = Annotated[
 _List = Annotated[list[Any], rule("a list")]
 _Budgets = Annotated[dict[str, Positive], rule("a table of integers of at least 1, by suite")]
 
-SECTIONS: Mapping[str, Mapping[str, Any]] = {
-    "policy": {
-        **dict.fromkeys(("name", "protocol", "revision", "path", "codec", "dialect"), Text),
-        **dict.fromkeys(("unnorm_key", "robot"), Text),
-        **dict.fromkeys(("repeatable", "declared_by_server", "every_step"), Flag),
-        "horizon": Positive,
-        "query_interval": Positive,
-        "image_size": _ImageSize,
-        "suites": Texts,
-    },
-    "inputs": {},
-    "instruction": {"steps": _List},
-    "request": {},
-    "reply": dict.fromkeys(("at", "parts", "normalised_at"), _List),
-    "actions": {
-        **dict.fromkeys(("control", "statistics", "statistics_key", "statistics_rule"), Text),
-        **dict.fromkeys(("steps", "normalised_steps"), _List),
-    },
-    "native": {
-        **dict.fromkeys(("horizon", "query_interval", "episodes"), Positive),
-        **dict.fromkeys(("wait_steps", "seed"), Count),
-        **dict.fromkeys(("weights", "runtime"), Text),
-        "budgets": _Budgets,
-    },
-    "published": {"row": Text},
-    "sources": {},
-}
+
+def _frozen(tables: dict[str, dict[str, Any]]) -> Mapping[str, Mapping[str, Any]]:
+    return MappingProxyType({name: MappingProxyType(fields) for name, fields in tables.items()})
+
+
+SECTIONS: Mapping[str, Mapping[str, Any]] = _frozen(
+    {
+        "policy": {
+            **dict.fromkeys(("name", "protocol", "revision", "path", "codec", "dialect"), Text),
+            **dict.fromkeys(("unnorm_key", "robot"), Text),
+            **dict.fromkeys(("repeatable", "declared_by_server", "every_step"), Flag),
+            "horizon": Positive,
+            "query_interval": Positive,
+            "image_size": _ImageSize,
+            "suites": Texts,
+        },
+        "inputs": {},
+        "instruction": {"steps": _List},
+        "request": {},
+        "reply": dict.fromkeys(("at", "parts", "normalised_at"), _List),
+        "actions": {
+            **dict.fromkeys(("control", "statistics", "statistics_key", "statistics_rule"), Text),
+            **dict.fromkeys(("steps", "normalised_steps"), _List),
+        },
+        "native": {
+            **dict.fromkeys(("horizon", "query_interval", "episodes"), Positive),
+            **dict.fromkeys(("wait_steps", "seed"), Count),
+            **dict.fromkeys(("weights", "runtime"), Text),
+            "budgets": _Budgets,
+        },
+        "published": {"row": Text},
+        "sources": {},
+    }
+)
 """Tables of a profile with the types of their fields. Tables without fields here take any."""
 
 _NOT_PLAYED = ("sources", "native", "published")

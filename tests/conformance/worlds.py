@@ -66,8 +66,10 @@ Mirrored = scaling("Mirrored", 1, -1, 1, 1, 1, 1, 1)
 ClosingAtMinusOne = scaling("ClosingAtMinusOne", 1, 1, 1, 1, 1, 1, -1)
 
 
-class OpeningAtPlusOne(ClosingAtMinusOne):  # type: ignore[misc,valid-type]
+class OpeningAtPlusOne(TinyWorld):
     """Its robot says so: no mistake."""
+
+    step = ClosingAtMinusOne.step
 
     @property
     def robot(self) -> Robot:
