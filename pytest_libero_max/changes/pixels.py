@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from statistics import NormalDist
 from typing import Annotated, Any, ClassVar
@@ -20,7 +20,7 @@ from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.alteration import Alteration, Blended
 from pytest_libero_max.changes.factors import Factor
-from pytest_libero_max.changes.fields import Seed, Share, between, strength_of
+from pytest_libero_max.changes.fields import Seed, Share, between
 from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld, Image
@@ -181,6 +181,7 @@ class SetSensorCorruption(FilterChange):
     """Let every image from now on pass through a :class:`SensorCorruption`."""
 
     operation: ClassVar[str] = "set_sensor_corruption"
+    magnitudes = ("noise_std", "occlusion_fraction")  # the pattern and the rectangle's place stay
 
     noise_std: Annotated[float, between(0.0, 255.0)]
     """Standard deviation of the noise, grey levels (0 to 255), at least 0."""
@@ -193,13 +194,6 @@ class SetSensorCorruption(FilterChange):
         if self.noise_std or self.occlusion_fraction:
             kind = PublishedSensorCorruption if world.semantics == "published" else SensorCorruption
             world.add_filter(kind(self.noise_std, self.occlusion_fraction, self.seed))
-
-    def scaled(self, strength: float) -> SetSensorCorruption:
-        """Noise and covered area multiplied by ``strength``; noise pattern and rectangle's place stay."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        return replace(self, noise_std=self.noise_std * s, occlusion_fraction=self.occlusion_fraction * s)
 
 
 @dataclass(frozen=True)
@@ -239,6 +233,7 @@ class SetGlare(FilterChange):
     """Let every picture from now on pass through a :class:`Glare`."""
 
     operation: ClassVar[str] = "set_glare"
+    magnitudes = ("strength",)
 
     strength: Share
     """0 to 1."""
@@ -252,11 +247,6 @@ class SetGlare(FilterChange):
     def _alter(self, world: AlterableWorld) -> None:
         if self.strength:
             world.add_filter(Glare(self.strength, self.across, self.up, self.radius))
-
-    def scaled(self, strength: float) -> SetGlare:
-        """Return the veil's strength multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, strength=self.strength * s)
 
 
 @lru_cache(maxsize=2)

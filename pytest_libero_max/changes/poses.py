@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -19,7 +19,6 @@ from pytest_libero_max.changes.fields import (
     Offset,
     Place,
     between,
-    strength_of,
 )
 from pytest_libero_max.changes.lowering import lower
 from pytest_libero_max.changes.measuring import measure_poses
@@ -58,6 +57,7 @@ class MoveObject(_PoseChange):
     """
 
     operation: ClassVar[str] = "move_object"
+    magnitudes = ("delta_position_m", "distance_m")
 
     object: Text
     delta_position_m: Place
@@ -78,21 +78,13 @@ class MoveObject(_PoseChange):
         if any(self.delta_position_m):
             world.place(self.object, world.position(self.object) + self.delta_position_m)
 
-    def scaled(self, strength: float) -> MoveObject:
-        """Return the move with its length multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        x, y, z = self.delta_position_m
-        distance = None if self.distance_m is None else self.distance_m * s
-        return replace(self, delta_position_m=(x * s, y * s, z * s), distance_m=distance)
-
 
 @dataclass(frozen=True)
 class BumpObject(_PoseChange):
     """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres."""
 
     operation: ClassVar[str] = "bump_object"
+    magnitudes = ("velocity_m_s",)
     final: ClassVar[str] = "the object has moved."
 
     object: Text
@@ -113,12 +105,6 @@ class BumpObject(_PoseChange):
             "velocity_m_s": world.velocity(self.object).tolist(),
             "fingers": world.fingers_on(self.object),
         }
-
-    def scaled(self, strength: float) -> BumpObject:
-        """Return the change with its velocity multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        x, y, z = self.velocity_m_s
-        return replace(self, velocity_m_s=(x * s, y * s, z * s))
 
 
 @dataclass(frozen=True)
@@ -281,6 +267,7 @@ class TurnObject(_PoseChange):
     """Turn an object or a fixture about the vertical through its origin; it is at rest afterwards."""
 
     operation: ClassVar[str] = "turn_object"
+    magnitudes = ("yaw_degrees",)
 
     object: Text
     yaw_degrees: Degrees
@@ -293,11 +280,6 @@ class TurnObject(_PoseChange):
         if self.yaw_degrees:
             position, turn = world.pose(self.object)
             world.place(self.object, position, _yawed(turn, self.yaw_degrees))
-
-    def scaled(self, strength: float) -> TurnObject:
-        """Return the angle multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, yaw_degrees=self.yaw_degrees * s)
 
 
 def _placement(where: str, value: Any) -> Placement:
