@@ -307,10 +307,10 @@ def test_what_goes_wrong_names_the_arm(world: Counting) -> None:
 
     phases: list[str] = []
     policy = not_asked_again(Failing())
-    with pytest.raises(AdapterError, match="raised ValueError in reset"):
+    with pytest.raises(AdapterError, match="ValueError in reset"):
         play_pair(make_case(), world, policy, on_phase=phases.append, arms=five_arms(0.25, 3))
     assert phases == ["setup", "base", "reset", "mid"]
-    with pytest.raises(ManifestError, match="two arms are called 'base'"):
+    with pytest.raises(ManifestError, match="'base'"):
         play_pair(make_case(), world, Approaching(), arms=(Arm("base"), Arm("base")))
 
 

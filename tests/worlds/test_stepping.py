@@ -133,7 +133,7 @@ def test_matrices_of_the_arm_that_are_not_finite_end_the_episode() -> None:
     for field in ("qM", "qvel"):
         state = world.snapshot()
         getattr(world.data, field)[:] = np.nan
-        with pytest.raises(SimulatorError, match=r"cannot invert|no longer finite"):
+        with pytest.raises(SimulatorError, match=r"invert|no longer finite"):
             world.step(NOOP_ACTION)
         world.restore(state)
     world.step(NOOP_ACTION)
