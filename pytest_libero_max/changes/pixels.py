@@ -95,21 +95,19 @@ class PublishedSensorCorruption:
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         if camera not in CAMERAS:
             return image  # the authors' observations hold no other
-        from pytest_libero_max.changes import image_loops
-
         height, width = image.shape[:2]
         side = math.sqrt(self.occlusion_fraction)
         tall, wide = max(1, round(height * side)), max(1, round(width * side))
         stream = np.random.RandomState((self.seed + step) % 2**32)
-        noise, top, left = np.empty(0), 0, 0
+        corrupted, top, left = image.copy(), 0, 0
         for name in CAMERAS[: CAMERAS.index(camera) + 1]:
             if self.noise_std:
-                noise = _normals(stream, image.size, name == camera)
+                noise = stream.standard_normal(image.shape)
+                if name == camera:
+                    noisy = (image + noise * self.noise_std).astype(np.float32)
+                    corrupted = noisy.clip(0.0, 255.0).astype(np.uint8)
             if self.occlusion_fraction:
                 top, left = stream.randint(height - tall + 1), stream.randint(width - wide + 1)
-        corrupted = image.copy()
-        if self.noise_std:
-            corrupted = image_loops.noisy(np.ascontiguousarray(image), noise, self.noise_std)
         if self.occlusion_fraction:
             corrupted[top : top + tall, left : left + wide] = 0
         return corrupted
@@ -263,14 +261,3 @@ def _normal_quantiles() -> NDArray[np.float32]:
     """Return the 65,536 equally likely values that stand for a standard normal variable."""
     normal, count = NormalDist(), 2**16
     return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)
-
-
-def _normals(stream: np.random.RandomState, count: int, keep: bool) -> image_corruptions.Picture:
-    """Return ``count`` standard normal numbers; with ``keep`` off, what they are is left open."""
-    if count % 2:  # NumPy draws them in twos and keeps the other one
-        return stream.standard_normal(count)
-    from pytest_libero_max.changes import image_loops
-
-    drawn = image_corruptions.scratch("work", (count,))
-    image_corruptions.spend(stream, image_loops.normals, 2 * count, keep, drawn)
-    return drawn
