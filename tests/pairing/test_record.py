@@ -26,10 +26,10 @@ def test_the_same_pair_says_the_same_as_ever() -> None:
     case = Case(**{field.name: getattr(short, field.name) for field in fields(short)})  # of 220 steps
     record = play_pair(case, TinyWorld(), Approaching(wait=3, horizon=4, interval=4))
     assert (record.trigger_step, record.base_queries, record.dynamic_queries) == (7, 55, 53)
-    assert record.base_digest == "ed50e0c189076126c244a176297bfe1c78c1c29aa8432205f484c361d22f8aae"
-    assert record.dynamic_digest == "d5a3f0a4a07583c50d8046047654f655da084bb0ed72cbc0a239a50c83eb7805"
+    assert record.base_digest == "ce51539fe7ceaaa34ce00ed0ce34ec10687575a0b29a11abe11a03354656793f"
+    assert record.dynamic_digest == "a4e0273424f52fbfe3fb0435100225bdfc36f3b6b5c3341cc45fd36acb9ef21e"
     (firing,) = record.arms["dynamic"].firings
-    assert firing.prefix_proof == "b6134f30ae549daeb52ac739e34374c81bd5ac2c951d1b3f105c875713bea4ee"
+    assert firing.prefix_proof == "b496c0d30f49f44d52f582b4d123101ad1b06836054b1f88ce5517ff518eb725"
 
 
 def renamed(values: Json) -> None:

@@ -37,7 +37,7 @@ TABLE_TOP_M = 0.4
 STEP_M = 0.05
 """Distance that a control step at full deflection moves the hand, as with LIBERO's controller."""
 
-_SUBSTEPS = 2  # of 25 ms, together the 50 ms of a control step
+_SUBSTEPS = 3  # with fewer, the fingers do not hold the box
 _REACH_M = (0.35, 0.35, 0.35)
 _HAND_START_M = (0.0, -0.25, TABLE_TOP_M + 0.25)
 """World position from which the hand's joints measure."""
@@ -67,7 +67,7 @@ def _clutter_xml() -> str:
 
 _MJCF = f"""
 <mujoco model="tiny">
-  <option timestep="0.025" cone="elliptic" impratio="10"/>
+  <option timestep="{0.05 / _SUBSTEPS}" cone="elliptic" impratio="10"/>
   <visual><global offwidth="256" offheight="256"/></visual>
   <default><geom group="1" condim="4" solref="0.01 1"/><light castshadow="false"/></default>
   <asset>
