@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.factors import Factor
+from pytest_libero_max.changes.factors import Factor, filter_records
 from pytest_libero_max.changes.fields import (
     Degrees,
     Share,
@@ -18,7 +18,6 @@ from pytest_libero_max.changes.fields import (
     Times3,
     between,
 )
-from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.pixels import Brightness
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld, Array

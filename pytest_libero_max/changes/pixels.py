@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.factors import Factor
+from pytest_libero_max.changes.factors import Factor, filter_records
 from pytest_libero_max.changes.fields import Seed, Share, between
-from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld, Image
 from pytest_libero_max.worlds.robot import CAMERAS

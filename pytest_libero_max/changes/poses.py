@@ -10,7 +10,7 @@ import numpy as np
 
 from pytest_libero_max.benchmark.structs import Count, Text
 from pytest_libero_max.changes.alteration import Alteration
-from pytest_libero_max.changes.factors import Factor
+from pytest_libero_max.changes.factors import Factor, measure_poses
 from pytest_libero_max.changes.fields import (
     FARTHEST_M,
     Cosine,
@@ -20,14 +20,13 @@ from pytest_libero_max.changes.fields import (
     Place,
     between,
 )
-from pytest_libero_max.changes.lowering import lower
-from pytest_libero_max.changes.measuring import measure_poses
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.errors import ChangeError, EntityError, counted, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 _FAR_ABOVE_M = 1.0
+_STEP_M, _BISECTIONS, _MAX_STEPS = 0.004, 12, 500
 
 _Speed = Annotated[float, between(-10.0, 10.0)]
 
@@ -259,7 +258,7 @@ class PutObject(Indivisible, _PoseChange):
         start = np.array([x, y, above + world.radius_m(self.object)])
         turn = world.pose(self.object)[1]
         world.place(self.object, start, _yawed(turn, self.yaw_degrees) if self.yaw_degrees else None)
-        lower(world, self.object, self.onto, start)
+        _lower(world, self.object, self.onto, start)
 
 
 @dataclass(frozen=True)
@@ -280,6 +279,32 @@ class TurnObject(_PoseChange):
         if self.yaw_degrees:
             position, turn = world.pose(self.object)
             world.place(self.object, position, _yawed(turn, self.yaw_degrees))
+
+
+def _lower(world: AlterableWorld, name: str, onto: str, start: Array) -> None:
+    """Lower an object until it would touch ``onto``, and leave it a few micrometres above that height."""
+    at = start.copy()
+
+    def meets(height: float) -> bool:
+        at[2] = height
+        world.place(name, at)
+        return onto in world.contacts(name)
+
+    free = float(start[2])
+    for _ in range(_MAX_STEPS):
+        if meets(free - _STEP_M):
+            break
+        free -= _STEP_M
+    else:
+        raise ChangeError(
+            f"put_object: {name!r} does not meet {onto!r} at ({start[0]:.3f}, {start[1]:.3f}). "
+            "Choose a place above it."
+        )
+    blocked = free - _STEP_M
+    for _ in range(_BISECTIONS):
+        middle = (free + blocked) / 2
+        free, blocked = (free, middle) if meets(middle) else (middle, blocked)
+    meets(free)  # the last height that was tried may be one at which they touch
 
 
 def _placement(where: str, value: Any) -> Placement:

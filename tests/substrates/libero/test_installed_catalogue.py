@@ -26,9 +26,8 @@ from pytest_libero_max.makers.construction.preflight import Preflight, Problem
 from pytest_libero_max.makers.construction.release import read_rejected, read_unexamined, write_release
 from pytest_libero_max.makers.construction.verification import verify
 from pytest_libero_max.makers.construction.visibility import Sight
-from pytest_libero_max.substrates.libero.descriptions import describe
 from pytest_libero_max.substrates.libero.installation import Installation, find_installation
-from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
+from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue, describe
 from pytest_libero_max.substrates.libero.tasks import task_names
 from pytest_libero_max.tasks.contents import task_metadata
 from tests.substrates.libero.data import DATA, SUITES
