@@ -44,7 +44,6 @@ def without_probes(pair: Pair) -> dict[str, Any]:
 
 TASKS = [
     ("libero_spatial", 0, "target_relocation"),
-    ("libero_10", 0, "obstacle_insertion"),
     ("libero_goal", 0, "illumination_switch"),
 ]
 
