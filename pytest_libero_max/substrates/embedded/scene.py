@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena, furnish
 from pytest_libero_max.substrates.embedded.objects import category, parts
-from pytest_libero_max.substrates.embedded.objects.parts import Link
+from pytest_libero_max.substrates.embedded.objects.parts import Link, links
 from pytest_libero_max.substrates.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.tasks.libero_tasks import Task, category_of, task
 from pytest_libero_max.worlds import rotations
@@ -170,7 +170,7 @@ def _owner(place: str, row: Task) -> str:
 def _regions(row: Task) -> dict[str, Region]:
     regions = {place.name: Region(place.name, place.surface) for place in row.places.values()}
     for instance in (*row.objects, *row.fixtures):
-        for link in parts.links(category(category_of(instance)).root):
+        for link in links(category(category_of(instance)).root):
             joints = () if link.joint is None else (f"{instance}_{link.joint.name}",)
             for site in link.sites:
                 regions[f"{instance}_{site.name}"] = Region(f"{instance}_{site.name}", instance, joints)
@@ -178,7 +178,7 @@ def _regions(row: Task) -> dict[str, Region]:
 
 
 def _joint_names(root: Link) -> tuple[str, ...]:
-    return tuple(link.joint.name for link in parts.links(root) if link.joint is not None)
+    return tuple(link.joint.name for link in links(root) if link.joint is not None)
 
 
 def _document(row: Task, arena: Arena) -> tuple[str, dict[str, Image]]:
@@ -240,7 +240,7 @@ def graspable_parts(scene: Scene) -> Mapping[str, GraspablePart]:
             continue
         kind = category(entity.category)
         back = rotations.matrix(rotations.inverse(kind.upright))
-        for link in parts.links(kind.root):
+        for link in links(kind.root):
             joint = None if link.joint is None else f"{entity.name}_{link.joint.name}"
             for grip in link.grips:
                 name = f"{entity.name}_{grip.name}"
