@@ -20,6 +20,7 @@ from typing import Any
 
 import pytest
 
+from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.keywords import matches
 from pytest_libero_max.benchmark.tracks import load_cases
 from pytest_libero_max.cli import parser
@@ -342,7 +343,7 @@ def _fault_of_pytest(words: list[str], mention: bool, config: pytest.Config) -> 
     try:
         options = config._parser.parse(words)
         settings = resolve(_asked(options))
-        cases = () if settings.manifest else load_cases(settings.track or "smoke").cases
+        cases = () if settings.manifest else _cases_of(settings.track or "smoke")
     except (LiberoMaxError, pytest.UsageError, SystemExit) as error:
         return str(error)
     missing = [
@@ -363,6 +364,11 @@ def _fault_of_pytest(words: list[str], mention: bool, config: pytest.Config) -> 
         and (not options.markexpr or matches(options.markexpr, markers_of(case)))
     ]
     return None if chosen else "it selects no case"
+
+
+@cache
+def _cases_of(track: str) -> tuple[Case, ...]:
+    return load_cases(track).cases
 
 
 def _asked(options: Any) -> Any:
