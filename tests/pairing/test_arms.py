@@ -120,7 +120,7 @@ def five_arms(distance_m: float, lasting: int, change: Any = NUDGE) -> tuple[Arm
 
 
 @pytest.mark.parametrize("how", BOTH, ids=["fork", "replay"])
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     policy=strategies.scripted_policies(drift=(0.35, 0.53, -0.77)),
     distance_m=st.sampled_from([0.25, 0.3]),

@@ -55,7 +55,7 @@ def test_a_link_depends_on_everything_before_it() -> None:
     assert {len(link) for link in links} == {32}
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     case=strategies.cases(
         events=strategies.events(distances_m=st.sampled_from([0.25, 0.45, 0.6])), suites=["libero_spatial"]

@@ -55,7 +55,7 @@ def crossing_case(world: TinyWorld, wait: int, step: int) -> Case:
 # Both ways to the event.
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     case=strategies.cases(
         events=strategies.events(distances_m=st.sampled_from([0.25, 0.45, 0.6])), suites=["libero_spatial"]
@@ -214,7 +214,7 @@ def test_the_setup_is_shared_and_the_trigger_entity_must_exist(world: TinyWorld)
 # Stale actions and queries.
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     serving=st.integers(1, 12).flatmap(lambda h: st.tuples(st.just(h), st.integers(1, h))),
     extra=st.integers(0, 11),

@@ -90,7 +90,7 @@ def test_an_unknown_initial_state_is_refused(world: TinyWorld) -> None:
         world.reset(10)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(before=st.integers(0, 12), disturbed=st.booleans(), seed=st.integers(0, 5))
 def test_a_restored_state_has_the_same_future(before: int, disturbed: bool, seed: int) -> None:
     world = TinyWorld()
