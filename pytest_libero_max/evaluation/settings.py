@@ -206,7 +206,8 @@ class Settings(ProtocolSettings):
         "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
         " not be measured), first_regression, certain (no remaining outcome can change a gate), "
         "anytime:LEVEL (at this level, a sequential test has decided the gates, or without gates has found a "
-        "change), worse_than:RUN (Dynamic is shown to be worse than that of an earlier run), or a rule of "
+        "change), strata:LEVEL (a change in some event of some suite is shown at this level), worse_than:RUN "
+        "(Dynamic is shown to be worse than that of an earlier run), or a rule of "
         "another package, NAME or NAME:ARGUMENTS (default: none)",
         stopping_rule,
     )
