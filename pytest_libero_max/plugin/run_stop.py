@@ -21,7 +21,6 @@ _COMMAND = "libero_max_stop"
 """Command of the controller to a worker of xdist, which ignores commands that it does not know."""
 
 _INTERRUPTED = 2
-"""Exit status of a worker after Ctrl-C."""
 
 _GATE = pytest.StashKey["PairGate"]()
 

@@ -136,7 +136,6 @@ class SeenMark:
     age_s: float
     """Seconds since the run last noted something."""
     noted: Json
-    """Last note; empty where there is none."""
 
 
 def read_mark(folder: Path) -> SeenMark | None:

@@ -27,9 +27,7 @@ class Recorded:
     """
 
     part: Part
-    """Part of the provenance that holds the field."""
     holds: Any = Any
-    """Type of the field."""
     value: Callable[[Any], Any] = lambda value: value
     """Returns what the field holds, of the setting's value."""
     usual: Any = None

@@ -100,7 +100,6 @@ class Seen:
     run: Run
     progress: Progress
     mark: SeenMark | None
-    """Its mark; None where it has ended."""
     stopped: Stopped | None = None
     """Reason it was stopped, if nothing was played after that."""
 

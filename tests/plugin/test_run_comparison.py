@@ -20,6 +20,6 @@ def test_a_run_is_compared_with_the_same_part_of_a_named_one_where_there_is_one(
             "More: libero-max compare --restrict first second",
         ]
     )
-    result = run("-k", "illumination_shift", "--libero-max-compare=first")
+    result = run("-k", "target_relocation", "--libero-max-compare=second")
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["No comparison with first: *"])
+    result.stdout.fnmatch_lines(["No comparison with second: The runs have no measured case in common*"])
