@@ -60,8 +60,11 @@ class PlannedPair(Document, frozen=True, kw_only=True):
     """The identity of a case, and every label by which results are grouped."""
 
     case_id: Name
+    """Unique in the manifest."""
     item_id: FileName
+    """Name of the test item."""
     case_digest: Sha256
+    """SHA-256 of the case."""
     source: SourceName
     """Source of the case: ``plus``, ``pro``, or the benchmark of an unmodified task, such as ``libero``."""
     source_category: Name
@@ -69,10 +72,15 @@ class PlannedPair(Document, frozen=True, kw_only=True):
     difficulty: Difficulty | None
     """LIBERO-Plus difficulty 1 to 5, or None."""
     suite: Name
+    """LIBERO suite."""
     event: Name
+    """Name of the case's event."""
     family: Name
+    """The event's family."""
     variant: Variant
+    """The event's parameter variant, 0 or 1."""
     severity: Name
+    """The event's severity."""
     task: Name = _UNKNOWN  # not always written
     """The LIBERO task that the case is of or is a variation of, for example ``libero_goal/3``;
     ``libero_goal/?`` where that is not known."""
