@@ -27,7 +27,9 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
     NOUN: ClassVar[str] = "stop of a run"
 
     reason: Text
+    """For people, without a period."""
     of: Positive
+    """Number of planned pairs."""
     rule: RuleText | None = None
     """The stopping rule as asked for, for example ``errors:3``, which makes this the end that was declared
     for the run; None where something broke, or ``-x`` stopped it."""
