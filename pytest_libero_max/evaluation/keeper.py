@@ -146,11 +146,7 @@ class RunKeeper:
         return datetime.fromisoformat(begun).timestamp() if begun else time.time()
 
     def read_before(self) -> None:
-        """Read the run that is to be resumed, if there is one.
-
-        Raises:
-            LiberoMaxError: It cannot be resumed.
-        """
+        """Read the run that is to be resumed, if there is one, or raise LiberoMaxError."""
         require_free(self.settings.output)
         cases = {case.case_id: case for case in self.cases.values()}
         self.before = read_to_resume(self.settings.output, cases)

@@ -50,11 +50,7 @@ class Job:
     workers: int = 1
 
     def require_sendable(self) -> None:
-        """Check that other processes can load the policy.
-
-        Raises:
-            OptionError: It is an object of this program, or what makes it cannot be sent.
-        """
+        """Check that other processes can load the policy, or raise OptionError."""
         source = self.source
         if not isinstance(source, GivenPolicy):
             return

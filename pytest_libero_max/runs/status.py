@@ -204,11 +204,7 @@ class Follower:
         self._stopped: Stopped | None = None
 
     def look(self) -> Seen:
-        """Return the present status.
-
-        Raises:
-            ReportError: There is no run in the folder, or a line of it is damaged.
-        """
+        """Return the present status, or raise ReportError."""
         mark = read_mark(self._folder)  # first: what is written before it goes is all there is
         self._read_on()
         if self._run is None:

@@ -454,11 +454,7 @@ _HEAD = msgspec.json.Decoder(_Head)
 
 
 def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
-    """Decode a line.
-
-    Raises:
-        ReportError: It is no line of a run.
-    """
+    """Decode a line, or raise ReportError."""
     try:
         head = _HEAD.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -505,11 +501,7 @@ def _require_same_run(stored: StoredRun, wanted: Run, path: Path, policy: Json |
 
 
 def require_writable(folder: Path) -> None:
-    """Make the folder if it is missing and try to write to it.
-
-    Raises:
-        OptionError: It cannot be written to.
-    """
+    """Make the folder if it is missing and try to write to it, or raise OptionError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".write-probe"
