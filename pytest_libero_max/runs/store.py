@@ -287,9 +287,7 @@ def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
     try:
         values = {"line": kind, **value.to_dict()}
         text = json.dumps(values, separators=(",", ":"), allow_nan=False)
-        if (
-            "\\ud" in text
-        ):  # half a character, as in the name of a file that is no UTF-8, cannot be read again
+        if "\\ud" in text:  # half a character, as in a name that is no UTF-8, cannot be read again
             text = json.dumps(values, separators=(",", ":"), ensure_ascii=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise ReportError(
