@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class RunEnd:
-    """A plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary."""
+    """Plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary."""
 
     def __init__(self, config: pytest.Config, keeper: RunKeeper, stop: RunStop) -> None:
         self.config, self.keeper, self.settings = config, keeper, keeper.settings
