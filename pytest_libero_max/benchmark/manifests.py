@@ -155,11 +155,7 @@ def _unreadable(path: Path, error: Exception) -> ManifestError:
 
 
 def parse_manifest(document: Any) -> Manifest:
-    """Check a decoded manifest.
-
-    Raises:
-        ManifestError: It breaks the format or contradicts itself.
-    """
+    """Check a decoded manifest, or raise ManifestError."""
     require_fields(document, _Top, "manifest", ManifestError)
     if document.get("manifest_format", FORMAT_2) != FORMAT_2:
         raise ManifestError.seen(

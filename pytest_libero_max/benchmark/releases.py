@@ -17,7 +17,6 @@ class ReleasedFile:
 
     file: str
     benchmark_id: str
-    """Its own id."""
     version: str
     """Its ``benchmark_version``; their Lite of 400 cases had the name and version of that of 800."""
     cases: int

@@ -97,11 +97,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def from_dict(cls, values: Any) -> Selection:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: It has another form.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         selection: Selection = checked(values, cls, "selection", ReportError)
         if selection.chosen > selection.of:
             raise ReportError.seen("selection", values, f", but of {counted(selection.of, 'case')}.")

@@ -129,11 +129,7 @@ def decode_json(content: bytes | str, cure: str) -> Any:
 
 
 def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
-    """Decode a struct from JSON.
-
-    Raises:
-        ReportError: It is not JSON, a field is missing or unknown, or holds a value that it cannot hold.
-    """
+    """Decode a struct from JSON, or raise ReportError."""
     try:
         decoded: AnyStruct = _decoder(kind).decode(content)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -142,11 +138,7 @@ def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
 
 
 def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
-    """Return plain JSON values as a struct.
-
-    Raises:
-        ReportError: A field is missing or unknown, or holds a value that it cannot hold.
-    """
+    """Return plain JSON values as a struct, or raise ReportError."""
     try:
         return msgspec.convert(values, kind)
     except (msgspec.ValidationError, RecursionError) as error:

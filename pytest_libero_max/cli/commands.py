@@ -25,7 +25,6 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.registry import Registry
 
 Add: TypeAlias = Callable[["CommandPlace"], None]
-"""Function of a module that adds its command to the parser."""
 
 GROUPS = {
     "Start here": ("init", "doctor", "check", "list"),

@@ -17,13 +17,10 @@ class Scheduler:
 
     name: str
     index: str
-    """Variable with the number of this job."""
     cure: str
     """Option that numbers an array so that its jobs are shards 1 to N."""
     first: int = 1
-    """Number of the first job."""
     count: str = COUNT
-    """Variable with the number of jobs."""
 
 
 SCHEDULERS = (

@@ -73,12 +73,6 @@ class RunKeeper:
         by_hand: True if the user has chosen the pairs by name, so that one that cannot play is an error of
             its own.
 
-    Attributes:
-        before: A resumed run as it was read; None for a new one, and once it goes on.
-        settled: Item ids of the pairs of a resumed run that are not played again: measured, or refused.
-        settled_before: Numbers of those that were measured and refused.
-        adapter_errors: Number of pairs by the message of an error of the policy.
-
     Raises:
         LiberoMaxError: The policy, the cases or the substrate cannot be played here, or the run to resume
             cannot be read.
@@ -101,9 +95,9 @@ class RunKeeper:
         # Taken before any policy is loaded, which could alter them in this process.
         self._budgets = {name: case.budget for name, case in self.cases.items()}
         self._start, self._on_stored = start, on_stored
-        self.before: StoredRun | None = None
-        self.settled: tuple[str, ...] = ()
-        self.settled_before = 0, 0
+        self.before: StoredRun | None = None  # a resumed run as it was read, until it goes on
+        self.settled: tuple[str, ...] = ()  # item ids of the pairs of a resumed run that are not played again
+        self.settled_before = 0, 0  # numbers of those that were measured and refused
         self.changed: list[ChangedPair] = []
         self.adapter_errors: Counter[str] = Counter()
         self._settled_now: dict[str, bool] = {}  # by item id; False for a fault
@@ -146,11 +140,7 @@ class RunKeeper:
         return datetime.fromisoformat(begun).timestamp() if begun else time.time()
 
     def read_before(self) -> None:
-        """Read the run that is to be resumed, if there is one.
-
-        Raises:
-            LiberoMaxError: It cannot be resumed.
-        """
+        """Read the run that is to be resumed, if there is one, or raise LiberoMaxError."""
         require_free(self.settings.output)
         cases = {case.case_id: case for case in self.cases.values()}
         self.before = read_to_resume(self.settings.output, cases)

@@ -60,7 +60,6 @@ class PlayedPair:
     """A measured pair."""
 
     record: PairRecord
-    """Its record."""
     note: str | None
     """Failures beside it, for example of a trace; None for none."""
 
@@ -70,7 +69,6 @@ class FailedPair:
     """A pair that could not be measured."""
 
     error: PairError
-    """Its error."""
     limit: bool
     """True if a limit of the process ended it, which cannot be trusted any more."""
 

@@ -142,11 +142,7 @@ class GivenPolicy(PolicySource):
         return isinstance(self.thing, type) or not hasattr(self.thing, "predict")
 
     def check(self) -> None:
-        """Check that it can be a policy.
-
-        Raises:
-            AdapterError: It is neither a policy nor callable.
-        """
+        """Check that it can be a policy, or raise AdapterError."""
         if self.is_made and not callable(self.thing):
             raise AdapterError(
                 f"policy={self.thing!r} is no policy. Give an object with spec, reset and predict, a class "

@@ -51,13 +51,10 @@ class Cluster:
     """A Ray cluster that plays pairs."""
 
     address: str
-    """Its address; ``auto`` for the one that this machine belongs to."""
     actors: int | None = None
     """Number of actors that play at once; None for as many as have room."""
     cpus: float = 1.0
-    """CPUs that each takes."""
     gpus: float = 0.0
-    """GPUs that each takes."""
     ship: bool = False
     """True if the working folder is sent to its nodes."""
 
@@ -79,7 +76,6 @@ class Films:
     """Pairs to film."""
 
     which: str
-    """Name of a selection of pairs."""
     most: int | None = None
     """Most regressions and most gains; None for the usual number."""
 

@@ -36,19 +36,13 @@ if TYPE_CHECKING:
 
 
 class RunEnd:
-    """A plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary.
-
-    Attributes:
-        lines: Lines of the summary, in order; those known before the end come first.
-        quiet: Lines of the summary of a quiet run.
-        notes: Failures beside the pairs, for example of a film.
-    """
+    """Plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary."""
 
     def __init__(self, config: pytest.Config, keeper: RunKeeper, stop: RunStop) -> None:
         self.config, self.keeper, self.settings = config, keeper, keeper.settings
         self.lines: list[str] = []
         self.quiet: list[str] = []
-        self.notes: list[str] = []
+        self.notes: list[str] = []  # failures beside the pairs, for example of a film
         self._query_times: str | None = None
         self._stop = stop
         self._filmed: list[str] = []

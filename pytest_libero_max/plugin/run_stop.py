@@ -21,7 +21,6 @@ _COMMAND = "libero_max_stop"
 """Command of the controller to a worker of xdist, which ignores commands that it does not know."""
 
 _INTERRUPTED = 2
-"""Exit status of a worker after Ctrl-C."""
 
 _GATE = pytest.StashKey["PairGate"]()
 
@@ -71,14 +70,11 @@ class RunStop(Stop):
 
     A stopping rule stops the pairs, and the session ends in order. Whatever else stops a run, for example a
     policy that cannot be loaded or ``-x``, stops the session.
-
-    Attributes:
-        status: Exit status of a session that :meth:`abort` ended.
     """
 
     def __init__(self, config: pytest.Config, settings: Settings) -> None:
         super().__init__(settings)
-        self.status: int | None = None
+        self.status: int | None = None  # exit status of a session that :meth:`abort` ended
         self._config = config
         self._gate = PairGate(config)
         config.pluginmanager.register(self._gate)

@@ -133,7 +133,6 @@ class Side:
     """A run as far as its comparability is concerned."""
 
     run: Run
-    """The plan and the provenance."""
     policy: Json | None = None
     """Spec of the policy as played, with all files that it has read; None where no pair was."""
     scenes: Mapping[str, str] = field(default_factory=dict)

@@ -26,16 +26,11 @@ class Played(NamedTuple):
     source_category: str
     event: str
     instruction: str
-    """As the policy was given it."""
     policy_seed: int
-    """Seed of the case."""
     max_steps: int
-    """Budget of the episode."""
     policy: Json
     fingerprints: Mapping[str, str]
-    """What the pair was played with."""
     timings: frozenset[str]
-    """Names of its timings."""
     triggered: bool
     proofs: Mapping[str, str]
 
@@ -64,7 +59,6 @@ class RunOutcomes:
     run: Run
     case_ids: tuple[str, ...]
     pairs: Pairs
-    """Their outcomes in the same order."""
     policy: Json | None
     """The spec of the first record; None without a record."""
     scenes: tuple[str, ...]
@@ -73,9 +67,7 @@ class RunOutcomes:
     renderers: tuple[str, ...]
     """What drew the images, see :func:`.renderers`; empty where no record says so."""
     played: tuple[Played, ...]
-    """What caveats need of each record, in the same order."""
     stopped: Stopped | None = None
-    """Stop of the run; None where it was not stopped."""
 
     @classmethod
     def of(cls, stored: StoredRun) -> RunOutcomes:

@@ -70,11 +70,7 @@ def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -
 
 
 def require_inside(folder: Path, path: Path) -> Path:
-    """Return a path in a folder of results that leads to nothing outside of it.
-
-    Raises:
-        ReportError: It is, or goes through, a link that leads out of the folder.
-    """
+    """Return a path in a folder of results that leads to nothing outside of it, or raise ReportError."""
     if not path.resolve().is_relative_to(folder.resolve()):
         raise ReportError(
             f"{path} leads out of {folder}, to {path.resolve()}. Nothing outside a folder of results is read "

@@ -225,11 +225,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
 
     @classmethod
     def from_dict(cls, values: Json) -> Run:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: It has another form or another schema version, or lacks what reports read of it.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         require_version(values, "run")
         run = convert(values, cls)
         require_plain(run.provenance, "provenance", _MOST_LEVELS)

@@ -76,7 +76,6 @@ class Progress:
     """Progress of a run at one moment."""
 
     planned: int
-    """Pairs to play in all."""
     counts: PairCounts
     before: int = 0
     """Number of pairs that a resumed run had already."""

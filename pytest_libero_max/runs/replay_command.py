@@ -33,7 +33,6 @@ class Places:
     policy: str
     profile: str | None = None
     manifest: str | None = None
-    """The manifest; None for a run of a frozen track."""
     program: str | None = None
     """Name or file of the program that is laid over the cases, if any."""
     study: str | None = None

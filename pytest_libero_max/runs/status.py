@@ -100,7 +100,6 @@ class Seen:
     run: Run
     progress: Progress
     mark: SeenMark | None
-    """Its mark; None where it has ended."""
     stopped: Stopped | None = None
     """Reason it was stopped, if nothing was played after that."""
 
@@ -205,11 +204,7 @@ class Follower:
         self._stopped: Stopped | None = None
 
     def look(self) -> Seen:
-        """Return the present status.
-
-        Raises:
-            ReportError: There is no run in the folder, or a line of it is damaged.
-        """
+        """Return the present status, or raise ReportError."""
         mark = read_mark(self._folder)  # first: what is written before it goes is all there is
         self._read_on()
         if self._run is None:

@@ -75,11 +75,7 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
 
     @classmethod
     def from_dict(cls, values: Json) -> Stopped:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: A field is missing or unknown, or holds what it cannot.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         return convert(values, cls)
 
 

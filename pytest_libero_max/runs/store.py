@@ -298,9 +298,7 @@ def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
     try:
         values = {"line": kind, **value.to_dict()}
         text = json.dumps(values, separators=(",", ":"), allow_nan=False)
-        if (
-            "\\ud" in text
-        ):  # half a character, as in the name of a file that is no UTF-8, cannot be read again
+        if "\\ud" in text:  # half a character, as in a name that is no UTF-8, cannot be read again
             text = json.dumps(values, separators=(",", ":"), ensure_ascii=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise ReportError(
@@ -465,11 +463,7 @@ _HEAD = msgspec.json.Decoder(_Head)
 
 
 def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
-    """Decode a line.
-
-    Raises:
-        ReportError: It is no line of a run.
-    """
+    """Decode a line, or raise ReportError."""
     try:
         head = _HEAD.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -516,11 +510,7 @@ def _require_same_run(stored: StoredRun, wanted: Run, path: Path, policy: Json |
 
 
 def require_writable(folder: Path) -> None:
-    """Make the folder if it is missing and try to write to it.
-
-    Raises:
-        OptionError: It cannot be written to.
-    """
+    """Make the folder if it is missing and try to write to it, or raise OptionError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".write-probe"

@@ -60,8 +60,9 @@ def test_a_case_is_told_in_words() -> None:
     }
     assert len(told) == len(ENDINGS)
     other = replace(case, instruction="fetch it")
-    assert "Instruction: fetch it" in case_lines(other, {})
-    assert "Certificate: none, since" in case_lines(other, {})
+    text = "\n".join(case_lines(other, {}))
+    assert "Instruction: fetch it" in text
+    assert "Certificate: none, since" in text
 
 
 def test_a_variation_says_how_its_scene_differs() -> None:

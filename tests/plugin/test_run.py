@@ -64,7 +64,7 @@ def test_workers_and_prefix_modes_give_the_same_records(
 def test_junit_carries_the_outcome_of_every_pair(
     run: Run, pytester: pytest.Pytester, arguments: tuple[str, ...]
 ) -> None:
-    run("--junitxml=junit.xml", "-k", "camera_shift", *arguments)
+    run("--junitxml=junit.xml", "-k", "camera_shift", *arguments, subprocess=bool(arguments))
     cases = ET.parse(pytester.path / "junit.xml").getroot().findall(".//testcase")
     assert len(cases) == 2
     for case in cases:

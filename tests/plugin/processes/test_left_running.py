@@ -5,12 +5,12 @@ import pytest
 from tests.plugin.test_run import Run
 
 ADAPTER = """
-import threading, time
+import threading
 from adapter import Reacher
 
 class Leaver(Reacher):
     def reset(self, episode):
-        threading.Thread(target=time.sleep, args=(0.5,), name="camera").start()
+        threading.Thread(target=threading.main_thread().join, name="camera").start()
 
 policy = Leaver
 """
