@@ -22,6 +22,20 @@ from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.rotations import Quaternion
 
 Array = NDArray[np.float64]
+Chances = NDArray[np.float32]
+"""(size, size): how likely each pixel shows the object, 0 to 1."""
+
+LEVELS = 12
+"""Steps into which each colour channel is divided, by its square root, finer where it is dark."""
+
+_CIRCLE = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
+_CIRCLE.setflags(write=False)
+_RING_PX = 6  # how far around the outline another colour is expected
+_SUBPIXEL_BITS = 4
+_COARSE_M = 0.02
+_FINE_M = (0.01, 0.004, 0.0015)
+_MOST_MOVES = 8
+_SAMPLES = 150
 
 
 @dataclass(frozen=True)
@@ -44,23 +58,6 @@ class NominalCamera:
         middle = (self.size - 1) / 2
         across, up = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
         return np.stack([middle + focal * across, middle - focal * up], axis=1)
-
-
-Array = NDArray[np.float64]
-Chances = NDArray[np.float32]
-"""(size, size): how likely each pixel shows the object, 0 to 1."""
-
-LEVELS = 12
-"""Steps into which each colour channel is divided, by its square root, finer where it is dark."""
-
-_CIRCLE = np.linspace(0.0, 2 * math.pi, 24, endpoint=False)
-_CIRCLE.setflags(write=False)
-_RING_PX = 6  # how far around the outline another colour is expected
-_SUBPIXEL_BITS = 4
-_COARSE_M = 0.02
-_FINE_M = (0.01, 0.004, 0.0015)
-_MOST_MOVES = 8
-_SAMPLES = 150
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,13 @@ from pytest_libero_max.worlds.global_generators import global_generators_restore
 if TYPE_CHECKING:
     from pytest_libero_max.policies.contract import Policy
 
+__all__ = ["Evaluated", "PairedEval"]
+
+LOG = logging.getLogger("pytest_libero_max")
+
+Log = Callable[[dict[str, float], int], object]
+"""Takes numbers by their name, and the step of the training."""
+
 
 @contextmanager
 def undisturbed(model: Any = None) -> Iterator[None]:
@@ -48,14 +55,6 @@ def undisturbed(model: Any = None) -> Iterator[None]:
         finally:
             for module, training in modes.items():
                 module.training = training
-
-
-__all__ = ["Evaluated", "PairedEval"]
-
-LOG = logging.getLogger("pytest_libero_max")
-
-Log = Callable[[dict[str, float], int], object]
-"""Takes numbers by their name, and the step of the training."""
 
 
 @dataclass(frozen=True)
