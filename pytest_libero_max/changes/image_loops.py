@@ -81,22 +81,10 @@ def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared
     for y in range(height):
         out = smeared[y].reshape(length)
         out[:] = 0.0
-        k = 0
-        while k + 4 <= taps:
-            a = _shifted(padded, y + down[k], across[k] * channels, length)
-            b = _shifted(padded, y + down[k + 1], across[k + 1] * channels, length)
-            c = _shifted(padded, y + down[k + 2], across[k + 2] * channels, length)
-            d = _shifted(padded, y + down[k + 3], across[k + 3] * channels, length)
-            p, q, r, s = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-            for i in range(length):
-                out[i] = (((out[i] + p * a[i]) + q * b[i]) + r * c[i]) + s * d[i]
-            k += 4
-        while k < taps:
-            a = _shifted(padded, y + down[k], across[k] * channels, length)
-            p = weights[k]
+        for k in range(taps):
+            a, p = _shifted(padded, y + down[k], across[k] * channels, length), weights[k]
             for i in range(length):
                 out[i] += p * a[i]
-            k += 1
 
 
 @compiled
@@ -123,47 +111,20 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
         a = rows[y]
         for i in range(length):
             upright[i] = a[i] * middle
-        k = 0
-        while k + 3 <= radius:
-            a, b = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)]
-            c, d = rows[max(y - radius + k + 1, 0)], rows[min(y + radius - k - 1, height - 1)]
-            e, f = rows[max(y - radius + k + 2, 0)], rows[min(y + radius - k - 2, height - 1)]
-            p, q, r = weights[k], weights[k + 1], weights[k + 2]
-            for i in range(length):
-                upright[i] = ((upright[i] + (a[i] + b[i]) * p) + (c[i] + d[i]) * q) + (e[i] + f[i]) * r
-            k += 3
-        while k < radius:
-            a, b = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)]
-            p = weights[k]
+        for k in range(radius):
+            a, b, p = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)], weights[k]
             for i in range(length):
                 upright[i] += (a[i] + b[i]) * p
-            k += 1
         _pad(line, upright, radius, channels)
         out = blurred[y].reshape(length)
         a = line[radius * channels : radius * channels + length]
         for i in range(length):
             out[i] = a[i] * middle
-        k = 0
-        while k + 3 <= radius:
-            near, far = k * channels, (2 * radius - k) * channels
+        for k in range(radius):
+            near, far, p = k * channels, (2 * radius - k) * channels, weights[k]
             a, b = line[near : near + length], line[far : far + length]
-            c, d = (
-                line[near + channels : near + channels + length],
-                line[far - channels : far - channels + length],
-            )
-            near, far = near + 2 * channels, far - 2 * channels
-            e, f = line[near : near + length], line[far : far + length]
-            p, q, r = weights[k], weights[k + 1], weights[k + 2]
-            for i in range(length):
-                out[i] = ((out[i] + (a[i] + b[i]) * p) + (c[i] + d[i]) * q) + (e[i] + f[i]) * r
-            k += 3
-        while k < radius:
-            near, far = k * channels, (2 * radius - k) * channels
-            a, b = line[near : near + length], line[far : far + length]
-            p = weights[k]
             for i in range(length):
                 out[i] += (a[i] + b[i]) * p
-            k += 1
 
 
 _ROWS, _COLUMNS = 4, 64
