@@ -241,8 +241,10 @@ def run_of(
 def write_run(folder: Path, run: StoredRun) -> Path:
     """Write the pairs of a run, and return its folder."""
     store = PairStore(folder, run.run)
-    for pair in (*run.errors, *run.records):
-        store.append(pair)
+    for error in run.errors:
+        store.append(error)
+    for record in run.records:
+        store.append(record)
     store.close(run.stopped)
     return folder
 
