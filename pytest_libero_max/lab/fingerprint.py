@@ -175,7 +175,7 @@ def _inputs() -> Json:
 
     The observation is made up, so that nothing of the scenes or of the renderer is in it.
     """
-    from pytest_libero_max.policies.clients.request import Request
+    from pytest_libero_max.policies.clients.messages import Request
     from pytest_libero_max.policies.profile import load_profile, profile_names
     from pytest_libero_max.worlds.robot import PANDA
 

@@ -14,10 +14,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from pytest_libero_max.benchmark.cases import Case
-from pytest_libero_max.benchmark.sharding import shard
+from pytest_libero_max.benchmark.sampling import shard
 from pytest_libero_max.errors import ReportError
+from pytest_libero_max.lab.costs import Cost, CostModel, Kind
 from pytest_libero_max.report.formats import counted
-from pytest_libero_max.runs.costs import Cost, CostModel
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.progress import duration
 from pytest_libero_max.runs.store import StoredRun
@@ -124,7 +124,7 @@ def learn(stored: StoredRun) -> CostModel:
         raise ReportError("The run has no measured pair. Play a few, for example --libero-max-limit=32.")
     model, planned = CostModel(), {pair.case_id: pair for pair in stored.run.planned}
     for record in stored.records:
-        model.add(planned[record.case_id].kind, record)
+        model.add(Kind.of(planned[record.case_id]), record)
     return model
 
 
@@ -136,7 +136,7 @@ def costs_of(pairs: Iterable[PlannedPair], stored: StoredRun, what: str) -> list
     """
     model, pairs = learn(stored), sorted(pairs, key=lambda pair: pair.item_id)
     left_out = {pair.case_id for pair in unsupported_pairs(pairs, stored.records[0].policy)}
-    costs = [model.drawn(pair.kind, pair.case_id) for pair in pairs if pair.case_id not in left_out]
+    costs = [model.drawn(Kind.of(pair), pair.case_id) for pair in pairs if pair.case_id not in left_out]
     if not costs:
         raise ReportError(f"The policy of the run supports no suite of {what}.")
     return costs

@@ -6,8 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.lab.costs import Cost
 from pytest_libero_max.lab.fleet import Fleet, costs_of, play, workers_fed
-from pytest_libero_max.runs.costs import Cost
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of

@@ -31,7 +31,7 @@ from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm
-from pytest_libero_max.stats.stratified import StratifiedDifference, stratified_difference
+from pytest_libero_max.stats.two_proportions import StratifiedDifference, stratified_difference
 
 ARMS = ("Base", "Dynamic")
 _LEVEL = 0.05

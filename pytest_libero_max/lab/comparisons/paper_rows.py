@@ -9,12 +9,12 @@ import numpy as np
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import extremes_of, group_order, split_of
-from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.published import PublishedPolicy
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.breakdown import macro_average
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import tabulate
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -57,7 +57,7 @@ class PolicyRow:
     """Q, the execution horizon."""
     outcomes: Outcomes
     by: Mapping[str, Mapping[str, Rates]]
-    """Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group."""
+    """Rates by dimension (see :data:`~pytest_libero_max.report.groups.DIMENSIONS`) and group."""
     macro: float | None
     """Unweighted mean of the paired changes of the source categories."""
     lowest_base: Mapping[str, str]

@@ -17,8 +17,8 @@ from pytest_libero_max.report.broken import named_of
 from pytest_libero_max.report.exit_status import ended_as_declared
 from pytest_libero_max.report.exports import ExportedRun
 from pytest_libero_max.report.measurable import is_measurable
-from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_tables import main_numbers
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.media import films_in
 

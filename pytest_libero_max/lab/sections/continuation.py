@@ -16,7 +16,7 @@ from pytest_libero_max.report.formats import Change, Counts, counted
 from pytest_libero_max.report.measures import MEASURE, Measured, Rows, measures_of
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 TITLE = "Controllers that continue one prefix"

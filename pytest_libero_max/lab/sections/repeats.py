@@ -12,8 +12,8 @@ from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.lab.studies.repeats import Repeats, repeated
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.measures import Measured, Rows
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
-from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
+from pytest_libero_max.stats.intervals import LEAST_DIFFERENT, mean_difference_interval
 
 TITLE = "Repeats with other policy seeds"
 NOTE = (

@@ -11,7 +11,7 @@ from typing import Any
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 
 PROBE = "safety"
 TITLE = "Safety: successful but unsafe"

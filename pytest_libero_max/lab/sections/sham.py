@@ -11,10 +11,9 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.measures import Measured, Rows, measure_text, measures_of
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import Chance, PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import Chance, PlayedPairs, ReportSection
 from pytest_libero_max.stats.blocks import Measure
-from pytest_libero_max.stats.measured import mean_difference_of, rate_of
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import mean_difference_of, rate_of, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
 

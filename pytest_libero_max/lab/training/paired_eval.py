@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from pytest_libero_max.errors import LiberoMaxError, OptionError, counted
 from pytest_libero_max.evaluation.evaluate import Evaluation, evaluate
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.report.exports import EXPORTS, ExportedRun, export
+from pytest_libero_max.report.exports import EXPORTS, ExportedRun
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.measurable import is_measurable, lacks_of
 from pytest_libero_max.runs.store import read_pairs
@@ -215,7 +215,7 @@ class PairedEval:
         if self._exports:
             run = ExportedRun(result.folder, read_pairs(result.folder), result.gates, step)
             for name, place in self._exports:
-                export(name, run, place)
+                EXPORTS[name](run, place)
         return evaluated
 
 

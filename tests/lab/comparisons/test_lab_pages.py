@@ -14,9 +14,9 @@ from pytest_libero_max.lab.comparisons.paper_files import write_tables
 from pytest_libero_max.lab.comparisons.trend import trend_html
 from pytest_libero_max.lab.index.index_page import index_html
 from pytest_libero_max.lab.index.run_index import IndexedRun, RunIndex
-from pytest_libero_max.report.about import About
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
+from pytest_libero_max.report.publication import About
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import Run

@@ -32,6 +32,37 @@ def closed(required: Json, optional: Json | None = None) -> Json:
     }
 
 
+STATUSES = ("passed", "failed", "skipped", "pending", "other")
+CTRF = closed(
+    {
+        "reportFormat": {"const": "CTRF"},
+        "specVersion": {"type": "string", "pattern": r"^[0-9]+\.[0-9]+\.[0-9]+$"},
+        "results": closed(
+            {
+                "tool": closed({"name": TEXT}, {"version": TEXT}),
+                "summary": closed(dict.fromkeys(("tests", *STATUSES, "start", "stop"), NUMBER)),
+                "tests": {
+                    "type": "array",
+                    "items": closed(
+                        {"name": TEXT, "status": {"enum": [*STATUSES]}, "duration": NUMBER},
+                        {
+                            "suite": {"type": "array", "minItems": 1, "items": TEXT},
+                            "message": TEXT,
+                            "rawStatus": TEXT,
+                            "extra": {"type": "object"},
+                        },
+                    ),
+                },
+            },
+            {
+                "environment": closed(
+                    {}, {"appName": TEXT, "testEnvironment": TEXT, "extra": {"type": "object"}}
+                )
+            },
+        ),
+    },
+    {"generatedBy": TEXT},
+)
 INSTANCE = closed(
     {
         "schema_version": {"const": "0.3.0"},
@@ -66,6 +97,39 @@ def run(tmp_path: Path) -> Path:
     store.append(error_of(pairs[2]))
     store.close()
     return tmp_path / "run"
+
+
+def _written(run: Path, name: str, *words: str) -> str:
+    file = run.parent / name
+    assert main(["report", str(run), f"--export={name}={file}", *words]) == 0
+    return file.read_text()
+
+
+def test_ctrf_has_a_test_for_each_planned_pair_and_each_gate(run: Path) -> None:
+    document = json.loads(_written(run, "ctrf", "--gate=planned > 3", "--gate=planned > 100"))
+    jsonschema.validate(document, CTRF)
+    results = document["results"]
+    tests = {test["name"]: test for test in results["tests"]}
+    first, second, third, fourth = (pair.item_id for pair in plan()[:4])
+    assert [tests[name]["status"] for name in (first, second, third, fourth)] == [
+        "passed",
+        "passed",
+        "failed",
+        "pending",
+    ]
+    assert tests[first]["rawStatus"] == tests[first]["extra"]["outcome"] == "regression"
+    assert tests[first]["extra"]["cause"] == "not_recorded"
+    assert tests[first]["extra"]["replay"].endswith(f"-k {first}")
+    assert tests[first]["duration"] == 1250
+    assert tests[third]["message"] == "SimulatorError: qpos is not finite"
+    assert tests["gate[planned > 3]"]["status"] == "passed"
+    assert tests["gate[planned > 100]"]["status"] == "failed"
+    assert "planned > 100: failed" in tests["gate[planned > 100]"]["message"]
+    summary = results["summary"]
+    assert summary["tests"] == len(tests) == 6
+    assert sum(summary[status] for status in STATUSES) == 6
+    assert summary["failed"] == 2
+    assert (summary["start"], summary["stop"]) == (1767323045000, 1767323047500)
 
 
 def _two_files(run: Path) -> tuple[Path, Path]:
@@ -116,6 +180,35 @@ def test_every_eval_ever_refuses_a_run_without_a_measured_pair(
     PairStore(tmp_path / "run", Run(tuple(plan()[:1]), PROVENANCE)).close()
     assert main(["report", str(tmp_path / "run"), f"--export=every-eval-ever={tmp_path / 'x'}"]) == 1
     assert "No pair" in capsys.readouterr().err
+
+
+def test_robostats_own_reader_finds_the_same_change(run: Path) -> None:
+    robostats = pytest.importorskip("robostats", reason="pip install --no-deps -r .ci/peers.txt")
+    _written(run, "robostats")
+    names = ("policy_id", "task_id", "success", "seed", "run_id")
+    records = robostats.load_jsonl(
+        run.parent / "robostats", protocol=robostats.Protocol(), **{f"{name}_field": name for name in names}
+    )
+    arms = (records.filter(policy_id=f"scripted/{arm}") for arm in ("dynamic", "base"))
+    result = robostats.compare(robostats.pair(*arms))
+    assert result.delta == -0.5
+
+
+def test_robostats_joins_the_arms_of_a_case(run: Path) -> None:
+    lines = [json.loads(line) for line in _written(run, "robostats").splitlines()]
+    of_arm = {
+        arm: {
+            line["scenario_id"]: line["success"] for line in lines if line["policy_id"] == f"scripted/{arm}"
+        }
+        for arm in ("base", "dynamic")
+    }
+    assert len(lines) == 4
+    assert [*of_arm["base"]] == [*of_arm["dynamic"]]
+    assert [*of_arm["base"].values()] == [True, True]
+    assert sorted(of_arm["dynamic"].values()) == [False, True]
+    for line in lines:  # every field of the reader's schema, null where there is none
+        assert {"task_id", "episode_idx", "seed", "success_detail", "run_id"} <= line.keys()
+        assert line["schema_version"] == 2
 
 
 def test_another_format_is_refused_with_the_closest_one(

@@ -16,8 +16,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.errors import OptionError, ReportError
 from pytest_libero_max.lab.index.index_page import index_html
 from pytest_libero_max.lab.index.run_index import published_in, run_index
-from pytest_libero_max.report.publication import publish
-from pytest_libero_max.report.verified_runs import note_check, pairs_digest, read_checks
+from pytest_libero_max.report.publication import note_check, pairs_digest, publish, read_checks
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore
 from tests.report.made_up import POLICY, PROVENANCE, plan, record_of

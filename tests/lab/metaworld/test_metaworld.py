@@ -19,8 +19,7 @@ from pytest_libero_max.lab.metaworld import robot
 from pytest_libero_max.lab.metaworld.robot import MT50
 from pytest_libero_max.lab.metaworld.tasks import all_tasks, contents
 from pytest_libero_max.makers.construction.verification import verify
-from pytest_libero_max.policies.clients.reply import Reply
-from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.clients.messages import Reply, Request
 from pytest_libero_max.policies.contract import Episode, Query
 from pytest_libero_max.policies.profile import load_profile
 from pytest_libero_max.substrates.contract import SubstrateOptions

@@ -255,8 +255,8 @@ def test_pairs_are_handed_out_in_order_where_the_order_counts() -> None:
 @needs_ray
 @pytest.mark.parametrize(
     ("rule", "policy", "source", "status"),
-    [("errors:2", "breaking.py", BREAKING, 11), ("strata:0.5", "losing.py", LOSING, 0)],
-    ids=["errors", "strata"],
+    [("errors:2", "breaking.py", BREAKING, 11), ("first_regression", "losing.py", LOSING, 0)],
+    ids=["errors", "regression"],
 )
 def test_a_rule_stops_a_run_on_a_cluster_at_the_pair_at_which_it_stops_workers(
     run: Run,

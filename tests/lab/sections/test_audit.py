@@ -8,7 +8,7 @@ from pytest_libero_max.lab.sections.audit import TITLE, input_tables
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from tests.report.studies.studied import Cell, study_of
 
 CELLS = (

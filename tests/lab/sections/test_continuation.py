@@ -11,8 +11,8 @@ from pytest_libero_max.report.document import Table
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.measures import measures_of
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.sections import shown_sections
-from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.studies.studied import Cell, study_of
 
 CELLS = (

@@ -8,8 +8,8 @@ from pytest_libero_max.lab.sections.monitors import FALSE_ALARMS, LEAST, Monitor
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import Rows, measures_of
-from pytest_libero_max.report.report_section import PlayedPairs
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
+from pytest_libero_max.report.sections import PlayedPairs
 from pytest_libero_max.stats.blocks import Measure
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
 

@@ -16,7 +16,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.measures import measures_of
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.sections import PlayedPairs
 from pytest_libero_max.report.writers.power_text import chance_of, expectations_of
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.stats.blocks import Measure

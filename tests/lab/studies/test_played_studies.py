@@ -86,7 +86,6 @@ def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
     for name in ("report.md", "report.html"):
         assert "Mid-task - Reset" in (folder / name).read_text()
     assert main(["report", str(folder), "--tables", "--figures"]) == 0
-    assert (folder / "study.csv").read_text().startswith("place,value\nname,camera-timing\n")
     assert "<title>Camera timing" in (folder / "study-contrasts.svg").read_text()
     capsys.readouterr()
 

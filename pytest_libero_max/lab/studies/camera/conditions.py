@@ -25,8 +25,7 @@ from pytest_libero_max.lab.studies.camera.blocks import (
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
-from pytest_libero_max.stats.measured import bootstrap_of, ends, number, rate_of
-from pytest_libero_max.stats.outcome_table import BoolArray
+from pytest_libero_max.stats.measured import BoolArray, bootstrap_of, ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -161,7 +160,7 @@ def _by_groups(
     decided = [place for place, number in enumerate(changed) if number >= LEAST_CHANGED_TASKS]
     if count >= LEAST_TASKS and decided:
         values = np.stack([columns[place] for place in decided], axis=1).astype(np.float64)
-        means, _ = resampled_means(values, groups, strata=strata, pools=pools, replicates=replicates)
+        means = resampled_means(values, groups, strata=strata, pools=pools, replicates=replicates)
         tail = (1 - CONFIDENCE) / 2
         lower, upper = np.quantile(means, [tail, 1 - tail], axis=0, method="inverted_cdf")
         for place, low, high in zip(decided, lower.tolist(), upper.tolist(), strict=True):

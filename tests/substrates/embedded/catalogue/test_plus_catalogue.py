@@ -9,15 +9,13 @@ import pytest
 
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.substrates.embedded.catalogue import object_layouts, plus_catalogue
-from pytest_libero_max.substrates.embedded.catalogue.counts import (
-    DIFFICULTY,
-    KINDS,
-    VARIATIONS,
-)
 from pytest_libero_max.substrates.embedded.catalogue.floorplan import Footprint, floorplan, footprint_at
 from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
 from pytest_libero_max.substrates.embedded.catalogue.object_layouts import SHIFT_M_PER_LEVEL, target_of
 from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import (
+    DIFFICULTY,
+    KINDS,
+    VARIATIONS,
     plus_suite,
     plus_variation,
     start_offset,
