@@ -40,11 +40,7 @@ class Subject:
 
     @classmethod
     def read(cls, text: str) -> Subject:
-        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy.
-
-        Raises:
-            ValueError: It names nothing, no function, or a substrate that there is not.
-        """
+        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy."""
         kind, colon, name = text.partition(":")
         subject = cls(kind, name.strip()) if colon and kind in KINDS else cls("policy", text.strip())
         if not subject.name:

@@ -43,9 +43,6 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
 
     Args:
         profile: Name or path of the profile, for the address of a server.
-
-    Raises:
-        AdapterError: The reference leads nowhere, or a file cannot be read.
     """
     if is_served(text):
         from pytest_libero_max.policies.clients.servers import read_servers
@@ -98,12 +95,7 @@ def shown_identity(identity: str) -> str:
 
 
 def adapter_files(reference: Reference) -> tuple[Path, ...]:
-    """Return the adapter's file and those it imports from its own folder or package, sorted.
-
-    Raises:
-        AdapterError: The reference leads nowhere.
-        OSError: A file cannot be read.
-    """
+    """Return the adapter's file and those it imports from its own folder or package, sorted."""
     first = file_of(reference)
     if first is None:
         return ()
@@ -118,11 +110,7 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
 
 
 def require_separate_helpers(references: Iterable[str]) -> None:
-    """Check that adapter files which play in one process import no different helpers by one name.
-
-    Raises:
-        AdapterError: Two do, or a reference leads nowhere.
-    """
+    """Check that adapter files which play in one process import no different helpers by one name."""
     folders: dict[str, Path] = {}
     for text in references:
         reference = None if is_served(text) else parse_reference(text)

@@ -26,9 +26,6 @@ class WrappedPolicy:
 
     Args:
         words: Name and setting of the wrapper, for example ``restore=gated``.
-
-    Raises:
-        AdapterError: The policy is shown every step.
     """
 
     modes: ClassVar[tuple[str, ...]] = ()

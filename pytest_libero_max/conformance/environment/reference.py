@@ -126,11 +126,7 @@ def references() -> Mapping[str, Path]:
 
 
 def read_reference(name: str | Path) -> TaskReference:
-    """Read a reference of this package by its name, or any other by its path.
-
-    Raises:
-        OptionError: There is none, or it is damaged.
-    """
+    """Read a reference of this package by its name, or any other by its path."""
     shipped = references()
     path = shipped.get(str(name), Path(name))
     if not path.is_file():
@@ -193,9 +189,6 @@ def record(
         task: Suite and number, ``libero_spatial/0``.
         init: Index of the initial state of that episode.
         versions: Packages of its simulator.
-
-    Raises:
-        SubstrateError: The actions do not solve the task.
     """
     budget = step_budget(task.partition("/")[0])
     if budget is None:

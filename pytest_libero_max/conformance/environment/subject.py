@@ -133,11 +133,7 @@ class EnvironmentSubject(Measurements):
         return read_observation(raw, self.declared.keys, self.is_vector)
 
     def step(self, action: Sequence[float] | Array) -> Played:
-        """Play an action.
-
-        Raises:
-            SubstrateError: The environment raised an error, or did not return four or five values.
-        """
+        """Play an action."""
         array = np.asarray(action, dtype=np.float64)
         if self.is_vector:
             array = np.tile(array, (self.environment.num_envs, 1))
@@ -210,11 +206,7 @@ class EnvironmentSubject(Measurements):
 
 
 def called(what: str, function: Callable[..., T], *arguments: Any) -> T:
-    """Return what a function of the environment returns.
-
-    Raises:
-        SubstrateError: It raised something.
-    """
+    """Return what a function of the environment returns."""
     try:
         return function(*arguments)
     except Exception as error:  # an environment of others may raise anything
@@ -351,11 +343,7 @@ def images_of(reading: Reading) -> dict[str, NDArray[Any]]:
 
 
 def hand_of(reading: Reading) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the position of the hand (3,) and of its fingers (2,), m, from wherever a reading has them.
-
-    Raises:
-        SubstrateError: It has neither of them.
-    """
+    """Return the position of the hand (3,) and of its fingers (2,), m, from wherever a reading has them."""
     state = reading.get("state")
     if "position" in reading and "gripper" in reading:
         position, gripper = reading["position"], reading["gripper"]

@@ -125,11 +125,7 @@ class PolicySubject(Measurements):
 
     @property
     def first(self) -> FirstAnswers:
-        """The answers to all queries of the first episode.
-
-        Raises:
-            LiberoMaxError: One was not answered; the same error each time.
-        """
+        """The answers to all queries of the first episode."""
         if isinstance(self._first, LiberoMaxError):
             raise self._first
         return self._first
@@ -177,9 +173,6 @@ def open_policy(
     """Load a policy, and show it the first scene of the ``smoke`` track that it plays.
 
     A world that a privileged policy reads stays open as long as the process.
-
-    Raises:
-        AdapterError: It cannot be loaded, or wants a camera that the scene does not have.
     """
     from pytest_libero_max.policies.loading import check_reference, load_policy
     from pytest_libero_max.worlds.threads import use_one_blas_thread
@@ -198,11 +191,7 @@ def open_policy(
 
 
 def first_scene(policy: Policy, substrate: str) -> Shown:
-    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`.
-
-    Raises:
-        AdapterError: It plays none, is for another robot, or wants a camera that the scene does not have.
-    """
+    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`."""
     from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
 
     chosen = chosen_substrate(substrate)

@@ -56,9 +56,6 @@ class Request:
 
     Attributes:
         cameras: Cameras whose images it needs.
-
-    Raises:
-        AdapterError: A name or step does not exist.
     """
 
     def __init__(self, profile: Profile) -> None:
@@ -213,9 +210,6 @@ class Reply:
 
     Attributes:
         returned: Number of actions in the last reply that was read, before the cut.
-
-    Raises:
-        AdapterError: A step does not exist, or the statistics cannot be read.
     """
 
     def __init__(self, profile: Profile) -> None:

@@ -69,11 +69,7 @@ def reported(error: object) -> ServerError:
 
 @contextmanager
 def time_limit(connection: socket.socket, seconds: float) -> Iterator[None]:
-    """Shut a connection down if the block takes longer, also where each part of it goes on in time.
-
-    Raises:
-        Unreachable: It did.
-    """
+    """Shut a connection down if the block takes longer, also where each part of it goes on in time."""
     over = Event()
 
     def end() -> None:
@@ -280,11 +276,7 @@ def status_error(status: int, reason: str, path: str, content: bytes, usual: str
 
 
 def redirected(address: Address, location: str | None, status: int) -> Address:
-    """Return the address to which a server sends, which is on the same host.
-
-    Raises:
-        Refused: It is on another host, without TLS where the first has it, or no address.
-    """
+    """Return the address to which a server sends, which is on the same host."""
     here = f"{'https' if address.secure else 'http'}://{address.where}{address.path or '/'}"
     there = urljoin(here, location or "")
     try:

@@ -41,9 +41,6 @@ def serving(
 
     Yields:
         The port, and an event that nobody sets: to wait for.
-
-    Raises:
-        ServerError: The port cannot be listened on.
     """
     from websockets.sync.server import serve
 

@@ -74,11 +74,7 @@ class Step:
     """None or one."""
 
     def __call__(self, value: Any) -> Any:
-        """Apply it.
-
-        Raises:
-            AdapterError: It does not fit the value; names the step.
-        """
+        """Apply it."""
         try:
             return self.apply(value, *self.arguments)
         except AdapterError as error:
@@ -96,9 +92,6 @@ def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str
 
     Args:
         values: ``["rotate_180", {"resize_with_pad": 224}]``.
-
-    Raises:
-        AdapterError: Something else; suggests the closest name.
     """
     if not isinstance(values, list):
         raise AdapterError.seen(

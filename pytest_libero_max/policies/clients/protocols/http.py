@@ -181,9 +181,6 @@ def unpacked(content: bytes, encoding: str | None) -> bytes:
 
     Args:
         encoding: Header ``Content-Encoding``; gzip is recognised without it.
-
-    Raises:
-        ServerError: It is compressed in another way, damaged, or too large.
     """
     word = (encoding or "identity").strip().lower()
     if word == "identity" and content[:2] != _GZIP:
