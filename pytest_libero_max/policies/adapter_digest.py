@@ -40,9 +40,6 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     count; neither does where the folder lies. It does not cover installed packages, whose versions are
     recorded elsewhere, nor weights and other data, which records name (:mod:`.files_read`), nor
     modules whose names are computed at run time.
-
-    Args:
-        profile: Name or path of the profile, for the address of a server.
     """
     if is_served(text):
         from pytest_libero_max.policies.clients.servers import read_servers
@@ -74,11 +71,7 @@ def names_its_files(text: str) -> bool:
 
 @contextmanager
 def files_read(text: str, run_begun_s: float | None = None) -> Iterator[None]:
-    """Collect the files that loading a policy reads in the block, where they belong to its identity.
-
-    Args:
-        run_begun_s: When the run began, in seconds since 1970; None for now.
-    """
+    """Collect the files that loading a policy reads in the block, where they belong to its identity."""
     if not names_its_files(text):
         yield
         return

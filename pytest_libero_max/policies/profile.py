@@ -173,11 +173,7 @@ def profile_names() -> tuple[str, ...]:
 
 
 def load_profile(text: str) -> Profile:
-    """Read a profile.
-
-    Args:
-        text: The name of one of this package, or the path of a file that ends in ``.toml``.
-    """
+    """Read a profile: one of this package by its name, or a file that ends in ``.toml``."""
     return _load(text, Path(), ())
 
 

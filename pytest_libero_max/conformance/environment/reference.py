@@ -99,11 +99,7 @@ class TaskReference(Document, frozen=True, kw_only=True):
 
 
 def shrink(image: NDArray[np.uint8]) -> Array:
-    """(SIDE, SIDE, 3) of an (H, W, 3) image: the mean of the pixels below each small one.
-
-    Args:
-        image: At least SIDE pixels high and wide.
-    """
+    """(SIDE, SIDE, 3) of an (H, W, 3) image: the mean of the pixels below each small one."""
     rows, columns = (_bounds(length) for length in image.shape[:2])
     sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), rows, axis=0), columns, axis=1)
     heights, widths = np.diff([*rows, image.shape[0]]), np.diff([*columns, image.shape[1]])

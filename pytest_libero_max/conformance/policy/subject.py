@@ -53,11 +53,7 @@ class Shown:
 
 
 def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_index: int = 0) -> Shown:
-    """Return observations of a world at rest and moved a little.
-
-    Args:
-        policy: Names the cameras and the size of images. One that is privileged gets the live world.
-    """
+    """Return observations of a world at rest and moved a little; a privileged policy gets the live world."""
     spec = policy.spec
     world.reset(0)
     observations, states = [], []
@@ -98,12 +94,7 @@ class PolicySubject(Measurements):
         start(self.policy, episode or self.shown.episode)
 
     def ask(self, index: int, *, observation: Mapping[str, Any] | None = None, **query: Any) -> Actions:
-        """Return the answer to query ``index``, from a copy of the observation.
-
-        Args:
-            observation: Entries that replace those of the observation.
-            query: Fields that replace those of the query.
-        """
+        """Return the answer to query ``index``, some entries of whose observation and fields are replaced."""
         shown = self.shown.copy(index)
         return self.show(index, shown | dict(observation or {}), **query)
 

@@ -170,12 +170,7 @@ def shortened(text: str) -> str:
 
 
 def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
-    """Return an array from its bytes, after checks of its type and shape.
-
-    Args:
-        data: C order, or Fortran order for an array of one axis or none.
-        dtype: NumPy's name of a real type, for example ``<f4``.
-    """
+    """Return an array from its bytes, after checks of its type and shape."""
     try:
         kind = np.dtype(dtype) if isinstance(dtype, str) and _DTYPE.fullmatch(dtype) else None
     except (TypeError, ValueError):

@@ -52,11 +52,7 @@ class Input:
 
 
 class Request:
-    """Conversion of an observation to a request.
-
-    Attributes:
-        cameras: Cameras whose images it needs.
-    """
+    """Conversion of an observation to a request."""
 
     def __init__(self, profile: Profile) -> None:
         self._robot = profile.robot
@@ -206,11 +202,7 @@ def _joined(values: list[Any]) -> Any:
 
 
 class Reply:
-    """Conversion of a server's reply to actions.
-
-    Attributes:
-        returned: Number of actions in the last reply that was read, before the cut.
-    """
+    """Conversion of a server's reply to actions."""
 
     def __init__(self, profile: Profile) -> None:
         self.returned: int | None = None

@@ -73,11 +73,7 @@ class ServerProtocol(ABC):
         return None
 
     def policy(self, greeting: Mapping[str, Any]) -> type[ServedPolicy]:
-        """Return the class of the policy.
-
-        Args:
-            greeting: The server's description of itself; empty before it is connected to.
-        """
+        """Return the class of the policy, for a greeting that is empty before the server is connected to."""
         from pytest_libero_max.policies.clients.served import ServedPolicy
 
         return ServedPolicy

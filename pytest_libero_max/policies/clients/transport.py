@@ -245,12 +245,7 @@ class Client:
 
 
 def status_error(status: int, reason: str, path: str, content: bytes, usual: str = "") -> ServerError:
-    """Return the error of an answer that is none.
-
-    Args:
-        content: The body, which is quoted unless it is a page.
-        usual: Path that an address without one stands for; empty for none.
-    """
+    """Return the error of an answer that is none; ``usual``: what an address without a path stands for."""
     words = content.strip()
     body = "" if not words or words[:1] == b"<" else f": {shortened(words.decode('utf-8', 'replace'))}"
     text = f"HTTP status {status} {reason} for {path or '/'}{body}"

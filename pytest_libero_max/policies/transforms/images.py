@@ -33,10 +33,6 @@ def resize_with_pad(image: Image, side_px: int) -> Image:
     """Fit the whole image into a square, its proportions kept, padded with black; bilinear, as in openpi.
 
     A size that does not come out whole is rounded down, and so is the border above and on the left.
-
-    Args:
-        image: (H, W, 3) uint8.
-        side_px: Side of the square, pixels.
     """
     height, width = _checked(image).shape[:2]
     side_px = _side(side_px)
@@ -76,12 +72,7 @@ def resize_area(image: Image, side_px: int) -> Image:
 
 
 def centre_crop(image: Image, share: float) -> Image:
-    """Crop a square image to its middle, ``share`` of its area: the side is ``int(side * sqrt(share))``.
-
-    Args:
-        image: (S, S, 3) uint8.
-        share: Of the area, above 0 and up to 1.
-    """
+    """Crop a square image to its middle, ``share`` of its area: the side is ``int(side * sqrt(share))``."""
     height, width = _checked(image).shape[:2]
     side = int(height * math.sqrt(share)) if 0.0 < share <= 1.0 else 0
     if height != width or side < 1:
@@ -94,12 +85,7 @@ def centre_crop(image: Image, share: float) -> Image:
 
 
 def jpeg_round_trip(image: Image, quality: int = 95) -> Image:
-    """Compress the image as JPEG and unpack it, for models whose training images were JPEG files.
-
-    Args:
-        image: (H, W, 3) uint8.
-        quality: 1 to 100.
-    """
+    """Compress the image as JPEG and unpack it, for models whose training images were JPEG files."""
     from PIL import Image as pillow
 
     if not 1 <= quality <= 100:

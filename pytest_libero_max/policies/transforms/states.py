@@ -22,9 +22,6 @@ def axis_angle(quaternion: NDArray[Any]) -> Array:
 
     The sign of the quaternion is kept, so the angle may exceed pi. robosuite and most models of LIBERO have
     it like this.
-
-    Args:
-        quaternion: (4,) x, y, z, w. It is not written to.
     """
     x, y, z, w = _quaternion(quaternion)
     w = min(1.0, max(-1.0, w))

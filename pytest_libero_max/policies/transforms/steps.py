@@ -88,11 +88,7 @@ class Step:
 
 
 def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str) -> tuple[Step, ...]:
-    """Read the steps of a profile: names, or tables of one name and its argument.
-
-    Args:
-        values: ``["rotate_180", {"resize_with_pad": 224}]``.
-    """
+    """Read the steps of a profile: names, or tables of one name and its argument."""
     if not isinstance(values, list):
         raise AdapterError.seen(
             where, values, f", but must be a list of steps. Known: {', '.join(sorted(known))}."
