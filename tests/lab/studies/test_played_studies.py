@@ -236,8 +236,6 @@ def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
         (("--libero-max-study=camera-timing:2",), "*the study camera-timing has none*"),
         (("--libero-max-study=cadence:4/8",), "*query_interval=8 and horizon=4*"),
         (("--libero-max-study=latency",), "*--libero-max-study=latency:1,2,4,8*"),
-        (("--libero-max-cadence=2",), "*It is spelled --libero-max-study=cadence:SETTINGS.*"),
-        (("-o", "libero_max_delays=2"), "*It is spelled --libero-max-study=latency:SETTINGS.*"),
         (("--libero-max-study=latency:0,2",), "*expected steps from 1 to 999*"),
         (("--libero-max-study=latency:2,2",), "*at least one, each once*"),
         (
