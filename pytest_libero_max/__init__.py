@@ -12,88 +12,146 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pytest_libero_max import changes as changes
-    from pytest_libero_max import conformance as conformance
-    from pytest_libero_max import errors as errors
-    from pytest_libero_max import probes as probes
-    from pytest_libero_max import strategies as strategies
-    from pytest_libero_max import transforms as transforms
-    from pytest_libero_max import triggers as triggers
-    from pytest_libero_max.benchmark.cases import Case as Case
-    from pytest_libero_max.benchmark.identity import Identity as Identity
-    from pytest_libero_max.benchmark.latency import Latency as Latency
-    from pytest_libero_max.benchmark.manifests import Manifest as Manifest
-    from pytest_libero_max.benchmark.manifests import load_manifest as load_manifest
-    from pytest_libero_max.benchmark.suites import Suite as Suite
-    from pytest_libero_max.benchmark.tracks import load_track as load_track
-    from pytest_libero_max.changes.change import Change as Change
-    from pytest_libero_max.changes.change import Evidence as Evidence
-    from pytest_libero_max.errors import LiberoMaxError as LiberoMaxError
-    from pytest_libero_max.evaluation.evaluate import Evaluation as Evaluation
-    from pytest_libero_max.evaluation.evaluate import evaluate as evaluate
-    from pytest_libero_max.events.kind import EventKind as EventKind
-    from pytest_libero_max.events.kind import Scenario as Scenario
-    from pytest_libero_max.events.new_case import make_case as make_case
-    from pytest_libero_max.events.schedules import Arm as Arm
-    from pytest_libero_max.events.schedules import Entry as Entry
-    from pytest_libero_max.events.schedules import Revert as Revert
-    from pytest_libero_max.events.schedules import program_of as program_of
-    from pytest_libero_max.events.triggers import Moment as Moment
-    from pytest_libero_max.events.triggers import Trigger as Trigger
-    from pytest_libero_max.pairing.environment import ArmEnv as ArmEnv
-    from pytest_libero_max.pairing.probes.probe import Probe as Probe
-    from pytest_libero_max.pairing.record import PairError as PairError
-    from pytest_libero_max.pairing.record import PairRecord as PairRecord
-    from pytest_libero_max.pairing.runner import PairSettings as PairSettings
-    from pytest_libero_max.pairing.runner import continue_rollout as continue_rollout
-    from pytest_libero_max.pairing.runner import inject as inject
-    from pytest_libero_max.pairing.runner import measure_in_step as measure_in_step
-    from pytest_libero_max.pairing.runner import measure_pair as measure_pair
-    from pytest_libero_max.pairing.runner import play_pair as play_pair
-    from pytest_libero_max.pairing.runner import play_prefix as play_prefix
-    from pytest_libero_max.pairing.runner import return_to as return_to
-    from pytest_libero_max.policies.clients.protocol import Opening as Opening
-    from pytest_libero_max.policies.clients.protocol import ServerProtocol as ServerProtocol
-    from pytest_libero_max.policies.contract import BatchItem as BatchItem
-    from pytest_libero_max.policies.contract import Episode as Episode
-    from pytest_libero_max.policies.contract import Handover as Handover
-    from pytest_libero_max.policies.contract import Policy as Policy
-    from pytest_libero_max.policies.contract import PolicySpec as PolicySpec
-    from pytest_libero_max.policies.contract import Query as Query
-    from pytest_libero_max.policies.loading import load_policy as load_policy
-    from pytest_libero_max.report.build import build_report as build_report
-    from pytest_libero_max.report.gates import evaluate_gate as evaluate_gate
-    from pytest_libero_max.report.gates import parse_gate as parse_gate
-    from pytest_libero_max.report.measures import Measured as Measured
-    from pytest_libero_max.report.readers import PairOutcome as PairOutcome
-    from pytest_libero_max.report.readers import ReadResults as ReadResults
-    from pytest_libero_max.report.readers import ResultsReader as ResultsReader
-    from pytest_libero_max.report.report_section import PlayedPairs as PlayedPairs
-    from pytest_libero_max.report.report_section import ReportSection as ReportSection
-    from pytest_libero_max.report.stopping_rule import StoppingRule as StoppingRule
-    from pytest_libero_max.runs.plan import PlannedPair as PlannedPair
-    from pytest_libero_max.runs.store import read_pairs as read_pairs
-    from pytest_libero_max.studies.study import Study as Study
-    from pytest_libero_max.substrates.contract import Substrate as Substrate
-    from pytest_libero_max.substrates.contract import SubstrateKind as SubstrateKind
-    from pytest_libero_max.substrates.contract import SubstrateOptions as SubstrateOptions
-    from pytest_libero_max.substrates.contract import Tracks as Tracks
-    from pytest_libero_max.substrates.registry import open_substrate as open_substrate
-    from pytest_libero_max.substrates.tiny.world import TinyWorld as TinyWorld
-    from pytest_libero_max.tasks.contents import InitialPlacement as InitialPlacement
-    from pytest_libero_max.tasks.contents import Relation as Relation
-    from pytest_libero_max.tasks.contents import TaskMetadata as TaskMetadata
-    from pytest_libero_max.worlds.base import WorldBase as WorldBase
-    from pytest_libero_max.worlds.contract import AlterableWorld as AlterableWorld
-    from pytest_libero_max.worlds.contract import Entity as Entity
-    from pytest_libero_max.worlds.contract import World as World
-    from pytest_libero_max.worlds.contract import WorldState as WorldState
-    from pytest_libero_max.worlds.mujoco_world import MujocoWorld as MujocoWorld
-    from pytest_libero_max.worlds.robot import MujocoRobot as MujocoRobot
-    from pytest_libero_max.worlds.robot import Robot as Robot
-    from pytest_libero_max.worlds.scenery import CameraView as CameraView
-    from pytest_libero_max.worlds.scenery import Lights as Lights
-    from pytest_libero_max.worlds.scenery import Surfaces as Surfaces
+    from pytest_libero_max import changes, conformance, errors, probes, strategies, transforms, triggers
+    from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.benchmark.identity import Identity
+    from pytest_libero_max.benchmark.latency import Latency
+    from pytest_libero_max.benchmark.manifests import Manifest, load_manifest
+    from pytest_libero_max.benchmark.suites import Suite
+    from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.changes.change import Change, Evidence
+    from pytest_libero_max.errors import LiberoMaxError
+    from pytest_libero_max.evaluation.evaluate import Evaluation, evaluate
+    from pytest_libero_max.events.kind import EventKind, Scenario
+    from pytest_libero_max.events.new_case import make_case
+    from pytest_libero_max.events.schedules import Arm, Entry, Revert, program_of
+    from pytest_libero_max.events.triggers import Moment, Trigger
+    from pytest_libero_max.pairing.environment import ArmEnv
+    from pytest_libero_max.pairing.probes.probe import Probe
+    from pytest_libero_max.pairing.record import PairError, PairRecord
+    from pytest_libero_max.pairing.runner import (
+        PairSettings,
+        continue_rollout,
+        inject,
+        measure_in_step,
+        measure_pair,
+        play_pair,
+        play_prefix,
+        return_to,
+    )
+    from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
+    from pytest_libero_max.policies.contract import (
+        BatchItem,
+        Episode,
+        Handover,
+        Policy,
+        PolicySpec,
+        Query,
+    )
+    from pytest_libero_max.policies.loading import load_policy
+    from pytest_libero_max.report.build import build_report
+    from pytest_libero_max.report.gates import evaluate_gate, parse_gate
+    from pytest_libero_max.report.measures import Measured
+    from pytest_libero_max.report.readers import PairOutcome, ReadResults, ResultsReader
+    from pytest_libero_max.report.sections import PlayedPairs, ReportSection
+    from pytest_libero_max.report.stopping_rule import StoppingRule
+    from pytest_libero_max.runs.plan import PlannedPair
+    from pytest_libero_max.runs.store import read_pairs
+    from pytest_libero_max.studies.study import Study
+    from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions, Tracks
+    from pytest_libero_max.substrates.registry import open_substrate
+    from pytest_libero_max.substrates.tiny.world import TinyWorld
+    from pytest_libero_max.tasks.contents import InitialPlacement, Relation, TaskMetadata
+    from pytest_libero_max.worlds.base import WorldBase
+    from pytest_libero_max.worlds.contract import AlterableWorld, Entity, World, WorldState
+    from pytest_libero_max.worlds.mujoco_world import MujocoWorld
+    from pytest_libero_max.worlds.robot import MujocoRobot, Robot
+    from pytest_libero_max.worlds.scenery import CameraView, Lights, Surfaces
+
+__all__ = [
+    "AlterableWorld",
+    "Arm",
+    "ArmEnv",
+    "BatchItem",
+    "CameraView",
+    "Case",
+    "Change",
+    "Entity",
+    "Entry",
+    "Episode",
+    "Evaluation",
+    "EventKind",
+    "Evidence",
+    "Handover",
+    "Identity",
+    "InitialPlacement",
+    "Latency",
+    "LiberoMaxError",
+    "Lights",
+    "Manifest",
+    "Measured",
+    "Moment",
+    "MujocoRobot",
+    "MujocoWorld",
+    "Opening",
+    "PairError",
+    "PairOutcome",
+    "PairRecord",
+    "PairSettings",
+    "PlannedPair",
+    "PlayedPairs",
+    "Policy",
+    "PolicySpec",
+    "Probe",
+    "Query",
+    "ReadResults",
+    "Relation",
+    "ReportSection",
+    "ResultsReader",
+    "Revert",
+    "Robot",
+    "Scenario",
+    "ServerProtocol",
+    "StoppingRule",
+    "Study",
+    "Substrate",
+    "SubstrateKind",
+    "SubstrateOptions",
+    "Suite",
+    "Surfaces",
+    "TaskMetadata",
+    "TinyWorld",
+    "Tracks",
+    "Trigger",
+    "World",
+    "WorldBase",
+    "WorldState",
+    "build_report",
+    "changes",
+    "conformance",
+    "continue_rollout",
+    "errors",
+    "evaluate",
+    "evaluate_gate",
+    "inject",
+    "load_manifest",
+    "load_policy",
+    "load_track",
+    "make_case",
+    "measure_in_step",
+    "measure_pair",
+    "open_substrate",
+    "parse_gate",
+    "play_pair",
+    "play_prefix",
+    "probes",
+    "program_of",
+    "read_pairs",
+    "return_to",
+    "strategies",
+    "transforms",
+    "triggers",
+]
 
 _TO_USE = {
     "evaluation.evaluate": ("evaluate", "Evaluation"),
@@ -135,7 +193,7 @@ _TO_EXTEND = {
     "pairing.probes.probe": ("Probe",),
     "studies.study": ("Study",),
     "report.stopping_rule": ("StoppingRule",),
-    "report.report_section": ("ReportSection", "PlayedPairs"),
+    "report.sections": ("ReportSection", "PlayedPairs"),
     "report.measures": ("Measured",),
     "report.readers": ("ResultsReader", "ReadResults", "PairOutcome"),
     "runs.plan": ("PlannedPair",),
@@ -150,13 +208,9 @@ _TO_EXTEND = {
 }
 """Names for packages that add something, by the module that defines them."""
 
-_MODULES = ("changes", "conformance", "errors", "probes", "strategies", "transforms", "triggers")
-
 _MODULE_OF = {
     name: module for homes in (_TO_USE, _TO_EXTEND) for module, names in homes.items() for name in names
 }
-
-__all__ = sorted([*_MODULES, *_MODULE_OF])
 
 
 def __getattr__(name: str) -> Any:

@@ -44,7 +44,7 @@ IMPORTED = (
     "pytest_libero_max.policies.clients.fleet",
     "pytest_libero_max.policies.loading",
     "pytest_libero_max.report.gate_results",
-    "pytest_libero_max.report.writers.gate_text",
+    "pytest_libero_max.report.gate_text",
     "pytest_libero_max.report.writers.report_files",
     "pytest_libero_max.report.writers.summary",
     "pytest_libero_max.runs.run_verification",

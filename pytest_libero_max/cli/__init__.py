@@ -17,6 +17,7 @@ from typing import Any
 
 from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.cli.commands import GROUPS, CommandPlace, add_place
+from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError
 
 PIPE_CLOSED = 141
@@ -50,7 +51,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     options = argparse.Namespace()
     try:
-        options = parser().parse_args(arguments)
+        command = parser()
+        complete(command)
+        options = command.parse_args(arguments)
         return int(options.run(options) or 0)
     except LiberoMaxError as error:
         said = _named_as_here(f"libero-max: {error}", options)

@@ -64,8 +64,8 @@ def _merge(options: argparse.Namespace) -> int:
     from pytest_libero_max.cli.report import run_summary
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
     from pytest_libero_max.report.gate_results import decide, require_usable
+    from pytest_libero_max.report.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.gates import parse_gates
-    from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import write_reports
     from pytest_libero_max.runs.merge import finished, merge_folders
 

@@ -74,8 +74,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _publish(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.about import About
-    from pytest_libero_max.report.publication import publish
+    from pytest_libero_max.report.publication import About, publish
 
     about = None
     if options.authors or options.model:
@@ -88,8 +87,7 @@ def _publish(options: argparse.Namespace) -> None:
 
 
 def _verify_run(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.publication import checked
-    from pytest_libero_max.report.verified_runs import note_check, read_checks
+    from pytest_libero_max.report.publication import checked, note_check, read_checks
     from pytest_libero_max.runs.outside import outside_text
     from pytest_libero_max.runs.replay_command import is_outside
     from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, FRESH, verification_lines, verified

@@ -61,13 +61,13 @@ def add_command(commands: Commands) -> None:
 def _export_named(text: str) -> tuple[str, Path]:
     name, equals, file = text.partition("=")
     if not equals or not file:
-        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example ctrf=ctrf.json")
+        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example tensorboard=logs")
     return name, Path(file)
 
 
 def _export(options: argparse.Namespace) -> None:
     from pytest_libero_max.cli.ini_file import gates_of
-    from pytest_libero_max.report.exports import ExportedRun, export
+    from pytest_libero_max.report.exports import ExportedRun
     from pytest_libero_max.report.gate_results import decide_on
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.store import read_pairs
@@ -77,7 +77,7 @@ def _export(options: argparse.Namespace) -> None:
     verdicts = decide_on(gates, stored, report_of(stored), start) if gates else ()
     run = ExportedRun(options.folder, stored, verdicts)
     for format_name, place in options.export:
-        print(f"Written: {', '.join(map(str, export(format_name, run, place)))}")
+        print(f"Written: {', '.join(map(str, EXPORTS[format_name](run, place)))}")
 
 
 def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:
@@ -119,13 +119,13 @@ def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
     """Write the report of results that another runner wrote."""
     from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.formats import interval_text, points
+    from pytest_libero_max.report.gate_text import gate_lines
     from pytest_libero_max.report.read_results import (
         contrast_with,
         decide_results,
         report_of_results,
         write_results,
     )
-    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.outcomes import read_outcomes
 
@@ -152,12 +152,11 @@ def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
+    from pytest_libero_max.report.gate_text import gate_lines
     from pytest_libero_max.report.readers import reader_of
     from pytest_libero_max.report.run_tables import csv_text, latex_text
-    from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
-    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.report_files import write_figures, write_text
 
     if options.export:
@@ -172,8 +171,6 @@ def _report(options: argparse.Namespace) -> None:
         paths += write_figures(report, options.folder)
     if options.tables:
         tables = {"report.csv": csv_text(report), "report.tex": latex_text(report)}
-        if report.study is not None:
-            tables["study.csv"] = study_csv(report.study)
         for name, text in tables.items():
             write_text(options.folder / name, text)
         paths += [options.folder / name for name in tables]

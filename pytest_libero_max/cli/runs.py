@@ -78,7 +78,7 @@ def _list(folder: Path = Path()) -> int:
             unreadable.append(f"cannot be read: {error}")
     lines = aligned([_HEAD, *(row for _, row in sorted(found))]) if found else []
     if any(_FLOOR in cell for _, row in found for cell in row):
-        from pytest_libero_max.report.group_tables import FLOOR_NOTE
+        from pytest_libero_max.report.groups import FLOOR_NOTE
 
         lines.append(FLOOR_NOTE)
     say([*lines, *unreadable] or [f"There is no run below {folder}."])
@@ -106,7 +106,7 @@ def _began(seen: Seen) -> str:
 def _rates(seen: Seen) -> tuple[str, str, str]:
     from pytest_libero_max.report.formats import percent, points
     from pytest_libero_max.runs.outcomes import read_outcomes
-    from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+    from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE
 
     if seen.state != "ended" or not seen.complete or not seen.progress.done:
         return ("", "", "")

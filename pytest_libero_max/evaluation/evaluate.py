@@ -24,7 +24,7 @@ from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.processes.time_limits import Limits
 from pytest_libero_max.evaluation.resolving import resolve
 from pytest_libero_max.evaluation.run_cases import RunCases
-from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, OPTIONS, Settings
+from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, GONE, OPTIONS, Settings
 from pytest_libero_max.evaluation.stopping import Stop
 from pytest_libero_max.evaluation.workers import CasePlayer, Job, Workers, for_workers, result_in
 from pytest_libero_max.pairing.record import RECORD_PHASE, PairError, PairRecord
@@ -71,7 +71,7 @@ class Evaluation:
     @property
     def numbers(self) -> dict[str, float]:
         """The main numbers under flat names, for experiment trackers."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         return main_numbers(self.report)
 
@@ -288,9 +288,14 @@ def _settings(asked: dict[str, Any]) -> Settings:
 
 def _instead(name: str, known: Collection[str]) -> str:
     """Return what to write in the place of an argument that there is not."""
-    if name in (option.field for option in OPTIONS if option.session):
-        return "Only a session of pytest has it."
-    return did_you_mean(name, sorted({*known, *_OWN.values()} - {*_OWN}))
+    word = name.replace("_", "-")
+    session = {option.name for option in OPTIONS if option.session}
+    spelled = GONE.get(word, word if word in session else None)
+    if spelled is None:
+        return did_you_mean(name, sorted({*known, *_OWN.values()} - {*_OWN}))
+    if spelled.partition("=")[0].replace("-", "_") in known:
+        return f"It is spelled {spelled}."
+    return f"Only a session of pytest has it, as --libero-max-{spelled}."
 
 
 def _value(option: Option, value: Any) -> Any:

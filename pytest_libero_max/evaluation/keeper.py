@@ -371,7 +371,7 @@ class RunKeeper:
 
     def ending(self) -> tuple[int, str] | None:
         """Return exit status and line of a run that is incomplete, or whose gates do not hold."""
-        from pytest_libero_max.report.writers.gate_text import not_passed_text
+        from pytest_libero_max.report.gate_text import not_passed_text
 
         pairs = None if self.report is None else self.report.pairs
         if self.problems or pairs is None:

@@ -175,7 +175,7 @@ class GivenPolicy(PolicySource):
         settings = self.settings
         policy = check_policy(self.thing() if self.is_made else self.thing, settings.reference)
         self._policy, self._spec = policy, policy.spec
-        override(policy, settings.reference, settings.horizon, settings.query_interval)
+        override(policy, settings.horizon, settings.query_interval)
         return wrapped(policy, settings)
 
     def release(self, policy: Policy) -> None:

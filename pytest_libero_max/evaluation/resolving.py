@@ -12,7 +12,7 @@ from pytest_libero_max.benchmark.latency import NO_LATENCY, Latency
 from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import LiberoMaxError, OptionError, ReportError
 from pytest_libero_max.evaluation.processes.time_limits import Limits
-from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.evaluation.settings import DEFAULT_OUTPUT, Settings
 from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.studies.registry import find_study
 from pytest_libero_max.substrates.registry import SUBSTRATES
@@ -40,7 +40,7 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
                 "--libero-max-track and --libero-max-manifest both name the cases; give one of them."
             )
         values["manifest"] = path_from(here, values["manifest"])
-    values["output"] = path_from(here, values["output"])
+    values["output"] = _output(values["output"], here, resume=values["resume"])
     if values["xfails"] is not None:
         values["xfails"] = path_from(here, values["xfails"])
     values["program"] = _program(values, here)
@@ -55,6 +55,15 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
     _check_timing(values)
     settings = Settings(**values)
     return replace(settings, track=_track(settings, values["track"]))
+
+
+def _output(text: str, here: Path, *, resume: bool) -> Path:
+    """Return the output folder."""
+    if text == "auto":
+        made = sorted(here.glob(f"{DEFAULT_OUTPUT}-[0-9][0-9][0-9][0-9]"))
+        last = int(made[-1].name[-4:]) if made else 0
+        text = f"{DEFAULT_OUTPUT}-{last + (not made or not resume):04d}"
+    return path_from(here, text)
 
 
 def path_from(here: Path, text: str | Path) -> Path:

@@ -201,9 +201,9 @@ class Settings(ProtocolSettings):
         "RULE",
         "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
         " not be measured), first_regression, certain (no remaining outcome can change a gate), "
-        "strata:LEVEL (a change in some event of some suite is shown at this level), "
         "anytime:LEVEL (at this level, a sequential test has decided the gates, or without gates has found a "
-        "change), worse_than:RUN (Dynamic is shown to be worse than that of an earlier run), or a rule of "
+        "change), strata:LEVEL (a change in some event of some suite is shown at this level), worse_than:RUN "
+        "(Dynamic is shown to be worse than that of an earlier run), or a rule of "
         "another package, NAME or NAME:ARGUMENTS (default: none)",
         stopping_rule,
     )
@@ -320,14 +320,16 @@ class Settings(ProtocolSettings):
         group="machines",
     )
     output: Path = setting(
-        "FOLDER",
-        "Folder for pairs.jsonl and report.json",
+        "FOLDER|auto",
+        f"Folder for pairs.jsonl and report.json; auto: {DEFAULT_OUTPUT}-0001 and so on, with "
+        "--libero-max-resume the last of them",
         text,
         default=DEFAULT_OUTPUT,
     )
     compare: str | None = setting(
-        "RUN",
-        "At the end, compare the run with this one",
+        "RUN|last",
+        "At the end, compare the run with this one; last: with the last complete run of the same cases "
+        "beside the output folder",
         text,
         session=True,
     )
@@ -353,6 +355,29 @@ class Settings(ProtocolSettings):
     def case_set(self) -> str:
         """Name of the track or manifest for people."""
         return f"manifest {self.manifest.name}" if self.manifest else f"track {self.track}"
+
+
+GONE = {
+    "cadence": "study=cadence:SETTINGS",
+    "delays": "study=latency:SETTINGS",
+    "repeats": "study=repeats:PLAYS",
+    "query-timeout": "timeout=query:S",
+    "step-timeout": "timeout=step:S",
+    "pair-timeout": "timeout=pair:S",
+    "semantics": "substrate=libero:semantics=WHICH",
+    "instruction": "substrate=libero:instruction=WHICH",
+    "source-variations": "substrate=libero:variations=WHICH",
+    "restore": "wrap=restore:MODE",
+    "adaptive": "wrap=adaptive:WATCH",
+    "noise-floor": "noise=floor:PAIRS",
+    "sham": "noise=sham:SHARE",
+    "film-limit": "film=WHICH:PAIRS",
+    "ray-actors": "ray=ADDRESS,actors=N",
+    "ray-cpus": "ray=ADDRESS,cpus=N",
+    "ray-gpus": "ray=ADDRESS,gpus=N",
+    "ray-ship": "ray=ADDRESS,ship",
+}
+"""Options of before, with what says the same now."""
 
 
 OPTIONS = options_of(Settings)

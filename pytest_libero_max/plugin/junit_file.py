@@ -20,7 +20,7 @@ def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None
     Args:
         result: Its verdict; None where this run does not decide it.
     """
-    from pytest_libero_max.report.writers.gate_text import gate_lines
+    from pytest_libero_max.report.gate_text import gate_lines
 
     outcome: Literal["passed", "failed", "skipped"] = "skipped"
     said = f"{text}: not decided by this run; that of a shard is decided by libero-max shards merge."

@@ -5,6 +5,7 @@ Precedence, for every option: command line, then ini file, then default.
 
 from __future__ import annotations
 
+import argparse
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ import pytest
 from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
-from pytest_libero_max.evaluation.settings import OPTIONS, Settings
+from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
 from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.runs.replay_command import Places
 from pytest_libero_max.runs.setting import Group, Option
@@ -56,6 +57,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
             kind = "bool"
         parser.addini(option.key, f"See {option.flag}", kind, default=None)
 
+    for name in GONE:
+        group.addoption(
+            f"--libero-max-{name}", dest=_gone(name), nargs="?", const=True, help=argparse.SUPPRESS
+        )
+
+
+def _gone(name: str) -> str:
+    return f"libero_max_{name.replace('-', '_')}"
+
 
 def resolve(config: pytest.Config) -> Settings:
     """Return settings from the command line and the ini file.
@@ -68,6 +78,8 @@ def resolve(config: pytest.Config) -> Settings:
     with usage_errors():
         settings = resolving.resolve(values, config.invocation_params.dir, given)
     # Workers are given the options: what is chosen by this machine's files and environment is kept in them.
+    if values["output"] == "auto":
+        config.option.libero_max_output = str(settings.output)
     if settings.latency.drawn:  # the folder of a recorded run may be missing where a worker is
         config.option.libero_max_latency = str(settings.latency)
     if settings.shard is not None:
@@ -104,17 +116,23 @@ def given(config: pytest.Config, name: str) -> bool:
 
 
 def require_known_keys(config: pytest.Config) -> None:
-    """Check the keys of ini file and ``-o`` that look like ours: pytest only warns.
+    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns.
 
     Raises:
-        pytest.UsageError: One is unknown; suggests the closest.
+        pytest.UsageError: One is unknown; suggests what says the same, or the closest.
     """
     known = {option.key for option in OPTIONS}
+    gone = {_gone(name): f"It is spelled --libero-max-{instead}." for name, instead in GONE.items()}
+    for name in GONE:
+        if config.getoption(_gone(name)) is not None:
+            raise pytest.UsageError(f"--libero-max-{name}: unknown. {gone[_gone(name)]}")
     overridden = (text.partition("=")[0].strip() for text in config.option.override_ini or ())
     for key in (*in_file(config), *overridden):
         ours = key.lower().replace("-", "_")
         if ours.startswith("libero_max") and key not in known:
-            raise pytest.UsageError(f"ini option {key}: unknown. {did_you_mean(ours, known)}")
+            raise pytest.UsageError(
+                f"ini option {key}: unknown. {gone.get(ours) or did_you_mean(ours, known)}"
+            )
 
 
 def in_order(config: pytest.Config) -> bool:
@@ -219,10 +237,11 @@ def native_value(option: Option, value: object) -> Any:
     """Return a value of a TOML table as another ini file writes it: text, a list of texts, True or False.
 
     pytest reads there only the one type that is declared, and a limit, a share or a shard is a number in one
-    project and text in the next. Where an option's text has parts, a list is several of them.
+    project and text in the next. Where an option's text has parts, a list is several of them and a table has
+    them by name: ``{cadence = [2, 4]}`` is ``cadence:2,4``.
 
     Returns:
-        None for an empty list.
+        None for an empty list or table.
 
     Raises:
         pytest.UsageError: It has a type that the option does not have.
@@ -235,8 +254,15 @@ def native_value(option: Option, value: object) -> Any:
         values = value if isinstance(value, list) else [value]
         lines = [line.strip() for entry in values for line in _single(option, entry).splitlines()]
         return [line for line in lines if line]
-    if option.has_parts and isinstance(value, list):
-        return ",".join(_single(option, entry) for entry in value) or None
+    return (_spelled(option, value, ":") or None) if option.has_parts else _single(option, value)
+
+
+def _spelled(option: Option, value: object, mark: str) -> str:
+    """Return the text of a value; ``mark`` stands between name and value, and ``=`` in a table inside."""
+    if isinstance(value, list):
+        return ",".join(_spelled(option, entry, mark) for entry in value)
+    if isinstance(value, dict):
+        return ",".join(f"{name}{mark}{_spelled(option, entry, '=')}" for name, entry in value.items())
     return _single(option, value)
 
 
@@ -245,7 +271,7 @@ def _single(option: Option, value: object) -> str:
         one = "text or a number"
         expected = f"{one}, or a list of these" if option.many else one
         if option.has_parts:
-            expected = f"{one}, or a list of these, as in {option.metavar}"
+            expected = f"{one}, a list of these or a table of them by name, as in {option.metavar}"
         raise _unexpected(option, value, expected)
     return str(value)
 

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json, printable
-from pytest_libero_max.errors import ReportError, class_name, text_of
+from pytest_libero_max.errors import class_name, text_of
 from pytest_libero_max.evaluation.keeper import RunKeeper, problem_text
 from pytest_libero_max.evaluation.processes.deaths import refused_lines, set_aside_lines
 from pytest_libero_max.plugin.collection import asked_for, only_lists
@@ -152,7 +152,7 @@ class RunEnd:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
         from pytest_libero_max.report.broken import to_look_at
         from pytest_libero_max.report.comparison.comparison_sections import short_lines
-        from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
+        from pytest_libero_max.report.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
@@ -186,22 +186,13 @@ class RunEnd:
                 self.lines.append(f"The step summary was not written: {error}")
 
     def _compared(self, here: Path) -> Comparison | str | None:
-        """Return the comparison that was asked for, or why there is none; None where none was asked for.
+        """Return the comparison that was asked for, or why there is none; None where none was asked for."""
+        from pytest_libero_max.plugin.run_comparison import comparison_at_the_end
 
-        Where this run has played a part of the cases of the earlier one, that part is compared.
-        """
-        from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
-
-        if self.settings.compare is None or self.keeper.run is None:
+        asked, run = self.settings.compare, self.keeper.run
+        if asked is None or run is None:
             return None
-        earlier = here / Path(self.settings.compare).expanduser()
-        both = [_relative(path, here) for path in (earlier, self.settings.output)]
-        try:
-            runs = read_runs(both)
-            theirs, ours = ({pair.case_digest for pair in outcomes.run.planned} for outcomes in runs.values())
-            return compare_runs(runs, restrict=ours <= theirs)
-        except ReportError as error:
-            return f"No comparison with {both[0]}: {error}"
+        return comparison_at_the_end(asked, self.settings.output, run, here)
 
     def _suites_lines(self, report: Report) -> list[str]:
         """Return the option with which the limit takes no unsupported pair, if it took one."""
@@ -218,7 +209,7 @@ class RunEnd:
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         told = {"report": msgspec.to_builtins(report), "numbers": main_numbers(report)}
         hook = self.config.hook.pytest_libero_max_reported
@@ -305,7 +296,7 @@ class RunEnd:
         from pytest_libero_max.report.broken import colour_of
 
         if terminalreporter.verbosity < 0:
-            from pytest_libero_max.report.writers.gate_text import KEPT
+            from pytest_libero_max.report.gate_text import KEPT
 
             kept = (*KEPT, "::error", "::notice", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]

@@ -3,7 +3,9 @@
 The first line is the run (``"line": "run"``: provenance and the planned pairs), every other line a measured
 pair (``"line": "pair"``) or a pair that could not be measured (``"line": "error"``). A run that was stopped
 ends with a line that says why (``"line": "stopped"``); pairs behind it are those of a resumed run. Only the
-controller writes the file, a line at a time, and the disk has each before the next pair is dealt with.
+controller writes the file, a line at a time. The system has a line before the next pair is dealt with, so a
+process that is killed loses none. A machine that fails may lose those that came within :data:`SYNC_S` of a
+line that the disk has.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -45,6 +48,9 @@ from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
 PAIRS_NAME = "pairs.jsonl"
 PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
 """The same file in a published run; it is read, never written to."""
+
+SYNC_S = 0.5
+"""Least time between two waits for the disk, s: on a network file system each costs as much as many lines."""
 
 COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
 """Files that are computed from the pairs and lie beside them."""
@@ -115,6 +121,7 @@ class PairStore:
         self._append_to_existing = False
         self._resumed: StoredRun | None = None
         self._broken: OSError | None = None
+        self._synced = -SYNC_S  # time of the last wait for the disk, on the monotonic clock
         require_writable(folder)
         require_free(folder)
 
@@ -204,7 +211,7 @@ class PairStore:
         self._resumed = None
 
     def append(self, pair: PairRecord | PairError) -> None:
-        """Write one pair; the disk has it on return.
+        """Write one pair. The disk has it on return or, where it came soon after another, with a later one.
 
         Raises:
             DiskError: The file cannot be written any more.
@@ -243,6 +250,8 @@ class PairStore:
                 self._require_there()
             if stopped is not None:
                 self._write_line(_line("stopped", stopped))
+            if self._file is not None and self._broken is None:
+                os.fsync(self._file.fileno())
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}.") from error
         finally:
@@ -270,7 +279,9 @@ class PairStore:
             self._require_there()
             if self._file.write(line) != len(line):
                 raise OSError("only a part of the line was written")
-            os.fsync(self._file.fileno())
+            if time.monotonic() - self._synced >= SYNC_S:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
         except OSError as error:
             self._broken = error
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error

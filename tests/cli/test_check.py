@@ -12,8 +12,8 @@ import pytest
 
 from pytest_libero_max.cli import check, main
 from pytest_libero_max.cli.check import _soon
+from pytest_libero_max.policies.loading import forget_adapter
 from tests.policies.clients import fakes
-from tests.policies.forgetting import forget_adapter
 
 TEMPLATE = Path(__file__).parents[2] / "fixtures" / "policies" / "vla.py"
 

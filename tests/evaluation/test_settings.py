@@ -15,7 +15,7 @@ from pytest_libero_max.benchmark.text_values import fraction, positive
 from pytest_libero_max.errors import OptionError, OtherRunError, ReportError
 from pytest_libero_max.evaluation.evaluate import evaluate
 from pytest_libero_max.evaluation.resolving import resolve
-from pytest_libero_max.evaluation.settings import OPTIONS, Settings
+from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
 from pytest_libero_max.runs import protocol
 from pytest_libero_max.runs.agreement import Agreement
 from pytest_libero_max.runs.comparability import measurement_differences, names, require_names
@@ -150,9 +150,11 @@ def test_an_option_is_its_field() -> None:
     assert [item.name for item in fields(Settings)] == [option.field for option in OPTIONS]
 
 
-def test_arguments_that_are_spelled_otherwise_here_are_answered() -> None:
-    others = {"gate": "spelled gates", "output": "spelled folder", "film": "a session of pytest"}
-    for name, words in {**others, "horizn": "'horizon'"}.items():
+def test_arguments_of_before_are_answered_with_those_of_now() -> None:
+    gone = {name: f"spelled {GONE[name.replace('_', '-')]}" for name in ("noise_floor", "sham", "restore")}
+    others = {"gate": "spelled gates", "output": "spelled folder"}
+    session = dict.fromkeys(("film", "film_limit", "ray_gpus"), "a session of pytest")
+    for name, words in {**gone, **others, **session}.items():
         with pytest.raises(OptionError, match=words):
             evaluate("noop", **cast("Any", {name: 1}))
 

@@ -48,11 +48,19 @@ _OPTIONS = {option.name: option for option in OPTIONS}
         ("limit", 8, "8"),
         ("resume", True, True),
         ("gate", ["delta > 0", "missing == 0"], ["delta > 0", "missing == 0"]),
-        ("wrap", ["restore:gated", "adaptive:image"], "restore:gated,adaptive:image"),
+        ("noise", {"sham": 0.2, "floor": 4}, "sham:0.2,floor:4"),
+        ("wrap", ["restore:gated", {"adaptive": "image"}], "restore:gated,adaptive:image"),
         ("wrap", [], None),
+        (
+            "substrate",
+            {"libero": {"semantics": "corrected", "variations": "own"}},
+            "libero:semantics=corrected,variations=own",
+        ),
+        ("study", {"cadence": [2, 4]}, "cadence:2,4"),
+        ("timeout", {"query": 20, "pair": 600}, "query:20,pair:600"),
     ],
 )
-def test_lists_are_read_as_the_option_spells_them(name: str, value: object, text: object) -> None:
+def test_lists_and_tables_are_read_as_the_option_spells_them(name: str, value: object, text: object) -> None:
     assert native_value(_OPTIONS[name], value) == text
 
 
@@ -61,7 +69,7 @@ def test_lists_are_read_as_the_option_spells_them(name: str, value: object, text
     [
         ("horizon", [4], r"libero_max_horizon=\[4\]: expected text or a number$"),
         ("gate", {"delta": 0}, "or a list of these$"),
-        ("noise", [True], "libero_max_noise=True: .* a list of these, as in sham:SHARE"),
+        ("noise", {"sham": True}, "libero_max_noise=True: .* table of them by name, as in sham:SHARE"),
         ("resume", 1, "libero_max_resume=1: expected true or false"),
     ],
 )

@@ -9,11 +9,20 @@ from pytest_libero_max import cli
 from pytest_libero_max.cli.commands import CommandPlace
 from tests.reference.markdown import code
 
+_COMPLETION = """\
+The shell completes commands, options, profiles, tracks and paths with the extra `completion`. In the
+environment in which the plugin is installed:
+
+```sh
+pip install -e '.[completion]'                       # in the clone
+eval "$(register-python-argcomplete libero-max)"   # Bash and Zsh; a line for ~/.bashrc or ~/.zshrc
+```"""
+
 
 def page() -> str:
     """The text."""
     commands = "\n\n".join(_command(name, parser, help) for name, parser, help in _commands(cli.parser()))
-    parts = ("# The `libero-max` command", "For what is done before and after runs.", commands)
+    parts = ("# The `libero-max` command", "For what is done before and after runs.", _COMPLETION, commands)
     return "\n\n".join(parts) + "\n"
 
 

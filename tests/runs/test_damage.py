@@ -13,8 +13,8 @@ from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.comparison.comparison_sections import comparison_lines
 from pytest_libero_max.report.gate_results import decide
+from pytest_libero_max.report.gate_text import gate_lines
 from pytest_libero_max.report.gates import parse_gates
-from pytest_libero_max.report.writers.gate_text import gate_lines
 from pytest_libero_max.report.writers.power_text import expectations_of
 from pytest_libero_max.report.writers.report_files import read_report, report_json, write_reports
 from pytest_libero_max.report.writers.summary import summary_lines

@@ -19,6 +19,7 @@ from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.pairing.probes.registry import PROBES
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.policies.wrappers import WRAPPERS
+from pytest_libero_max.runs import store as store_module
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.replay_command import replay_of
 from pytest_libero_max.runs.store import PairStore, read_pairs, read_to_resume
@@ -64,6 +65,7 @@ def test_a_line_is_on_disk_before_the_next_pair(
 ) -> None:
     synced: list[int] = []
     monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(os.fstat(descriptor).st_size))
+    monkeypatch.setattr(store_module, "SYNC_S", 0.0)
     store = PairStore(tmp_path, run)
     assert not store.path.exists()
     for pair in run.planned[:2]:
@@ -71,6 +73,21 @@ def test_a_line_is_on_disk_before_the_next_pair(
         assert synced[-1] == store.path.stat().st_size
     assert len(read_pairs(store.path, ended=False).records) == 2
     store.close()
+
+
+def test_lines_that_come_fast_wait_for_the_disk_together(
+    tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: list[int] = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(os.fstat(descriptor).st_size))
+    monkeypatch.setattr(store_module, "SYNC_S", 1000.0)
+    store = PairStore(tmp_path, run)
+    for pair in run.planned[:3]:
+        store.append(record_of(pair, True, True))
+    assert len(synced) == 1
+    assert len(read_pairs(store.path, ended=False).records) == 3
+    store.close()
+    assert synced[1:] == [store.path.stat().st_size]
 
 
 def test_a_process_that_is_killed_loses_no_line(tmp_path: Path) -> None:
@@ -241,6 +258,7 @@ def test_after_a_failed_write_nothing_is_put_behind_the_damage(
 
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
+        patch.setattr(store_module, "SYNC_S", 0.0)
         with pytest.raises(ReportError, match=r"left on device\."):
             store.append(record_of(run.planned[1], True, True))
     with pytest.raises(ReportError, match="earlier write failed"):

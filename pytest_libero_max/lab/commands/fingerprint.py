@@ -31,12 +31,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _fingerprint(options: argparse.Namespace) -> int:
-    from pytest_libero_max.lab.fingerprint import (
-        comparison_lines,
-        fingerprint_lines,
-        read_fingerprint,
-        take,
-    )
+    from pytest_libero_max.lab.fingerprint import comparison_lines, fingerprint_lines, read_fingerprint, take
     from pytest_libero_max.report.writers.report_files import write_text
     from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.worlds.threads import use_one_blas_thread

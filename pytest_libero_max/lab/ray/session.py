@@ -182,7 +182,6 @@ class RayRun:
             self._pending[actor.handle.start.remote()] = actor
 
     def _plan(self, name: str) -> str:
-        """Return the plan by which an actor starts a session like this one."""
         config, settings = self._config, self._settings
         here = str(config.invocation_params.dir)
         node = SimpleNamespace(workerinput={}, config=config, gateway=SimpleNamespace(id=name))
@@ -318,7 +317,6 @@ class RayRun:
         self._config.hook.pytest_warning_recorded.call_historic(kwargs=told)
 
     def pytest_unconfigure(self) -> None:
-        """Disconnect from the cluster."""
         if self._cluster is not None:
             self._cluster.close()
 
@@ -330,11 +328,6 @@ _CURE = (
 
 
 def _require_alone(config: pytest.Config) -> None:
-    """Refuse options that also hand out the tests, or need them in this process.
-
-    Raises:
-        pytest.UsageError: There is such an option.
-    """
     if config.getoption("tx", None):
         raise pytest.UsageError(
             "--libero-max-ray and -n both hand out the pairs. Leave -n away; where the ini file has it, add "

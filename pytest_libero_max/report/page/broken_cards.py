@@ -23,7 +23,6 @@ class Card(NamedTuple):
 
     number: int
     cause: str
-    """In words; empty where it was not recorded."""
     what: str
     """The event, with the programs that were played in its place."""
     view: str
@@ -42,24 +41,15 @@ class Cards(NamedTuple):
     """The pairs of an outcome."""
 
     part: Part
-    """Their groups, with the heading."""
     cards: Sequence[Card]
-    """The largest groups."""
     more: int
-    """Number of pairs in other groups."""
     view: str
 
 
 def broken_cards(
     report: Report, films: Mapping[str, Sequence[str]], records: Mapping[str, PairRecord]
 ) -> list[Cards]:
-    """Return what Base fails at where it solves little, then the pairs that were lost and that were gained.
-
-    Args:
-        report: Of the run.
-        films: Paths of the films of each pair that has some, relative to the page, by item id.
-        records: The played pairs, by item id.
-    """
+    """Return cards of what Base fails at where it solves little, and of what was lost and gained."""
     parts = parts_of(report, films, most=10**6, most_groups=_MOST_CARDS)
     return [
         Cards(

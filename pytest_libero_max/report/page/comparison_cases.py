@@ -29,10 +29,7 @@ def comparison_cases(
     The cases that the last run loses come first.
 
     Args:
-        common: The cases, with the outcomes of every run.
-        names: Name of each run on the page.
         replays: The command that plays a case of a run again, once its item id is appended, by run.
-        beside: See :func:`beside`.
     """
     codes = {run: outcome_codes(pairs).tolist() for run, pairs in common.pairs.items()}
     order = sorted(
@@ -91,10 +88,6 @@ def comparison_cases(
 
 def beside(runs: Mapping[str, Path], folder: Path) -> Json:
     """Return the films and pages that lie with the runs, for the page of their comparison.
-
-    Args:
-        runs: Folder of each run.
-        folder: Folder of the page.
 
     Returns:
         ``films``: addresses relative to the page by run and item id. ``moments``: of the pairs with a film,

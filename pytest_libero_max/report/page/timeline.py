@@ -21,10 +21,6 @@ _MOST_POINTS = 200
 def timeline_of(record: PairRecord, folder: Path | None = None) -> Json:
     """Return the moments of a pair, in policy steps.
 
-    Args:
-        record: The pair.
-        folder: Folder of the run, for its traces; None for none.
-
     Returns:
         ``steps``: of the longest arm. ``arms``: by name, ``end`` (steps), ``success``, ``events`` (steps),
         ``stale`` (number of stale actions after the first event) and ``kind`` (class of its colour); where
