@@ -204,6 +204,7 @@ def test_what_is_missing_is_said(run: Run) -> None:
 @pytest.mark.parametrize(
     ("args", "message"),
     [
+        (("--libero-max-ray-gpus=1",), "*--libero-max-ray=ADDRESS,gpus=N*"),
         (("--libero-max-ray=x,cpus=0",), "*nothing says how many actors have room*"),
         (("--libero-max-ray=x,gpus=1.5",), "*expected a number of at least 0, whole above 1*"),
     ],

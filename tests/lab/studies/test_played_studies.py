@@ -242,6 +242,15 @@ def settings_with(**texts: str) -> dict[str, Any]:
     return values | {"policy": "noop"}
 
 
+@pytest.mark.parametrize(
+    ("flag", "study"), [("--libero-max-cadence=2", "cadence"), ("-olibero_max_delays=2", "latency")]
+)
+def test_an_old_spelling_is_answered_with_the_new_one(run: Run, flag: str, study: str) -> None:
+    done = run(flag)
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    done.stderr.fnmatch_lines([f"*--libero-max-study={study}:SETTINGS*"])
+
+
 def test_a_camera_study_refuses_cases_with_other_events(run: Run) -> None:
     done = run("--libero-max-study=camera-timing", "-m", "camera_shift or target_relocation")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
