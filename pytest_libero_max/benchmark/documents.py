@@ -45,11 +45,7 @@ def printable(text: str) -> str:
 
 
 def read_content(path: Path) -> bytes:
-    """Return the bytes of a file, unpacked where its name ends in ``.gz``.
-
-    Raises:
-        OSError: It cannot be read, is no regular file, or is damaged.
-    """
+    """Return the bytes of a file, unpacked where its name ends in ``.gz``, or raise OSError."""
     require_regular(path)
     content = path.read_bytes()
     if path.suffix != ".gz":

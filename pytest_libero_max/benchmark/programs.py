@@ -194,11 +194,7 @@ def find_program(text: str, folder: Path = Path()) -> Program:
 
 
 def load_program(path: Path) -> Program:
-    """Read a program from a JSON or TOML file.
-
-    Raises:
-        OptionError: The file cannot be read, is neither, or breaks the format; names it.
-    """
+    """Read a program from a JSON or TOML file, or raise OptionError."""
     return replace(read_document(path, "program", parse_program), source=str(path))
 
 

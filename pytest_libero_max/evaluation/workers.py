@@ -321,10 +321,6 @@ def for_workers(source: PolicySource) -> PolicySource:
 
 
 def result_in(answer: Json) -> Any:
-    """Return the record or error in an answer; None where the pair is not supported.
-
-    Raises:
-        ReportError: It is neither.
-    """
+    """Return the record or error in an answer; None where the pair is not supported; raises ReportError."""
     values = answer.get("record") or answer.get("error")
     return None if values is None else result_from_dict(values)

@@ -68,11 +68,7 @@ def _gone(name: str) -> str:
 
 
 def resolve(config: pytest.Config) -> Settings:
-    """Return settings from the command line and the ini file.
-
-    Raises:
-        pytest.UsageError: A value is not of its option's form, or two options contradict each other.
-    """
+    """Return settings from the command line and the ini file, or raise pytest.UsageError."""
     values = {option.field: _value(config, option) for option in OPTIONS}
     given = {option.field for option in OPTIONS if config.getoption(option.key) is not None}
     with usage_errors():

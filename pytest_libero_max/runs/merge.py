@@ -81,11 +81,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
 
 
 def finished(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """Return the folders whose run has ended, and messages about the others.
-
-    Raises:
-        ReportError: There is no such folder.
-    """
+    """Return the folders whose run has ended, and messages about the others, or raise ReportError."""
     ended, said = [], []
     for path in paths:
         if not pairs_file(path).is_file():
