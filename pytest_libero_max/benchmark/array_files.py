@@ -19,10 +19,6 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
 
     Args:
         wanted: Endings of the names that are read; None for all.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It is no archive, is damaged, or unpacks to more than :data:`.documents.MOST_BYTES`.
     """
     content = path.read_bytes()
     try:

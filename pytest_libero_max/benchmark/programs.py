@@ -94,11 +94,7 @@ class Program:
         return canonical_digest(self.to_dict())
 
     def fits(self, **case: str) -> bool:
-        """Return True if the program makes sense in a case, as far as the program says it.
-
-        Args:
-            case: What patterns are of: the case's ``event``, ``operation``, ``suite`` and ``entity``.
-        """
+        """Return True if the program makes sense in a case, as far as the program says it."""
         return all(_matches(case[key], patterns) for key, patterns in self.only.items()) and not any(
             _matches(case[key], patterns) for key, patterns in self.without.items()
         )
@@ -200,9 +196,6 @@ def load_program(path: Path) -> Program:
 
 def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
     """Return what a JSON or TOML file spells.
-
-    Args:
-        parse: Turns its value into that.
 
     Raises:
         OptionError: The file cannot be read, is of neither format, or breaks a rule; names it.

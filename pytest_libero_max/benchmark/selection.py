@@ -47,12 +47,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
     def choose(
         cls, case_ids: Iterable[str], of: int, asked: Sequence[str], shard: tuple[int, int] | None = None
     ) -> Selection:
-        """Return the selection of some cases.
-
-        Args:
-            asked: The user's selection, apart from the shard.
-            shard: Number and count, for example ``(1, 4)``.
-        """
+        """Return the selection of some cases."""
         ids = sorted(case_ids)
         shards = None if shard is None or shard[1] == 1 else Shards(shard[1], (shard[0],))
         return cls(tuple(asked), len(ids), of, canonical_digest(ids), shards, merged=False)

@@ -96,12 +96,7 @@ def finished(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
 
 
 def merge_folders(paths: list[Path], output: Path) -> StoredRun:
-    """Join the runs at ``paths`` and write the whole as a run into ``output``.
-
-    Raises:
-        ReportError: See :func:`merge_runs`.
-        OptionError: The output folder cannot be written to.
-    """
+    """Join the runs at ``paths`` and write the whole as a run into ``output``."""
     merged = merge_runs({str(path): read_pairs(path) for path in paths})
     store = PairStore(output, merged.run)
     store.begin()
