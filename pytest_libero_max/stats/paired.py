@@ -108,7 +108,10 @@ class Pairs:
         task: ArrayLike,
     ) -> Pairs:
         return cls(
-            *(np.asarray(values, dtype=np.bool_) for values in (base, dynamic, triggered, responded)),
+            np.asarray(base, dtype=np.bool_),
+            np.asarray(dynamic, dtype=np.bool_),
+            np.asarray(triggered, dtype=np.bool_),
+            np.asarray(responded, dtype=np.bool_),
             np.asarray(stale, dtype=np.int64),
             np.asarray(source, dtype=np.str_),
             np.asarray(task, dtype=np.str_),
