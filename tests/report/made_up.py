@@ -21,11 +21,10 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
-from pytest_libero_max.report.measures import Rows, measure_text
 from pytest_libero_max.report.report_document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
-from pytest_libero_max.stats.blocks import Block, Measure
+from pytest_libero_max.stats.blocks import Block
 
 POLICY: Json = {
     "name": "scripted",
@@ -240,20 +239,12 @@ def run_of(
 
 def write_run(folder: Path, run: StoredRun) -> Path:
     """Write the pairs of a run, and return its folder."""
+    pairs: list[PairRecord | PairError] = [*run.errors, *run.records]
     store = PairStore(folder, run.run)
-    for error in run.errors:
-        store.append(error)
-    for record in run.records:
-        store.append(record)
+    for pair in pairs:
+        store.append(pair)
     store.close(run.stopped)
     return folder
-
-
-def texts_of(rows: Rows) -> dict[str, Any]:
-    """The rows of a section with their numbers as people read them."""
-    return {
-        name: measure_text(value) if isinstance(value, Measure) else value for name, value in rows.items()
-    }
 
 
 def error_of(pair: PlannedPair) -> PairError:

@@ -29,9 +29,8 @@ LEVEL = 0.05
 PAIRS = 800
 RUNS = 10_000
 _AT_ONCE = 250
-MARGIN = -0.05
 LIMIT = -40
-"""The margin as a number of pairs: gains less losses over all of them."""
+"""The margin of -5% as a number of pairs: gains less losses over all of them."""
 
 NULLS = ((0.05, 0.05), (0.15, 0.15), (0.30, 0.30))
 """Shares of lost and of gained pairs without a change."""

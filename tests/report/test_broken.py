@@ -24,7 +24,7 @@ from pytest_libero_max.report.broken import (
 )
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.cause_rules import RULES
-from pytest_libero_max.report.page.broken_cards import broken_cards
+from pytest_libero_max.report.page.report_page import broken_cards
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.junit import broken_properties

@@ -4,7 +4,7 @@ import pytest
 from msgspec import structs
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.broken_cards import broken_cards
+from pytest_libero_max.report.page.report_page import broken_cards
 from pytest_libero_max.report.plots import Histogram, direction, outcome_bar
 from pytest_libero_max.report.report_document import ChangedPair, Report
 from pytest_libero_max.report.run_plots import category_map, forest

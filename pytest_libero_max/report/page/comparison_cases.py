@@ -12,8 +12,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
-from pytest_libero_max.report.page.case_table import ORDER, again, label_column, label_columns
-from pytest_libero_max.report.page.timeline import timeline_of
+from pytest_libero_max.report.page.case_table import ORDER, again, label_column, label_columns, timeline_of
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.store import pairs_file, read_pairs
@@ -91,7 +90,7 @@ def beside(runs: Mapping[str, Path], folder: Path) -> Json:
 
     Returns:
         ``films``: addresses relative to the page by run and item id. ``moments``: of the pairs with a film,
-        see :func:`~pytest_libero_max.report.page.timeline.timeline_of`, by run and item id. ``pages``: the
+        see :func:`~pytest_libero_max.report.page.case_table.timeline_of`, by run and item id. ``pages``: the
         address of the page of each run that has one. ``hz``: policy steps in a second of the films.
     """
     filmed = {name: films_in(path) for name, path in runs.items()}

@@ -6,17 +6,19 @@ import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 from msgspec import structs
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.broken import Group, Part, parts_of
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.comparison.comparison_sections import with_short_names
 from pytest_libero_max.report.formats import count_text, counted, interval_text, percent, points
 from pytest_libero_max.report.gate_text import GateRow
+from pytest_libero_max.report.happenings import arm_title
 from pytest_libero_max.report.measurable import lacks_of, warning_of
-from pytest_libero_max.report.page.broken_cards import broken_cards
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.page_frame import document_page
 from pytest_libero_max.report.page.words import words
@@ -25,6 +27,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_document import BROKEN, GATES, run_document
 from pytest_libero_max.report.run_plots import forest
 from pytest_libero_max.report.run_texts import cases_title, returned_text
+from pytest_libero_max.runs.media import filmed_arms
 from pytest_libero_max.runs.provenance import commit_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.runs.store import PAIRS_NAME, StoredRun
@@ -183,3 +186,81 @@ def _against(lost: Sequence[str]) -> tuple[Viewed, str] | None:
         return None
     more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
     return Viewed(lost[0], urlencode({"case": lost[0]})), more
+
+
+_MOST_CARDS = 8
+
+_AFTER_EVENT_S = 0.1
+"""Time in a film at which it shows the event, also with half of its frames."""
+
+
+class Card(NamedTuple):
+    """Pairs of one cause under one event."""
+
+    number: int
+    cause: str
+    what: str
+    """The event, with the programs that were played in its place."""
+    view: str
+    """View of the table of cases that has them alone."""
+    sentence: str
+    """What happened in the pair that is shown; empty where that was not recorded."""
+    case: str
+    """View of the table that shows this pair."""
+    film: str
+    """Address of its film, from just after the event; empty without one."""
+    arms: Sequence[str]
+    """Titles of the arms of the film from left to right, with the policy of those that have their own."""
+
+
+class Cards(NamedTuple):
+    """The pairs of an outcome."""
+
+    part: Part
+    cards: Sequence[Card]
+    more: int
+    view: str
+
+
+def broken_cards(
+    report: Report, films: Mapping[str, Sequence[str]], records: Mapping[str, PairRecord]
+) -> list[Cards]:
+    """Return cards of what Base fails at where it solves little, and of what was lost and gained."""
+    parts = parts_of(report, films, most=10**6, most_groups=_MOST_CARDS)
+    return [
+        Cards(
+            part,
+            [_card(part.outcome, group, films, records) for group in part.groups if group.named],
+            sum(group.number for group in part.groups if not group.named),
+            urlencode({"outcome": part.outcome}),
+        )
+        for part in parts
+    ]
+
+
+def _card(
+    outcome: str, group: Group, films: Mapping[str, Sequence[str]], records: Mapping[str, PairRecord]
+) -> Card:
+    pair = next((pair for pair in group.named if pair.item_id in films), group.named[0])
+    record, film, arms = records.get(pair.item_id), "", []
+    if pair.item_id in films:
+        path = films[pair.item_id][0]
+        film = quote(path)
+        if record is not None:
+            arms = [arm_title(name, record.arms.get(name)) for name in filmed_arms(path, record)]
+            if group.event and record.trigger is not None:  # a failure in Base has no event
+                film += f"#t={record.trigger.step / record.control_hz + _AFTER_EVENT_S:g}"
+    # Base has failed in all other pairs than regressions, and the table keeps its causes apart.
+    cause = {("cause" if outcome == "regression" else "base_cause"): group.cause}
+    known = {"event": group.event, "outcome": outcome if group.event else "", **cause}
+    chosen = {name: value for name, value in known.items() if value} or {"outcome": outcome}
+    return Card(
+        number=group.number,
+        cause=group.cause.replace("_", " "),
+        what=group.what,
+        view=urlencode(chosen),
+        sentence=pair.sentence,
+        case=urlencode({**chosen, "case": pair.item_id}),
+        film=film,
+        arms=arms,
+    )

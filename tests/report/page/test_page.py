@@ -14,12 +14,11 @@ from msgspec import structs
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.trace import trace_name
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.page.case_table import ORDER, flat, label_column, run_cases
+from pytest_libero_max.report.page.case_table import ORDER, flat, label_column, run_cases, timeline_of
 from pytest_libero_max.report.page.events import events_of
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.page.page_frame import compressed
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.page.timeline import timeline_of
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import run_page
