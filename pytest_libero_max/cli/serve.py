@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import suppress
 
 from pytest_libero_max.cli.arguments import PORT, Commands, add_cadence, number, option, switch, whole_number
 from pytest_libero_max.errors import AdapterError
@@ -46,6 +47,7 @@ def _serve(options: argparse.Namespace) -> None:
     from pytest_libero_max.policies.loading import load_policy
     from pytest_libero_max.policies.server.batching import Batching
     from pytest_libero_max.policies.server.host import Host
+    from pytest_libero_max.policies.server.metrics import Metrics
     from pytest_libero_max.policies.server.sockets import serving
 
     if is_served(options.adapter):
@@ -54,8 +56,10 @@ def _serve(options: argparse.Namespace) -> None:
         )
     batching = Batching(options.max_batch, options.max_wait_ms / 1000.0, options.pad_batch)
     policy = load_policy(options.adapter, horizon=options.horizon, query_interval=options.query_interval)
-    revision = f"adapter {shown_identity(adapter_digest(options.adapter))}"
-    host, token = Host(policy, revision, batching), server_token()
+    revision, metrics = f"adapter {shown_identity(adapter_digest(options.adapter))}", None
+    with suppress(AdapterError):  # the library may be missing, which /metrics says
+        metrics = Metrics()
+    host, token = Host(policy, revision, batching, metrics), server_token()
     with serving(host, options.host, options.port, token) as (port, never):
         if token is None and options.host not in ("127.0.0.1", "::1", "localhost"):
             print(

@@ -41,7 +41,7 @@ GALLERY: list[tuple[type[environments.LiberoShaped], str, str, dict[str, Any]]] 
     (environments.ShortEpisodes, "clock/budget", "after 76 of 80", {}),
     (environments.LongEpisodes, "clock/limit", "140 steps", GYM),
     (environments.Absolute, "actions/rest", "move the hand by", GYM),
-    (environments.Swapped, "actions/directions", "+1 in x move the hand by (+0, +160", {}),
+    (environments.Swapped, "actions/directions", "+1 in x move the hand by (+0, +1", {}),
     (environments.Half, "actions/scale", "0.5", {}),
     (environments.TurningBack, "actions/rotation", "+1 about z", {}),
     (environments.ClosingAtMinusOne, "actions/gripper", "openings after -1, +1, -1", {}),

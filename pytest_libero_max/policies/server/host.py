@@ -34,6 +34,7 @@ from pytest_libero_max.policies.check import (
 from pytest_libero_max.policies.clients.address import PATIENCE_S
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec
 from pytest_libero_max.policies.server.batching import Batching, BatchQueue, Pending
+from pytest_libero_max.policies.server.metrics import Metrics
 from pytest_libero_max.worlds.contract import Observation
 
 
@@ -71,6 +72,7 @@ class Host:
         policy: Policy,
         revision: str,
         batching: Batching | None = None,
+        metrics: Metrics | None = None,
     ) -> None:
         batching = Batching() if batching is None else batching
         name = policy.spec.name
@@ -94,6 +96,7 @@ class Host:
                 f"policy {name!r} has no predict_batch(items), so --max-batch={batching.size} is not "
                 "possible. Add the method, or leave the option out."
             )
+        self.metrics = metrics
         self._policy = policy
         self._revision = policy.spec.revision or revision
         self._batching = batching
@@ -153,12 +156,24 @@ class Host:
             self._connection.clients.add(request.place.client)
         return self._queue.ask(request)
 
+    def refused(self, error: BaseException) -> None:
+        """Count a request that got an error instead of an answer."""
+        if self.metrics is not None:
+            self.metrics.error(error)
+
     def _count(self, change: int) -> None:
         with self._lock:
             self._clients += change
+            if self.metrics is not None:
+                self.metrics.clients(self._clients)
 
     def _answer(self, batch: list[Pending[InferenceRequest, InferenceResult]]) -> None:
-        outcomes = self._outcomes([pending.request for pending in batch])
+        began = time.perf_counter()
+        requests = [pending.request for pending in batch]
+        outcomes = self._outcomes(requests)
+        took = time.perf_counter() - began
+        if self.metrics is not None:
+            self.metrics.batch([began - pending.since for pending in batch], took)
         for pending, outcome in zip(batch, outcomes, strict=True):
             if isinstance(outcome, InferenceResult):
                 pending.result.set_result(outcome)

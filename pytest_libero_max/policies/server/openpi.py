@@ -97,6 +97,7 @@ def talk(connection: ServerConnection, host: Host) -> None:
                 reply = pack(answer(host, unpack(message, OPENPI)), OPENPI)
             except Exception as error:  # whatever a request brings about is the client's to know
                 LOG.warning("%s", error, exc_info=not isinstance(error, LiberoMaxError))
+                host.refused(error)
                 connection.send(f"{type(error).__name__}: {error}".replace("\n", " "))
                 connection.close(CLOSE_AFTER_ERROR)
                 return

@@ -11,7 +11,7 @@ from http import HTTPStatus
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pytest_libero_max.errors import ServerError
+from pytest_libero_max.errors import ServerError, install_extra
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
 from pytest_libero_max.policies.server import openpi, vla_eval
 from pytest_libero_max.policies.server.host import Host
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 HEALTH = ("/health", "/healthz")
 """Paths at which GET answers everybody that the server is up."""
+
+METRICS = "/metrics"
 
 TALKS: Mapping[str, Talk] = MappingProxyType({"/": openpi.talk, "/vla-eval": vla_eval.talk})
 """Protocol at each path."""
@@ -49,7 +51,7 @@ def serving(
             talk,
             name,
             port,
-            process_request=lambda connection, request: _respond(connection, request, token),
+            process_request=lambda connection, request: _respond(connection, request, host, token),
             compression=None,
             max_size=MOST_BYTES,
             origins=[None],  # a page in somebody's browser is no client
@@ -68,16 +70,34 @@ def serving(
             thread.join(5)
 
 
-def _respond(connection: ServerConnection, request: Request, token: str | None) -> Response | None:
+def _respond(
+    connection: ServerConnection, request: Request, host: Host, token: str | None
+) -> Response | None:
     """Return the page that a request gets; None for a WebSocket."""
     path = _path(request)
     if path in HEALTH:
         return connection.respond(HTTPStatus.OK, "OK\n")
     if token is not None and not _knows(request.headers.get_all("Authorization"), token):
         return connection.respond(HTTPStatus.UNAUTHORIZED, "This server asks for its token.\n")
+    if path == METRICS:
+        return _metrics(connection, host)
     if path not in TALKS:
-        return connection.respond(HTTPStatus.NOT_FOUND, f"There is {', '.join((*TALKS, *HEALTH))}.\n")
+        return connection.respond(
+            HTTPStatus.NOT_FOUND, f"There is {', '.join((*TALKS, *HEALTH, METRICS))}.\n"
+        )
     return None
+
+
+def _metrics(connection: ServerConnection, host: Host) -> Response:
+    if host.metrics is None:
+        return connection.respond(
+            HTTPStatus.NOT_IMPLEMENTED, f"Metrics need the extra: {install_extra('metrics')}\n"
+        )
+    text, kind = host.metrics.text()
+    response = connection.respond(HTTPStatus.OK, text)
+    del response.headers["Content-Type"]
+    response.headers["Content-Type"] = kind
+    return response
 
 
 def _knows(sent: list[str], token: str) -> bool:

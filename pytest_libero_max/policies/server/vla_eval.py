@@ -177,6 +177,7 @@ def talk(connection: ServerConnection, host: Host) -> None:
                 reply = session.reply(kind, payload)
             except Exception as error:  # whatever a message brings about is the client's to know
                 LOG.warning("%s", error, exc_info=not isinstance(error, LiberoMaxError))
+                host.refused(error)
                 reply = "error", {"error": f"{type(error).__name__}: {error}"}
             if reply is not None:
                 kind, payload = reply

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -7,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from pytest_libero_max.errors import ActionError, AdapterError
+from pytest_libero_max.errors import ActionError, AdapterError, ServerError
 from pytest_libero_max.policies.contract import BatchItem, PolicySpec
 from pytest_libero_max.policies.server import host as hosts
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host, InferenceRequest, InferenceResult, Place
+from pytest_libero_max.policies.server.metrics import Metrics
 from tests.conformance.policies import Sound
 from tests.policies.clients import fakes
 from tests.policies.server.policies import Batched, Counting, at_once
@@ -120,3 +122,30 @@ def test_a_privileged_policy_is_refused() -> None:
     privileged.spec = PolicySpec("privileged", privileged=True)
     with pytest.raises(AdapterError, match="reads the simulator"):
         Host(privileged, "x")
+
+
+def test_queries_batches_errors_and_clients_are_counted() -> None:
+    pytest.importorskip("prometheus_client", reason="the extra 'metrics' has it")
+    metrics = Metrics()
+    with hosted(Batched(), batching=Batching(3, 60.0), metrics=metrics) as host:
+        ask_all(host, 0, 1, 2)
+        with host.client():
+            host.refused(ServerError("x"))
+            text, kind = metrics.text()
+    assert kind.startswith("text/plain")
+    for line in (
+        "libero_max_latency_seconds_count 3.0",
+        "libero_max_queue_seconds_count 3.0",
+        "libero_max_policy_seconds_count 1.0",
+        "libero_max_batch_size_sum 3.0",
+        'libero_max_batch_size_bucket{le="2.0"} 0.0',
+        'libero_max_errors_total{error="ServerError"} 1.0',
+        "libero_max_clients 1.0",
+    ):
+        assert line in text.splitlines()
+
+
+def test_metrics_say_what_they_need(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "prometheus_client", None)
+    with pytest.raises(AdapterError, match=r"pip install -e '\.\[metrics\]'"):
+        Metrics()

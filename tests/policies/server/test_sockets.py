@@ -27,6 +27,7 @@ from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.server import sockets
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
+from pytest_libero_max.policies.server.metrics import Metrics
 from pytest_libero_max.policies.server.sockets import serving
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.conformance.policies import Copied, Sound
@@ -237,10 +238,24 @@ def test_a_server_with_a_token_answers_those_who_know_it(monkeypatch: pytest.Mon
         for wrong in (None, "secret"):
             with pytest.raises(ServerError, match="401"):
                 connect(wrong)
-        assert [status("/health"), status("/other"), status("/other", "wrong")] == [200, 401, 401]
+        assert [status("/health"), status("/metrics"), status("/metrics", "wrong")] == [200, 401, 401]
     with serving(Host(Sound(), "x"), port=0, token="secret") as (port, _):
         connect("secret")
-        assert status("/other", "secret") == 404
+        assert [status("/metrics", "secret"), status("/other", "secret")] == [501, 404]
+
+
+def test_the_metrics_have_a_page() -> None:
+    pytest.importorskip("prometheus_client", reason="the extra 'metrics' has it")
+    with serving(Host(Sound(), "x", metrics=Metrics()), port=0) as (port, _):
+        policy = load_served(f"openpi://127.0.0.1:{port}", "served")
+        policy.reset(fakes.EPISODE)
+        policy.predict(fakes.observation(), fakes.query())
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as response:
+            assert response.headers["Content-Type"].startswith("text/plain; version=")
+            text = response.read().decode()
+        policy.client.close()
+    assert "libero_max_latency_seconds_count 1.0" in text
+    assert "libero_max_clients 1.0" in text
 
 
 def test_an_error_of_the_policy_reaches_the_client(monkeypatch: pytest.MonkeyPatch) -> None:
