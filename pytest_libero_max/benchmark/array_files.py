@@ -49,11 +49,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def array_of(content: bytes) -> NDArray[Any]:
-    """Return the array of the content of an ``.npy`` file.
-
-    Raises:
-        ValueError: It is no such file, is damaged, or holds Python objects.
-    """
+    """Return the array of the content of an ``.npy`` file, or raise ValueError."""
     file = io.BytesIO(content)
     try:
         # Not numpy.load, which reserves memory for the size that the header claims before it reads.

@@ -92,11 +92,7 @@ def _spelled(letter: str) -> str:
 
 
 def require_regular(path: Path) -> None:
-    """Check that a path is not that of a device or a pipe, which may never end.
-
-    Raises:
-        OSError: It is one, or there is nothing.
-    """
+    """Check that a path is not that of a device or a pipe, which may never end, or raise OSError."""
     if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
         raise OSError(f"{path} is no regular file")
 

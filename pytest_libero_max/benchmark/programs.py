@@ -179,14 +179,7 @@ def program_names() -> tuple[str, ...]:
 
 
 def find_program(text: str, folder: Path = Path()) -> Program:
-    """Return a program of this package, or one from a file.
-
-    Args:
-        text: The name of one of this package, or the path of a file.
-
-    Raises:
-        OptionError: It is neither, or the file breaks the format.
-    """
+    """Return a program of this package, or one from a file, or raise OptionError."""
     if text in program_names():
         return replace(load_program(FOLDER / f"{text}.json"), source=text)
     path = folder / Path(text).expanduser()
@@ -213,8 +206,6 @@ def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
     """Return what a JSON or TOML file spells.
 
     Args:
-        path: Its path; the format follows from ``.toml``.
-        noun: What it holds, for messages.
         parse: Turns its value into that.
 
     Raises:
@@ -323,11 +314,7 @@ def _check_arm(value: Json, where: str) -> str:
 
 
 def check_entry(value: Any, where: str) -> Json:
-    """Return the entry of a schedule as an object of the right form.
-
-    Raises:
-        ManifestError: It has another form.
-    """
+    """Return the entry of a schedule as an object of the right form, or raise ManifestError."""
     kind = _Reversal if isinstance(value, dict) and "reverts" in value else _Happening
     entry: Json = value
     checked(entry, kind, where, ManifestError)

@@ -50,7 +50,6 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
         """Return the selection of some cases.
 
         Args:
-            case_ids: Ids of the chosen cases, in any order.
             asked: The user's selection, apart from the shard.
             shard: Number and count, for example ``(1, 4)``.
         """
@@ -82,11 +81,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
             )
 
     def text(self, case_set: str) -> str:
-        """Return a text such as ``24 of 800 cases of track lite (selection: -k camera_shift)``.
-
-        Args:
-            case_set: The track or manifest, for example ``track lite``.
-        """
+        """Return a text such as ``24 of 800 cases of track lite (selection: -k camera_shift)``."""
         if self.whole:
             return f"{case_set}, all {counted(self.of, 'case')}"
         asked = list(self.asked)
@@ -102,11 +97,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def from_dict(cls, values: Any) -> Selection:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: It has another form.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         selection: Selection = checked(values, cls, "selection", ReportError)
         if selection.chosen > selection.of:
             raise ReportError.seen("selection", values, f", but of {counted(selection.of, 'case')}.")

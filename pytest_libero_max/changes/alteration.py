@@ -21,6 +21,8 @@ class Alteration(ManifestFields):
     """Its factors, where they are the same for all values of its fields."""
     final: ClassVar[str] = ""
     """Reason why it cannot be taken back, as a sentence; empty where it can."""
+    magnitudes: ClassVar[tuple[str, ...]] = ()
+    """Fields that a strength multiplies: numbers, tuples of them, or None."""
 
     @property
     def factors(self) -> frozenset[Factor]:
@@ -33,6 +35,10 @@ class Alteration(ManifestFields):
         after = self._measure(world)
         return Evidence(self.operation, tuple(sorted(self.factors)), before, after, altered(world, former))
 
+    def scaled(self, strength: float) -> Any:
+        s = strength_of(self.operation, strength)
+        return self if s == 1.0 else self._at(s)
+
     def reverted(self, evidence: Evidence) -> Reversal:
         """Return the reversal, which writes the former values of the factors again.
 
@@ -42,6 +48,11 @@ class Alteration(ManifestFields):
         if self.final:
             raise ChangeError(f"{self.operation} cannot be taken back: {self.final} Leave it out.")
         return Reversal.of(self.operation, self.factors, evidence)
+
+    def _at(self, strength: float) -> Self:
+        """Return the change at a strength below 1."""
+        scaled = {name: _times(getattr(self, name), strength) for name in self.magnitudes}
+        return replace(self, **scaled)  # type: ignore[type-var]
 
     def _in_order(self) -> Sequence[Factor]:
         """Return its factors in the order in which they are taken back."""
@@ -69,7 +80,11 @@ class Blended(Alteration):
         """Share that happens, 0 to 1."""
         return 1.0 if self.blend is None else self.blend
 
-    def scaled(self, strength: float) -> Self:
-        """Return the change with its share multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, blend=self.share * s)  # type: ignore[type-var]
+    def _at(self, strength: float) -> Self:
+        return replace(self, blend=self.share * strength)  # type: ignore[type-var]
+
+
+def _times(value: Any, strength: float) -> Any:
+    if isinstance(value, tuple):
+        return tuple(part * strength for part in value)
+    return None if value is None else value * strength

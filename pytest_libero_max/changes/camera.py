@@ -18,7 +18,6 @@ from pytest_libero_max.changes.fields import (
     Share,
     Vector3,
     between,
-    strength_of,
 )
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds import rotations
@@ -60,6 +59,7 @@ class ShiftCamera(_CameraChange):
     """
 
     operation: ClassVar[str] = "shift_camera"
+    magnitudes = ("delta_position_m", "yaw_degrees", "delta_fovy_degrees")
 
     camera: Text
     """Camera name, for example ``agentview``."""
@@ -94,19 +94,6 @@ class ShiftCamera(_CameraChange):
         if shifted:
             world.set_view(self.camera, replace(view, **shifted))
 
-    def scaled(self, strength: float) -> ShiftCamera:
-        """Return the shift with position, yaw and field-of-view deltas multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        x, y, z = self.delta_position_m
-        return replace(
-            self,
-            delta_position_m=(x * s, y * s, z * s),
-            yaw_degrees=self.yaw_degrees * s,
-            delta_fovy_degrees=self.delta_fovy_degrees * s,
-        )
-
 
 def _yawed(turn: Array, yaw_degrees: float) -> rotations.Quaternion:
     return rotations.unit_by_squares(rotations.yawed(rotations.quaternion(turn), yaw_degrees))
@@ -125,6 +112,7 @@ class OrbitCamera(_CameraChange):
     """
 
     operation: ClassVar[str] = "orbit_camera"
+    magnitudes = ("elevation_degrees", "azimuth_degrees", "yaw_degrees", "pitch_degrees")
 
     camera: Text
     """A camera that the world itself carries, for example ``agentview``."""
@@ -158,17 +146,8 @@ class OrbitCamera(_CameraChange):
             turn = rotations.multiply(rotations.about(_Y, math.radians(-self.pitch_degrees)), turn)
         _write(world, self.camera, place, turn)
 
-    def scaled(self, strength: float) -> OrbitCamera:
-        """Every angle multiplied by ``strength``, the distance factor moved from 1 towards its value."""
-        s = strength_of(self.operation, strength)
-        return replace(
-            self,
-            elevation_degrees=self.elevation_degrees * s,
-            azimuth_degrees=self.azimuth_degrees * s,
-            distance_scale=1.0 + (self.distance_scale - 1.0) * s if s != 1.0 else self.distance_scale,
-            yaw_degrees=self.yaw_degrees * s,
-            pitch_degrees=self.pitch_degrees * s,
-        )
+    def _at(self, strength: float) -> OrbitCamera:
+        return replace(super()._at(strength), distance_scale=1.0 + (self.distance_scale - 1.0) * strength)
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,12 @@
-"""Factors of a world that a change may touch: read before and after it, and written again to take it back."""
+"""Factors of a world that a change may touch: read before and after it, measured, and written again."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from pytest_libero_max.changes.measuring import filter_record
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld, PixelFilter
 from pytest_libero_max.worlds.scenery import Scenery, is_same, with_former
@@ -81,6 +80,30 @@ def altered(world: AlterableWorld, before: Iterable[tuple[Factor, Any]]) -> tupl
 
 def _is_same(old: Any, new: Any) -> bool:
     return is_same(old, new) if hasattr(old, "IN_ROWS") else bool(old == new)
+
+
+def filter_records(world: AlterableWorld) -> list[dict[str, Any]]:
+    """Return the world's active pixel filters as JSON values, in the order in which they act."""
+    return [filter_record(pixel_filter, since) for pixel_filter, since in world.filters]
+
+
+def filter_record(pixel_filter: PixelFilter, since: int) -> dict[str, Any]:
+    """Return a pixel filter and the step at which it was added, as JSON values."""
+    value: Any = pixel_filter
+    known = fields(value) if is_dataclass(value) else ()
+    values = {field.name: getattr(value, field.name) for field in known if field.repr}
+    parameters = {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
+    return {"filter": type(pixel_filter).__name__, "since_step": since, **parameters}
+
+
+def measure_poses(world: AlterableWorld, names: Iterable[str]) -> dict[str, Any]:
+    """Return the positions of the entities named, for the evidence."""
+    poses = {name: world.pose(name) for name in names}
+    return {
+        "position_m": {name: [float(v) for v in position] for name, (position, _) in poses.items()},
+        "quaternion_wxyz": {name: [float(v) for v in quaternion] for name, (_, quaternion) in poses.items()},
+        "taken_out": [name for name in poses if name in world.parked],
+    }
 
 
 class _Kind(NamedTuple):

@@ -13,7 +13,6 @@ import math
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,9 +132,7 @@ def glass(image: Picture, level: int, stream: Stream) -> Picture:
         from pytest_libero_max.changes import image_loops
 
         places = (height - 2 * reach) * (width - 2 * reach)
-        drawn = scratch("drawn", (passes * 2 * places,)).view(np.uint16)[: passes * 2 * places]
-        spend(stream, image_loops.choices, drawn.size, 2 * reach - 1, drawn)
-        for moves in drawn.reshape(passes, 2, places):
+        for moves in stream.randint(0, 2 * reach, (passes, 2, places)):
             image_loops.swap(order, width, reach, moves)
     rough = scratch("rough", image.shape)
     np.take(
@@ -180,19 +177,6 @@ def scratch(name: str, shape: tuple[int, ...]) -> Picture:
         kept = np.empty(size)
         setattr(_SCRATCH, name, kept)
     return kept[:size].reshape(shape)
-
-
-def spend(stream: Stream, loop: Callable[..., int], words: int, *arguments: Any) -> None:
-    """Draw by one of the compiled loops that draw as ``stream`` does, faster, and set ``stream`` past it.
-
-    Args:
-        loop: Its last parameters are room for ``words`` numbers, and ``arguments``.
-        words: Number of 32 bit words that it needs at once.
-    """
-    state = stream.get_state(legacy=False)["state"]
-    work = scratch("words", (words,)).view(np.uint32)[:words]
-    position = loop(state["key"], state["pos"], work, *arguments)
-    stream.set_state(("MT19937", state["key"], position, 0, 0.0))
 
 
 def _scale(image: Picture) -> float:

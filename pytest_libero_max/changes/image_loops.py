@@ -7,7 +7,6 @@ padded with the edge's pixels, so that no inner loop has a border.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -82,22 +81,10 @@ def smear(image: Any, down: Any, across: Any, weights: Any, padded: Any, smeared
     for y in range(height):
         out = smeared[y].reshape(length)
         out[:] = 0.0
-        k = 0
-        while k + 4 <= taps:
-            a = _shifted(padded, y + down[k], across[k] * channels, length)
-            b = _shifted(padded, y + down[k + 1], across[k + 1] * channels, length)
-            c = _shifted(padded, y + down[k + 2], across[k + 2] * channels, length)
-            d = _shifted(padded, y + down[k + 3], across[k + 3] * channels, length)
-            p, q, r, s = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
-            for i in range(length):
-                out[i] = (((out[i] + p * a[i]) + q * b[i]) + r * c[i]) + s * d[i]
-            k += 4
-        while k < taps:
-            a = _shifted(padded, y + down[k], across[k] * channels, length)
-            p = weights[k]
+        for k in range(taps):
+            a, p = _shifted(padded, y + down[k], across[k] * channels, length), weights[k]
             for i in range(length):
                 out[i] += p * a[i]
-            k += 1
 
 
 @compiled
@@ -124,47 +111,20 @@ def symmetric(image: Any, weights: Any, blurred: Any) -> None:
         a = rows[y]
         for i in range(length):
             upright[i] = a[i] * middle
-        k = 0
-        while k + 3 <= radius:
-            a, b = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)]
-            c, d = rows[max(y - radius + k + 1, 0)], rows[min(y + radius - k - 1, height - 1)]
-            e, f = rows[max(y - radius + k + 2, 0)], rows[min(y + radius - k - 2, height - 1)]
-            p, q, r = weights[k], weights[k + 1], weights[k + 2]
-            for i in range(length):
-                upright[i] = ((upright[i] + (a[i] + b[i]) * p) + (c[i] + d[i]) * q) + (e[i] + f[i]) * r
-            k += 3
-        while k < radius:
-            a, b = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)]
-            p = weights[k]
+        for k in range(radius):
+            a, b, p = rows[max(y - radius + k, 0)], rows[min(y + radius - k, height - 1)], weights[k]
             for i in range(length):
                 upright[i] += (a[i] + b[i]) * p
-            k += 1
         _pad(line, upright, radius, channels)
         out = blurred[y].reshape(length)
         a = line[radius * channels : radius * channels + length]
         for i in range(length):
             out[i] = a[i] * middle
-        k = 0
-        while k + 3 <= radius:
-            near, far = k * channels, (2 * radius - k) * channels
+        for k in range(radius):
+            near, far, p = k * channels, (2 * radius - k) * channels, weights[k]
             a, b = line[near : near + length], line[far : far + length]
-            c, d = (
-                line[near + channels : near + channels + length],
-                line[far - channels : far - channels + length],
-            )
-            near, far = near + 2 * channels, far - 2 * channels
-            e, f = line[near : near + length], line[far : far + length]
-            p, q, r = weights[k], weights[k + 1], weights[k + 2]
-            for i in range(length):
-                out[i] = ((out[i] + (a[i] + b[i]) * p) + (c[i] + d[i]) * q) + (e[i] + f[i]) * r
-            k += 3
-        while k < radius:
-            near, far = k * channels, (2 * radius - k) * channels
-            a, b = line[near : near + length], line[far : far + length]
-            p = weights[k]
             for i in range(length):
                 out[i] += (a[i] + b[i]) * p
-            k += 1
 
 
 _ROWS, _COLUMNS = 4, 64
@@ -283,114 +243,6 @@ def swap(order: Any, width: Any, reach: Any, shifts: Any) -> None:
 
 
 @compiled
-def words(key: Any, position: Any, drawn: Any) -> Any:
-    """Fill ``drawn`` (uint32) with the next numbers of the Mersenne Twister, as ``RandomState`` draws them.
-
-    Args:
-        key: (624,) uint32 of the state, which is written over.
-        position: Position in ``key``.
-        drawn: uint32, the result.
-
-    Returns:
-        The position after them.
-    """
-    n, count = 0, drawn.size
-    while n < count:
-        if position == 624:
-            for k in range(227):
-                key[k] = key[k + 397] ^ _twist(key[k], key[k + 1])
-            for k in range(227, 623):
-                key[k] = key[k - 227] ^ _twist(key[k], key[k + 1])
-            key[623] = key[396] ^ _twist(key[623], key[0])
-            position = 0
-        more = min(624 - position, count - n)
-        old, new = key[position : position + more], drawn[n : n + more]
-        for i in range(more):
-            y = old[i]
-            y ^= y >> np.uint32(11)
-            y ^= (y << np.uint32(7)) & np.uint32(0x9D2C5680)
-            y ^= (y << np.uint32(15)) & np.uint32(0xEFC60000)
-            new[i] = y ^ (y >> np.uint32(18))
-        n += more
-        position += more
-    return position
-
-
-@compiled
-def choices(key: Any, position: Any, work: Any, most: Any, drawn: Any) -> Any:
-    """Fill ``drawn`` with whole numbers of 0 to ``most``, as ``RandomState.randint`` draws them.
-
-    Args:
-        key: As in :func:`words`.
-        position: As in :func:`words`.
-        work: uint32, as long as ``drawn``; written over.
-        most: The largest of them, below 2 to the power of 16.
-        drawn: (N,) uint16, the result.
-
-    Returns:
-        The position after them.
-    """
-    mask = np.uint32(1)
-    while mask < most:
-        mask = (mask << np.uint32(1)) | np.uint32(1)
-    n = 0
-    while n < drawn.size:  # never more words than are left to draw, so that none is wasted
-        some = work[: drawn.size - n]
-        position = words(key, position, some)
-        for i in range(some.size):
-            drawn[n] = some[i] & mask
-            n += (some[i] & mask) <= most
-    return position
-
-
-@compiled
-def normals(key: Any, position: Any, work: Any, keep: Any, drawn: Any) -> Any:
-    """Fill ``drawn`` with standard normal numbers, as ``RandomState.normal`` draws them.
-
-    Args:
-        key: As in :func:`words`.
-        position: As in :func:`words`.
-        work: uint32, twice as long as ``drawn``; written over.
-        keep: False where only the stream is to go on, past as many numbers as ``drawn`` has.
-        drawn: (2 * N,) float64, the result.
-
-    Returns:
-        The position after them.
-    """
-    n, unit = 0, 9007199254740992.0
-    while n < drawn.size:  # never more words than are certain to be needed
-        some = work[: 2 * (drawn.size - n)]
-        position = words(key, position, some)
-        for i in range(0, some.size, 4):
-            x = 2.0 * (((some[i] >> 5) * 67108864.0 + (some[i + 1] >> 6)) / unit) - 1.0
-            y = 2.0 * (((some[i + 2] >> 5) * 67108864.0 + (some[i + 3] >> 6)) / unit) - 1.0
-            square = x * x + y * y
-            if 0.0 < square < 1.0:
-                if keep:
-                    scale = math.sqrt(-2.0 * math.log(square) / square)
-                    drawn[n], drawn[n + 1] = scale * y, scale * x
-                n += 2
-    return position
-
-
-@compiled
-def noisy(image: Any, noise: Any, deviation: Any) -> Any:
-    """Return uint8 ``image`` plus ``noise`` times ``deviation``, rounded to float32, clipped and cut.
-
-    Args:
-        image: uint8, C-contiguous.
-        noise: float64 of as many values.
-        deviation: Factor of the noise.
-    """
-    result = np.empty(image.shape, np.uint8)
-    old, new = image.ravel(), result.ravel()
-    for i in range(new.size):
-        value = np.float32(old[i] + noise[i] * deviation)
-        new[i] = np.uint8(min(max(value, np.float32(0.0)), np.float32(255.0)))
-    return result
-
-
-@compiled
 def mix(picture: Any, bad: Any, blend: Any) -> Any:
     """Return ``rint((picture + (bad - picture) * blend) * 255)`` as uint8, clipped to 0 to 255.
 
@@ -428,9 +280,3 @@ def _pad(line: Any, row: Any, radius: Any, channels: Any) -> None:
 @compiled
 def _shifted(padded: Any, y: Any, start: Any, length: Any) -> Any:
     return padded[min(max(y, 0), padded.shape[0] - 1)][start : start + length]
-
-
-@compiled
-def _twist(high: Any, low: Any) -> Any:
-    y = (high & np.uint32(0x80000000)) | (low & np.uint32(0x7FFFFFFF))
-    return (y >> np.uint32(1)) ^ ((y & np.uint32(1)) * np.uint32(0x9908B0DF))

@@ -10,16 +10,14 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.factors import Factor
+from pytest_libero_max.changes.factors import Factor, filter_records
 from pytest_libero_max.changes.fields import (
     Degrees,
     Share,
     Times,
     Times3,
     between,
-    strength_of,
 )
-from pytest_libero_max.changes.measuring import filter_records
 from pytest_libero_max.changes.pixels import Brightness
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
@@ -62,12 +60,11 @@ class SetLighting(Alteration):
         if self.pixel_brightness != 1.0:
             world.add_filter(Brightness(self.pixel_brightness))
 
-    def scaled(self, strength: float) -> SetLighting:
-        """Both factors moved from 1 towards their full value: ``1 + (factor - 1) * strength``."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        return SetLighting(1.0 + (self.scale - 1.0) * s, 1.0 + (self.pixel_brightness - 1.0) * s)
+    def _at(self, strength: float) -> SetLighting:
+        """Return the change with both factors moved from 1 towards their full value."""
+        return SetLighting(
+            1.0 + (self.scale - 1.0) * strength, 1.0 + (self.pixel_brightness - 1.0) * strength
+        )
 
 
 _LAMP_FIELDS = MappingProxyType(
@@ -110,14 +107,12 @@ class SetLamps(Blended):
         lights = world.lights()
         return {name: getattr(lights, field).tolist() for name, field in _LAMP_FIELDS.items()}
 
-    def scaled(self, strength: float) -> SetLamps:
-        """Return the share ``strength`` of the change; ``cast_shadows`` cannot be divided: only 0 and 1."""
-        s = strength_of(self.operation, strength)
-        if self.cast_shadows is not None and s not in (0.0, 1.0):
+    def _at(self, strength: float) -> SetLamps:
+        if self.cast_shadows is not None and strength:
             raise ChangeError.seen(
                 "strength", strength, f", but {self.operation} with shadows is all or nothing. Use 0 or 1."
             )
-        return super().scaled(s)
+        return super()._at(strength)
 
     def _alter(self, world: AlterableWorld) -> None:
         lights, share = world.lights(), self.share

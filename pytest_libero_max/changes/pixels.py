@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from statistics import NormalDist
 from typing import Annotated, Any, ClassVar
@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from pytest_libero_max.benchmark.structs import Text, rule
 from pytest_libero_max.changes import image_corruptions
 from pytest_libero_max.changes.alteration import Alteration, Blended
-from pytest_libero_max.changes.factors import Factor
-from pytest_libero_max.changes.fields import Seed, Share, between, strength_of
-from pytest_libero_max.changes.measuring import filter_records
+from pytest_libero_max.changes.factors import Factor, filter_records
+from pytest_libero_max.changes.fields import Seed, Share, between
 from pytest_libero_max.errors import ChangeError, did_you_mean
 from pytest_libero_max.worlds.contract import AlterableWorld, Image
 from pytest_libero_max.worlds.robot import CAMERAS
@@ -95,21 +94,19 @@ class PublishedSensorCorruption:
     def __call__(self, image: Image, camera: str, step: int) -> Image:
         if camera not in CAMERAS:
             return image  # the authors' observations hold no other
-        from pytest_libero_max.changes import image_loops
-
         height, width = image.shape[:2]
         side = math.sqrt(self.occlusion_fraction)
         tall, wide = max(1, round(height * side)), max(1, round(width * side))
         stream = np.random.RandomState((self.seed + step) % 2**32)
-        noise, top, left = np.empty(0), 0, 0
+        corrupted, top, left = image.copy(), 0, 0
         for name in CAMERAS[: CAMERAS.index(camera) + 1]:
             if self.noise_std:
-                noise = _normals(stream, image.size, name == camera)
+                noise = stream.standard_normal(image.shape)
+                if name == camera:
+                    noisy = (image + noise * self.noise_std).astype(np.float32)
+                    corrupted = noisy.clip(0.0, 255.0).astype(np.uint8)
             if self.occlusion_fraction:
                 top, left = stream.randint(height - tall + 1), stream.randint(width - wide + 1)
-        corrupted = image.copy()
-        if self.noise_std:
-            corrupted = image_loops.noisy(np.ascontiguousarray(image), noise, self.noise_std)
         if self.occlusion_fraction:
             corrupted[top : top + tall, left : left + wide] = 0
         return corrupted
@@ -181,6 +178,7 @@ class SetSensorCorruption(FilterChange):
     """Let every image from now on pass through a :class:`SensorCorruption`."""
 
     operation: ClassVar[str] = "set_sensor_corruption"
+    magnitudes = ("noise_std", "occlusion_fraction")  # the pattern and the rectangle's place stay
 
     noise_std: Annotated[float, between(0.0, 255.0)]
     """Standard deviation of the noise, grey levels (0 to 255), at least 0."""
@@ -193,13 +191,6 @@ class SetSensorCorruption(FilterChange):
         if self.noise_std or self.occlusion_fraction:
             kind = PublishedSensorCorruption if world.semantics == "published" else SensorCorruption
             world.add_filter(kind(self.noise_std, self.occlusion_fraction, self.seed))
-
-    def scaled(self, strength: float) -> SetSensorCorruption:
-        """Noise and covered area multiplied by ``strength``; noise pattern and rectangle's place stay."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        return replace(self, noise_std=self.noise_std * s, occlusion_fraction=self.occlusion_fraction * s)
 
 
 @dataclass(frozen=True)
@@ -239,6 +230,7 @@ class SetGlare(FilterChange):
     """Let every picture from now on pass through a :class:`Glare`."""
 
     operation: ClassVar[str] = "set_glare"
+    magnitudes = ("strength",)
 
     strength: Share
     """0 to 1."""
@@ -252,11 +244,6 @@ class SetGlare(FilterChange):
     def _alter(self, world: AlterableWorld) -> None:
         if self.strength:
             world.add_filter(Glare(self.strength, self.across, self.up, self.radius))
-
-    def scaled(self, strength: float) -> SetGlare:
-        """Return the veil's strength multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, strength=self.strength * s)
 
 
 @lru_cache(maxsize=2)
@@ -273,14 +260,3 @@ def _normal_quantiles() -> NDArray[np.float32]:
     """Return the 65,536 equally likely values that stand for a standard normal variable."""
     normal, count = NormalDist(), 2**16
     return np.array([normal.inv_cdf((i + 0.5) / count) for i in range(count)], dtype=np.float32)
-
-
-def _normals(stream: np.random.RandomState, count: int, keep: bool) -> image_corruptions.Picture:
-    """Return ``count`` standard normal numbers; with ``keep`` off, what they are is left open."""
-    if count % 2:  # NumPy draws them in twos and keeps the other one
-        return stream.standard_normal(count)
-    from pytest_libero_max.changes import image_loops
-
-    drawn = image_corruptions.scratch("work", (count,))
-    image_corruptions.spend(stream, image_loops.normals, 2 * count, keep, drawn)
-    return drawn

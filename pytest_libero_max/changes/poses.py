@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.benchmark.structs import Count, Text
 from pytest_libero_max.changes.alteration import Alteration
-from pytest_libero_max.changes.factors import Factor
+from pytest_libero_max.changes.factors import Factor, measure_poses
 from pytest_libero_max.changes.fields import (
     FARTHEST_M,
     Cosine,
@@ -19,16 +19,14 @@ from pytest_libero_max.changes.fields import (
     Offset,
     Place,
     between,
-    strength_of,
 )
-from pytest_libero_max.changes.lowering import lower
-from pytest_libero_max.changes.measuring import measure_poses
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.errors import ChangeError, EntityError, counted, did_you_mean
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import AlterableWorld, Array
 
 _FAR_ABOVE_M = 1.0
+_STEP_M, _BISECTIONS, _MAX_STEPS = 0.004, 12, 500
 
 _Speed = Annotated[float, between(-10.0, 10.0)]
 
@@ -58,6 +56,7 @@ class MoveObject(_PoseChange):
     """
 
     operation: ClassVar[str] = "move_object"
+    magnitudes = ("delta_position_m", "distance_m")
 
     object: Text
     delta_position_m: Place
@@ -78,21 +77,13 @@ class MoveObject(_PoseChange):
         if any(self.delta_position_m):
             world.place(self.object, world.position(self.object) + self.delta_position_m)
 
-    def scaled(self, strength: float) -> MoveObject:
-        """Return the move with its length multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        x, y, z = self.delta_position_m
-        distance = None if self.distance_m is None else self.distance_m * s
-        return replace(self, delta_position_m=(x * s, y * s, z * s), distance_m=distance)
-
 
 @dataclass(frozen=True)
 class BumpObject(_PoseChange):
     """Give an object a velocity at once, also in the hand, whose grip then stops it within millimetres."""
 
     operation: ClassVar[str] = "bump_object"
+    magnitudes = ("velocity_m_s",)
     final: ClassVar[str] = "the object has moved."
 
     object: Text
@@ -113,12 +104,6 @@ class BumpObject(_PoseChange):
             "velocity_m_s": world.velocity(self.object).tolist(),
             "fingers": world.fingers_on(self.object),
         }
-
-    def scaled(self, strength: float) -> BumpObject:
-        """Return the change with its velocity multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        x, y, z = self.velocity_m_s
-        return replace(self, velocity_m_s=(x * s, y * s, z * s))
 
 
 @dataclass(frozen=True)
@@ -273,7 +258,7 @@ class PutObject(Indivisible, _PoseChange):
         start = np.array([x, y, above + world.radius_m(self.object)])
         turn = world.pose(self.object)[1]
         world.place(self.object, start, _yawed(turn, self.yaw_degrees) if self.yaw_degrees else None)
-        lower(world, self.object, self.onto, start)
+        _lower(world, self.object, self.onto, start)
 
 
 @dataclass(frozen=True)
@@ -281,6 +266,7 @@ class TurnObject(_PoseChange):
     """Turn an object or a fixture about the vertical through its origin; it is at rest afterwards."""
 
     operation: ClassVar[str] = "turn_object"
+    magnitudes = ("yaw_degrees",)
 
     object: Text
     yaw_degrees: Degrees
@@ -294,10 +280,31 @@ class TurnObject(_PoseChange):
             position, turn = world.pose(self.object)
             world.place(self.object, position, _yawed(turn, self.yaw_degrees))
 
-    def scaled(self, strength: float) -> TurnObject:
-        """Return the angle multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        return self if s == 1.0 else replace(self, yaw_degrees=self.yaw_degrees * s)
+
+def _lower(world: AlterableWorld, name: str, onto: str, start: Array) -> None:
+    """Lower an object until it would touch ``onto``, and leave it a few micrometres above that height."""
+    at = start.copy()
+
+    def meets(height: float) -> bool:
+        at[2] = height
+        world.place(name, at)
+        return onto in world.contacts(name)
+
+    free = float(start[2])
+    for _ in range(_MAX_STEPS):
+        if meets(free - _STEP_M):
+            break
+        free -= _STEP_M
+    else:
+        raise ChangeError(
+            f"put_object: {name!r} does not meet {onto!r} at ({start[0]:.3f}, {start[1]:.3f}). "
+            "Choose a place above it."
+        )
+    blocked = free - _STEP_M
+    for _ in range(_BISECTIONS):
+        middle = (free + blocked) / 2
+        free, blocked = (free, middle) if meets(middle) else (middle, blocked)
+    meets(free)  # the last height that was tried may be one at which they touch
 
 
 def _placement(where: str, value: Any) -> Placement:

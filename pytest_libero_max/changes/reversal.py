@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pytest_libero_max.changes.change import Evidence, check_evidence
-from pytest_libero_max.changes.factors import Factor, Former
+from pytest_libero_max.changes.factors import Factor, Former, filter_records, measure_poses
 from pytest_libero_max.changes.fields import all_or_nothing
-from pytest_libero_max.changes.measuring import filter_records, measure_poses
 from pytest_libero_max.changes.nothing import Nothing
 from pytest_libero_max.errors import ChangeError
 from pytest_libero_max.worlds.contract import AlterableWorld

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from pytest_libero_max.benchmark.structs import rule
 from pytest_libero_max.changes.alteration import Alteration
 from pytest_libero_max.changes.factors import Factor
-from pytest_libero_max.changes.fields import between, strength_of
+from pytest_libero_max.changes.fields import between
 from pytest_libero_max.changes.nothing import Indivisible
 from pytest_libero_max.errors import ChangeError, counted
 from pytest_libero_max.worlds.contract import AlterableWorld
@@ -28,6 +28,7 @@ class OffsetArm(Alteration):
     """Turn the arm's joints away from where they are; the arm then rests there, held by the controller."""
 
     operation: ClassVar[str] = "offset_arm"
+    magnitudes = ("delta_joint_rad",)
     touched: ClassVar[frozenset[Factor]] = frozenset({"robot"})
 
     delta_joint_rad: _JointOffsets
@@ -57,13 +58,6 @@ class OffsetArm(Alteration):
             if not self.keep_clear or not _touching(world):
                 return
         raise ChangeError(f"{self}: the arm touches something on every way there. Use a smaller offset.")
-
-    def scaled(self, strength: float) -> OffsetArm:
-        """Every joint's offset multiplied by ``strength``."""
-        s = strength_of(self.operation, strength)
-        if s == 1.0:
-            return self
-        return replace(self, delta_joint_rad=tuple(delta * s for delta in self.delta_joint_rad))
 
 
 @dataclass(frozen=True)

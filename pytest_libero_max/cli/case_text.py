@@ -30,12 +30,7 @@ _ENDINGS: Mapping[Ending, str] = {
 
 
 def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]:
-    """Return the lines of a case: description, event, command to play it alone, object in the manifest.
-
-    Args:
-        case: The case.
-        certificates: Those of the frozen cases, by id; empty where the case is none of them.
-    """
+    """Return the lines of a case: description, event, command to play it alone, object in the manifest."""
     kind = EVENTS[case.event.name]
     setup = ", ".join(change["operation"] for change in case.event.setup)
     return [
@@ -93,12 +88,6 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
     """Write ``<item id>--<camera>-before.png`` and ``-after.png`` for each camera.
 
     Nobody plays: the hand goes to the trigger entity on a fixed way.
-
-    Args:
-        folder: Made if missing.
-        world: The world of the case.
-        case: The case.
-        size: Side of a picture, pixels.
 
     Returns:
         The paths of the files.

@@ -29,7 +29,6 @@ class Comparison(NamedTuple):
     add_options: Callable[[argparse.ArgumentParser], object]
     compare: Callable[[argparse.Namespace], bool]
     options: Sequence[str]
-    """Options that belong to it."""
     takes: Sequence[str]
     """Those of :data:`OF_COMPARE` that it reads."""
 

@@ -135,11 +135,7 @@ def _verify_run(options: argparse.Namespace) -> int:
 
 
 def _places(provenance: Json, options: argparse.Namespace) -> Places:
-    """Return what is taken from this machine to play the pairs of a run.
-
-    Raises:
-        OptionError: The run names something that only an option may name.
-    """
+    """Return what is taken from this machine to play the pairs of a run."""
     from pytest_libero_max.policies.clients.address import is_served
     from pytest_libero_max.policies.profile import profile_names
     from pytest_libero_max.policies.references import absolute_reference

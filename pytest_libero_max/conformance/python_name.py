@@ -22,7 +22,6 @@ class PythonName:
     module: str
     """Importable name, or path of a file that ends in ``.py``."""
     function: str
-    """Name of the function in it."""
 
     @classmethod
     def read(cls, kind: str, text: str) -> PythonName:

@@ -23,8 +23,6 @@ def supported_track(name: str | None, substrate: str, options: SubstrateOptions)
 
     Args:
         name: Track that was asked for; None for the first default of the substrate of which every case plays.
-        substrate: Name of the substrate.
-        options: Of the substrate.
     """
     from pytest_libero_max.substrates.registry import SUBSTRATES
 

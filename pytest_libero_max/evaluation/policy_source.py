@@ -142,11 +142,7 @@ class GivenPolicy(PolicySource):
         return isinstance(self.thing, type) or not hasattr(self.thing, "predict")
 
     def check(self) -> None:
-        """Check that it can be a policy.
-
-        Raises:
-            AdapterError: It is neither a policy nor callable.
-        """
+        """Check that it can be a policy, or raise AdapterError."""
         if self.is_made and not callable(self.thing):
             raise AdapterError(
                 f"policy={self.thing!r} is no policy. Give an object with spec, reset and predict, a class "
@@ -179,7 +175,7 @@ class GivenPolicy(PolicySource):
         settings = self.settings
         policy = check_policy(self.thing() if self.is_made else self.thing, settings.reference)
         self._policy, self._spec = policy, policy.spec
-        override(policy, settings.reference, settings.horizon, settings.query_interval)
+        override(policy, settings.horizon, settings.query_interval)
         return wrapped(policy, settings)
 
     def release(self, policy: Policy) -> None:
@@ -193,7 +189,6 @@ def check_policies_of_arms(settings: Settings, *references: str) -> None:
     """Check the policies that arms of the study name, without loading anything.
 
     Args:
-        settings: The settings.
         references: Of the other policies that play in the same processes.
 
     Raises:

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import World
 
 _PATIENCE_S = 8.0
-"""Time for a worker to close its policy and end in order, s."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +45,12 @@ class Job:
     """What a process needs to play pairs of a run."""
 
     source: PolicySource
-    """Of the policy, with the settings of the run."""
     begun_s: float
     """When the run began, seconds since the epoch."""
     workers: int = 1
-    """Number of processes that play."""
 
     def require_sendable(self) -> None:
-        """Check that other processes can load the policy.
-
-        Raises:
-            OptionError: It is an object of this program, or what makes it cannot be sent.
-        """
+        """Check that other processes can load the policy, or raise OptionError."""
         source = self.source
         if not isinstance(source, GivenPolicy):
             return
@@ -87,7 +80,6 @@ class OwnSources:
     """Policy and worlds of a process that plays pairs by itself; opened when the first pair needs them.
 
     Args:
-        source: Of the policy.
         begun_s: When the run began, seconds since the epoch.
         seat: Number of this process among those that play.
     """
@@ -126,14 +118,7 @@ class OwnSources:
 
 
 class CasePlayer:
-    """Plays pairs with sources of its own, and returns what became of each as JSON values.
-
-    Args:
-        job: Of the run.
-        second: Item ids of the cases whose Base is played twice.
-        process: This process.
-        seat: Its number.
-    """
+    """Plays pairs with sources of its own, and returns what became of each as JSON values."""
 
     def __init__(self, job: Job, second: Iterable[str], process: Playing, seat: int = 0) -> None:
         source = job.source
@@ -168,28 +153,16 @@ class _Worker:
     """A worker, seen from the process that owns the run."""
 
     number: int
-    """Its number, from 0."""
     process: SpawnProcess
-    """The process."""
     connection: Connection
-    """To it."""
     log: Path
-    """Its crash log."""
     pair: Case | None = None
     """The case that it plays; None while it starts and while it is idle."""
     ready: bool = False
-    """True once it has begun."""
 
 
 class Workers:
-    """The workers of a run.
-
-    Args:
-        job: Of the run.
-        keeper: Of the run.
-        receive: Called with the item id of a pair and the answer about it.
-        began: Called with the item id of a pair that begins.
-    """
+    """The workers of a run."""
 
     def __init__(
         self,

@@ -44,11 +44,7 @@ class ExpertPolicy:
     spec = PolicySpec("expert", horizon=10, query_interval=5, privileged=True)
 
     def reset(self, episode: Episode) -> None:
-        """Keep the world to read.
-
-        Raises:
-            AdapterError: The world does not tell its goal.
-        """
+        """Keep the world to read."""
         self._world = privileged_world(episode, self.spec)
 
     def predict(self, observation: Observation, query: Query) -> Array:

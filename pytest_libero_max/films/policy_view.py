@@ -23,7 +23,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.policies.adapter_digest import adapter_digest, shown_identity
 from pytest_libero_max.policies.clients.address import is_served
-from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.clients.messages import Request
 from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.model_inputs import as_image, model_inputs

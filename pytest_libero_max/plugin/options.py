@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,6 @@ from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
 from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
-from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.runs.replay_command import Places
 from pytest_libero_max.runs.setting import Group, Option
@@ -224,3 +223,58 @@ def ini_value(config: pytest.Config, key: str) -> Any:
         return config.getini(key)
     except (ValueError, pytest.UsageError) as error:  # which one depends on pytest's version
         raise pytest.UsageError(f"ini option {key}: {error}; expected true or false") from None
+
+
+def in_file(config: pytest.Config) -> Mapping[str, Any]:
+    """Return the entries of the ini file and of ``-o``, by key."""
+    entries: Mapping[str, Any] = (
+        config._inicfg if hasattr(config, "_inicfg") else config.inicfg
+    )  # until pytest 9
+    return entries
+
+
+def native_value(option: Option, value: object) -> Any:
+    """Return a value of a TOML table as another ini file writes it: text, a list of texts, True or False.
+
+    pytest reads there only the one type that is declared, and a limit, a share or a shard is a number in one
+    project and text in the next. Where an option's text has parts, a list is several of them and a table has
+    them by name: ``{cadence = [2, 4]}`` is ``cadence:2,4``.
+
+    Returns:
+        None for an empty list or table.
+
+    Raises:
+        pytest.UsageError: It has a type that the option does not have.
+    """
+    if option.switch:
+        if not isinstance(value, bool):
+            raise _unexpected(option, value, "true or false")
+        return value
+    if option.many:
+        values = value if isinstance(value, list) else [value]
+        lines = [line.strip() for entry in values for line in _single(option, entry).splitlines()]
+        return [line for line in lines if line]
+    return (_spelled(option, value, ":") or None) if option.has_parts else _single(option, value)
+
+
+def _spelled(option: Option, value: object, mark: str) -> str:
+    """Return the text of a value; ``mark`` stands between name and value, and ``=`` in a table inside."""
+    if isinstance(value, list):
+        return ",".join(_spelled(option, entry, mark) for entry in value)
+    if isinstance(value, dict):
+        return ",".join(f"{name}{mark}{_spelled(option, entry, '=')}" for name, entry in value.items())
+    return _single(option, value)
+
+
+def _single(option: Option, value: object) -> str:
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        one = "text or a number"
+        expected = f"{one}, or a list of these" if option.many else one
+        if option.has_parts:
+            expected = f"{one}, a list of these or a table of them by name, as in {option.metavar}"
+        raise _unexpected(option, value, expected)
+    return str(value)
+
+
+def _unexpected(option: Option, value: object, expected: str) -> pytest.UsageError:
+    return pytest.UsageError(f"ini option {option.key}={value!r}: expected {expected}")

@@ -120,9 +120,6 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
 def require_separate_helpers(references: Iterable[str]) -> None:
     """Check that adapter files which play in one process import no different helpers by one name.
 
-    Args:
-        references: The references of the policies; those that are no files have no such helpers.
-
     Raises:
         AdapterError: Two do, or a reference leads nowhere.
     """
@@ -195,9 +192,6 @@ def code_digest(paths: Iterable[Path]) -> str:
     A Python file counts as its syntax tree: comments, docstrings, layout and the version of Python make no
     difference. Any other file (an extension module, or one that does not parse) counts as its bytes. Where a
     file lies and the order of the files make no difference either; its name does.
-
-    Raises:
-        OSError: A file cannot be read.
     """
     digests = sorted((path.name, _digest_of(path)) for path in paths)
     return hashlib.sha256(repr(digests).encode()).hexdigest()

@@ -34,8 +34,6 @@ Rows = dict[str, Measure | Plain]
 UNITS: Mapping[str, Unit] = {
     "share": PERCENT,
     "change": POINTS,
-    "error": Unit(SHARE, 2, text=" pp"),
-    "variance": Unit(AMOUNT, 4),
     "steps": Unit(AMOUNT, text=" steps"),
     "more steps": Unit(NUMBER, signed=True, text=" steps"),
     "m": Unit(AMOUNT, 2, text=" m"),

@@ -24,7 +24,6 @@ from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_figures import study_plots
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
-from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import Result
 
@@ -147,7 +146,8 @@ def _origin(report: Report) -> Iterator[tuple[str, str]]:
         yield "selection", report.selection.text
         yield "digest of the selection", report.selection.digest
     if "fingerprint" in origin:
-        yield "fingerprint", fingerprint_text(origin)
+        taken = origin["fingerprint"]
+        yield "fingerprint", str(taken or "not taken before the run (libero-max lab fingerprint)")
 
 
 def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:

@@ -28,9 +28,6 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     one, and is incomplete. So is one of runs that stopped early, also by a rule, which decided on its own run
     alone; the result says which ones did.
 
-    Args:
-        runs: Runs by a name for messages, for example their path.
-
     Raises:
         ReportError: Fewer than two runs, and not a single shard; they differ in policy, substrate, case set,
             protocol or versions, or in something else that changes results; they are shards of different

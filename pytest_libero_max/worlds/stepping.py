@@ -353,6 +353,9 @@ def _addresses() -> tuple[int, ...]:
 
 
 _STEP1, _STEP2, _JAC_SITE, _GEMM, _GEMV, _GETRF, _GETRI, _GESDD, _NUMBERS, _TABLE, _SCALES = range(11)
+_INVERSE, _PRODUCTS, _VALUES, _VECTORS, _WORK, _WORKS, _INTEGERS = 22, 27, 28, 29, 31, 32, 33
+"""Places among the numbers and addresses that :class:`Stepper` puts together for the compiled code."""
+
 _LETTERS = b"NTCS"
 _AS_IT_IS, _TRANSPOSED, _CONJUGATED, _SMALL = range(4)
 """Places in the letters: what BLAS does to a matrix first, and how many singular vectors LAPACK returns."""
@@ -434,128 +437,68 @@ def _matrix(quaternion: Any) -> Any:
 
 
 @compiled
-def _product(
-    functions: Any,
-    first: Any,
-    second: Any,
-    m: Any,
-    n: Any,
-    k: Any,
-    a: Any,
-    lda: Any,
-    b: Any,
-    ldb: Any,
-    c: Any,
-) -> None:
-    """Write the (m, n) product of an (m, k) and a (k, n) matrix, each transposed before or not, to ``c``."""
-    numbers, letters, one = functions[_NUMBERS], functions[_TABLE], functions[_SCALES]
-    _call(
-        functions[_GEMM],
-        (
-            letters + first,
-            letters + second,
-            numbers + 8 * m,
-            numbers + 8 * n,
-            numbers + 8 * k,
-            one,
-            a,
-            numbers + 8 * lda,
-            b,
-            numbers + 8 * ldb,
-            one + 8,
-            c,
-            numbers + 8 * m,
-        ),
-    )
+def _product(fixed: Any, turns: Any, sizes: Any, a: Any, lda: Any, b: Any, ldb: Any, c: Any) -> None:
+    """Write the (m, n) product of an (m, k) and a (k, n) matrix, each transposed before or not, to ``c``.
+
+    Args:
+        turns: What is done to each of both first.
+        sizes: m, n and k.
+        a, lda, b, ldb: Addresses and leading dimensions of both.
+    """
+    numbers, letters, one = fixed[_NUMBERS], fixed[_TABLE], fixed[_SCALES]
+    m, n, k = numbers + 8 * sizes[0], numbers + 8 * sizes[1], numbers + 8 * sizes[2]
+    turned = (letters + turns[0], letters + turns[1])
+    _call(fixed[_GEMM], (*turned, m, n, k, one, a, numbers + 8 * lda, b, numbers + 8 * ldb, one + 8, c, m))
 
 
 @compiled
-def _applied(functions: Any, letter: Any, m: Any, n: Any, a: Any, x: Any, y: Any) -> None:
+def _applied(fixed: Any, turn: Any, m: Any, n: Any, a: Any, x: Any, y: Any) -> None:
     """Write the product of an (m, n) matrix, transposed before or not, with a vector to ``y``."""
-    numbers, one = functions[_NUMBERS], functions[_SCALES]
-    single = numbers + 8
-    _call(
-        functions[_GEMV],
-        (
-            functions[_TABLE] + letter,
-            numbers + 8 * m,
-            numbers + 8 * n,
-            one,
-            a,
-            numbers + 8 * m,
-            x,
-            single,
-            one + 8,
-            y,
-            single,
-        ),
-    )
+    numbers, one = fixed[_NUMBERS], fixed[_SCALES]
+    rows, columns, single = numbers + 8 * m, numbers + 8 * n, numbers + 8
+    _call(fixed[_GEMV], (fixed[_TABLE] + turn, rows, columns, one, a, rows, x, single, one + 8, y, single))
 
 
 @compiled
-def _invert(functions: Any, dofs: Any, inverse: Any, work: Any, sizes: Any, integers: Any, info: Any) -> Any:
-    """Invert a (dofs, dofs) matrix in place, as ``inv`` does; return False where it is singular."""
-    size = functions[_NUMBERS] + 8 * dofs
+def _invert(fixed: Any, dofs: Any, info: Any) -> Any:
+    """Invert the mass matrix in place, as ``inv`` does; return False where it is singular."""
+    size, inverse, pivots = fixed[_NUMBERS] + 8 * dofs, fixed[_INVERSE], fixed[_INTEGERS]
     info[0] = 0
-    _call(functions[_GETRF], (size, size, inverse, size, integers, info.ctypes.data))
+    _call(fixed[_GETRF], (size, size, inverse, size, pivots, info.ctypes.data))
     if info[0] != 0:
         return False
-    _call(functions[_GETRI], (size, inverse, size, integers, work, sizes, info.ctypes.data))
+    _call(fixed[_GETRI], (size, inverse, size, pivots, fixed[_WORK], fixed[_WORKS], info.ctypes.data))
     return info[0] == 0
 
 
 @compiled
-def _feel(
-    functions: Any,
-    dofs: Any,
-    rows: Any,
-    jacobian: Any,
-    inverse: Any,
-    felt: Any,
-    products: Any,
-    values: Any,
-    vectors: Any,
-    work: Any,
-    size: Any,
-    integers: Any,
-    info: Any,
-) -> Any:
+def _feel(fixed: Any, dofs: Any, rows: Any, jacobian: Any, felt: Any, room: Any, info: Any) -> Any:
     """Write the inertia that some coordinates of the hand feel: the ``pinv`` of J M^-1 J^T, (rows, rows).
+
+    Args:
+        jacobian: Address of J.
+        room: Address of the number of LAPACK's work space for this size.
 
     Returns:
         False where it is not finite.
     """
+    products, values = _floats(fixed[_PRODUCTS], (2, dofs * dofs)), _floats(fixed[_VALUES], (6,))
+    vectors = _floats(fixed[_VECTORS], (2, 36))
     between, whole = products[0].ctypes.data, products[1].ctypes.data
-    left, right = vectors[0].ctypes.data, vectors[1].ctypes.data
-    _product(functions, _TRANSPOSED, _TRANSPOSED, dofs, rows, dofs, inverse, dofs, jacobian, rows, between)
-    _product(functions, _AS_IT_IS, _AS_IT_IS, rows, rows, dofs, jacobian, rows, between, dofs, whole)
+    left, right, out = vectors[0].ctypes.data, vectors[1].ctypes.data, felt.ctypes.data
+    both = (_TRANSPOSED, _TRANSPOSED)
+    _product(fixed, both, (dofs, rows, dofs), fixed[_INVERSE], dofs, jacobian, rows, between)
+    _product(fixed, (_AS_IT_IS, _AS_IT_IS), (rows, rows, dofs), jacobian, rows, between, dofs, whole)
     for i in range(rows):
         for j in range(rows):
             value = products[1, i * rows + j]
             if not math.isfinite(value):
                 return False
             felt[j, i] = value
-    count = functions[_NUMBERS] + 8 * rows
-    info[0] = 0
-    _call(
-        functions[_GESDD],
-        (
-            functions[_TABLE] + _SMALL,
-            count,
-            count,
-            felt.ctypes.data,
-            count,
-            values.ctypes.data,
-            left,
-            count,
-            right,
-            count,
-            work,
-            size,
-            integers,
-            info.ctypes.data,
-        ),
-    )
+    count, info[0] = fixed[_NUMBERS] + 8 * rows, 0
+    matrices = (out, count, fixed[_VALUES], left, count, right, count)
+    ends = (fixed[_WORK], room, fixed[_INTEGERS], info.ctypes.data)
+    _call(fixed[_GESDD], (fixed[_TABLE] + _SMALL, count, count, *matrices, *ends))
     if info[0] != 0:
         return False
     least, last = values[0] * _SINGULAR, 0
@@ -566,9 +509,7 @@ def _feel(
     for i in range(rows):
         for j in range(last + 1):
             vectors[1, i * rows + j] = vectors[1, i * rows + j] * values[j]
-    _product(
-        functions, _CONJUGATED, _CONJUGATED, rows, rows, last + 1, right, rows, left, rows, felt.ctypes.data
-    )
+    _product(fixed, (_CONJUGATED, _CONJUGATED), (rows, rows, last + 1), right, rows, left, rows, out)
     return True
 
 
@@ -585,7 +526,6 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
         settle: True to bring derived data up to date at the end.
         warned: MuJoCo's counts of its warnings.
     """
-    functions = fixed
     dofs, nv, model, data, site = fixed[11], fixed[12], fixed[13], fixed[14], fixed[15]
     jac_pos = _floats(fixed[16], (3, nv))
     jac_ori = _floats(fixed[17], (3, nv))
@@ -593,18 +533,14 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
     j_pos = _floats(fixed[19], (dofs, 3))
     j_ori = _floats(fixed[20], (dofs, 3))
     mass = _floats(fixed[21], (dofs, dofs))
-    inverse = _floats(fixed[22], (dofs, dofs))
+    inverse = _floats(fixed[_INVERSE], (dofs, dofs))
     free = _floats(fixed[23], (dofs, dofs))
     felt_full = _floats(fixed[24], (6, 6))
     felt_pos = _floats(fixed[25], (3, 3))
     felt_ori = _floats(fixed[26], (3, 3))
-    products = _floats(fixed[27], (2, dofs * dofs))
-    values = _floats(fixed[28], (6,))
-    vectors = _floats(fixed[29], (2, 36))
+    products = _floats(fixed[_PRODUCTS], (2, dofs * dofs))
     lines = _floats(fixed[30], (5, max(dofs, 6)))
-    room = fixed[31]
-    whole_room = fixed[32]
-    buffer = fixed[33]
+    works = fixed[_WORKS]
     info = _integers(fixed[34], (1,))
     goal_pos = _floats(fixed[35], (3,))
     goal_ori = _floats(fixed[36], (3, 3))
@@ -635,7 +571,7 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
     hand, place, turn = j_full.ctypes.data, j_pos.ctypes.data, j_ori.ctypes.data
     inverted, speeds = inverse.ctypes.data, qvel.ctypes.data
     for substep in range(substeps):
-        _call(functions[_JAC_SITE], (model, data, jac_pos.ctypes.data, jac_ori.ctypes.data, site))
+        _call(fixed[_JAC_SITE], (model, data, jac_pos.ctypes.data, jac_ori.ctypes.data, site))
         for k in range(dofs):
             for axis in range(3):
                 j_pos[k, axis] = j_full[k, axis] = jac_pos[axis, arm_dofs[k]]
@@ -645,62 +581,19 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
                 mass[k, other] = inverse[k, other] = qM[at] if at >= 0 else 0.0
                 if not math.isfinite(mass[k, other]):
                     return _BROKEN
-        _applied(functions, _TRANSPOSED, nv, 3, jac_pos.ctypes.data, speeds, moving)
-        _applied(functions, _TRANSPOSED, nv, 3, jac_ori.ctypes.data, speeds, moving + 24)
-        sound = _invert(functions, dofs, inverted, room, whole_room, buffer, info)
+        _applied(fixed, _TRANSPOSED, nv, 3, jac_pos.ctypes.data, speeds, moving)
+        _applied(fixed, _TRANSPOSED, nv, 3, jac_ori.ctypes.data, speeds, moving + 24)
         if not (
-            sound
-            and _feel(
-                functions,
-                dofs,
-                6,
-                hand,
-                inverted,
-                felt_full,
-                products,
-                values,
-                vectors,
-                room,
-                whole_room + 8,
-                buffer,
-                info,
-            )
-            and _feel(
-                functions,
-                dofs,
-                3,
-                place,
-                inverted,
-                felt_pos,
-                products,
-                values,
-                vectors,
-                room,
-                whole_room + 16,
-                buffer,
-                info,
-            )
-            and _feel(
-                functions,
-                dofs,
-                3,
-                turn,
-                inverted,
-                felt_ori,
-                products,
-                values,
-                vectors,
-                room,
-                whole_room + 16,
-                buffer,
-                info,
-            )
+            _invert(fixed, dofs, info)
+            and _feel(fixed, dofs, 6, hand, felt_full, works + 8, info)
+            and _feel(fixed, dofs, 3, place, felt_pos, works + 16, info)
+            and _feel(fixed, dofs, 3, turn, felt_ori, works + 16, info)
         ):
             return _BROKEN
         # The torques that pull the hand towards its goal.
         for axis in range(3):
             vector[axis] = (goal_pos[axis] - site_pos[axis]) * kp[axis] + (-velocity[axis]) * kd[axis]
-        _applied(functions, _AS_IT_IS, 3, 3, felt_pos.ctypes.data, given, force)
+        _applied(fixed, _AS_IT_IS, 3, 3, felt_pos.ctypes.data, given, force)
         for axis in range(3):
             one, two = (axis + 1) % 3, (axis + 2) % 3
             error = 0.0
@@ -712,19 +605,20 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
                 error = part if column == 0 else error + part
             error = 0.5 * error
             vector[axis] = error * kp[axis + 3] + (-velocity[axis + 3]) * kd[axis + 3]
-        _applied(functions, _AS_IT_IS, 3, 3, felt_ori.ctypes.data, given, force + 24)
-        _applied(functions, _TRANSPOSED, 6, dofs, hand, force, torques)
+        _applied(fixed, _AS_IT_IS, 3, 3, felt_ori.ctypes.data, given, force + 24)
+        _applied(fixed, _TRANSPOSED, 6, dofs, hand, force, torques)
         # Those that hold the arm near its home pose, as far as the hand leaves it free.
-        _product(functions, _AS_IT_IS, _TRANSPOSED, 6, dofs, dofs, hand, 6, inverted, dofs, between)
-        _product(functions, _TRANSPOSED, _AS_IT_IS, 6, dofs, 6, felt_full.ctypes.data, 6, between, 6, whole)
-        _product(functions, _TRANSPOSED, _AS_IT_IS, dofs, dofs, 6, hand, 6, whole, 6, between)
+        back = (_TRANSPOSED, _AS_IT_IS)
+        _product(fixed, (_AS_IT_IS, _TRANSPOSED), (6, dofs, dofs), hand, 6, inverted, dofs, between)
+        _product(fixed, back, (6, dofs, 6), felt_full.ctypes.data, 6, between, 6, whole)
+        _product(fixed, back, (dofs, dofs, 6), hand, 6, whole, 6, between)
         for k in range(dofs):
             for other in range(dofs):
                 free[k, other] = (1.0 if k == other else 0.0) - products[0, k * dofs + other]
             away = initial_joint[k] - qpos[arm_qpos[k]]
             vector[k] = _NULLSPACE_KP * away - _NULLSPACE_KV * qvel[arm_dofs[k]]
-        _applied(functions, _AS_IT_IS, dofs, dofs, mass.ctypes.data, given, taken)
-        _applied(functions, _AS_IT_IS, dofs, dofs, free.ctypes.data, taken, given)
+        _applied(fixed, _AS_IT_IS, dofs, dofs, mass.ctypes.data, given, taken)
+        _applied(fixed, _AS_IT_IS, dofs, dofs, free.ctypes.data, taken, given)
         for k in range(dofs):
             value = (arm[k] + qfrc_bias[arm_dofs[k]]) + vector[k]
             ctrl[arm_ctrl[k]] = min(max(value, low[k]), high[k])
@@ -732,9 +626,9 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
         grip[1] = min(max(grip[1] + second, -1.0), 1.0)
         for finger in range(2):
             ctrl[finger_ctrl[finger]] = grip_middle[finger] + grip_half[finger] * grip[finger]
-        _call(functions[_STEP2], (model, data))
+        _call(fixed[_STEP2], (model, data))
         if settle or substep + 1 < substeps:
-            _call(functions[_STEP1], (model, data))
+            _call(fixed[_STEP1], (model, data))
     fastest = 0.0
     for count in warned:
         if count:

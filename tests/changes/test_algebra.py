@@ -141,7 +141,7 @@ def test_an_insertion_happens_once(event: Event) -> None:
     change = set_up(WORLD, event)
     change.apply(WORLD)
     after = WORLD.digest()
-    with pytest.raises(ChangeError, match="in the scene already"):
+    with pytest.raises(ChangeError, match="already"):
         change.apply(WORLD)
     assert WORLD.digest() == after
 
@@ -220,7 +220,7 @@ def test_a_scaled_move_goes_that_share_of_the_way(change: Change, strength: floa
 
 
 @given(st.data(), actions())
-@settings(max_examples=50)
+@settings(max_examples=25)
 def test_what_was_taken_out_stays_put_and_comes_back_as_it_was(data: st.DataObject, steps: Actions) -> None:
     event = data.draw(strategies.events(ENTITIES, names=["distractor_burst", "obstacle_insertion"]))
     WORLD.reset(0)

@@ -80,15 +80,13 @@ def test_a_field_of_view_out_of_range_is_refused_before_anything_changes(
     world: TinyWorld, delta: float
 ) -> None:
     fresh = world.digest()
-    with pytest.raises(ChangeError, match=r"field of view of .* within 5 to 150"):
+    with pytest.raises(ChangeError, match="within 5 to 150"):
         ShiftCamera("agentview", (0.1, 0.0, 0.0), 10.0, delta).apply(world)
     assert world.digest() == fresh
 
 
 def test_an_unknown_camera_is_named_with_the_closest(world: TinyWorld) -> None:
-    with pytest.raises(
-        ChangeError, match=r"'agentvew', but the scene has no such camera. Did you mean 'agentview'"
-    ):
+    with pytest.raises(ChangeError, match=r"agentvew'.*'agentview'"):
         ShiftCamera("agentvew", (0.0, 0.0, 0.0), 1.0, 0.0).apply(world)
 
 
@@ -157,7 +155,7 @@ def test_an_unknown_entity_is_named_with_the_closest(world: TinyWorld, change: C
 
 
 def test_what_is_in_the_scene_cannot_come_back(world: TinyWorld) -> None:
-    with pytest.raises(ChangeError, match=r"'clutter_1' is in the scene already.*remove_object"):
+    with pytest.raises(ChangeError, match=r"clutter_1' .*remove_object"):
         InsertObstacle("clutter_1", "box_1", (0.14, 0.0, 0.0), True).apply(world)
 
 
@@ -169,7 +167,7 @@ def test_what_was_taken_out_cannot_be_moved_removed_or_be_an_anchor(world: TinyW
         RemoveObject("clutter_1", OFFWORLD_M),
         InsertObstacle("clutter_2", "clutter_1", (0.1, 0.0, 0.0), True),
     ):
-        with pytest.raises(ChangeError, match=r"'clutter_1' has been taken out of the scene"):
+        with pytest.raises(ChangeError, match=r"clutter_1' .*taken out"):
             change.apply(world)
 
 
@@ -203,7 +201,7 @@ def test_a_burst_brings_all_or_none(world: TinyWorld) -> None:
         ),
         2,
     )
-    with pytest.raises(ChangeError, match="'clutter_2' is in the scene already"):
+    with pytest.raises(ChangeError, match=r"clutter_2' .*already"):
         burst.apply(world)
     assert world.digest() == missing
     RemoveObject("clutter_2", OFFWORLD_M).apply(world)

@@ -209,18 +209,3 @@ def test_published_noise_of_a_camera_is_the_same_alone_and_after_the_other(shape
     wanted += drawn
     wanted[top : top + side, left : left + side] = 0.0
     assert np.array_equal(alone, wanted.clip(0, 255).astype(np.uint8))
-
-
-@pytest.mark.parametrize("most", [1, 3, 5, 9, 300])
-def test_drawn_choices_and_normals_are_those_of_numpy(most: int) -> None:
-    ours, theirs = np.random.RandomState(most), np.random.RandomState(most)
-    assert ours.random_sample(5).tolist() == theirs.random_sample(5).tolist()  # begin inside a block
-    drawn = np.empty(2001, np.uint16)
-    image_corruptions.spend(ours, image_loops.choices, drawn.size, most, drawn)
-    assert np.array_equal(drawn, theirs.randint(0, most + 1, size=drawn.size))
-    values = np.empty(1500)
-    for keep in (True, False):
-        image_corruptions.spend(ours, image_loops.normals, 2 * values.size, keep, values)
-        wanted = theirs.standard_normal(values.size)
-        assert np.array_equal(values, wanted) == keep
-    assert ours.random_sample() == theirs.random_sample()

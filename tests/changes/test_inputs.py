@@ -31,7 +31,7 @@ def test_images_of_another_task_are_those_of_its_own_first_query() -> None:
         assert not np.array_equal(shown["agentview_image"], own["agentview_image"])
         assert not np.array_equal(shown["robot0_eye_in_hand_image"], first["robot0_eye_in_hand_image"])
     begin_world(here, world := substrate.world(here))
-    with pytest.raises(SubstrateError, match="task 0 of libero_object is the one of this scene"):
+    with pytest.raises(SubstrateError, match="task 0 of libero_object"):
         SwapImages(CAMERAS, 64, 64, suite, 0, 0).apply(world)
     with pytest.raises(SubstrateError, match="not a task of libero_object"):
         SwapImages(CAMERAS, 64, 64, suite, 10, 0).apply(world)
@@ -40,6 +40,6 @@ def test_images_of_another_task_are_those_of_its_own_first_query() -> None:
 
 def test_a_world_without_a_substrate_knows_no_other_task() -> None:
     world = EmbeddedWorld(build_scene("libero_object", 0))
-    with pytest.raises(SubstrateError, match="embedded/libero_object/0 was built without a substrate"):
+    with pytest.raises(SubstrateError, match="embedded/libero_object/0"):
         SwapImages(CAMERAS, 64, 64, "libero_object", 1, 0).apply(world)
     world.close()

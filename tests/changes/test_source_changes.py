@@ -207,7 +207,7 @@ def test_a_bump_adds_a_velocity_to_an_object_and_is_not_taken_back(world: Embedd
     at = world.position(BOWL)
     world.step(NOOP_ACTION)
     assert world.position(BOWL)[0] > at[0] + 0.005
-    with pytest.raises(ChangeError, match="cannot be taken back"):
+    with pytest.raises(ChangeError, match="taken back"):
         bump.reverted(evidence)
     with pytest.raises(ChangeError, match=r"bump_object\.object='main_table' is a surface.*akita"):
         BumpObject("main_table", (0.5, 0.0, 0.2)).apply(world)
@@ -233,17 +233,17 @@ def test_an_opened_gripper_closes_again_within_eight_steps(world: EmbeddedWorld)
 def test_what_was_dropped_is_not_taken_back(world: EmbeddedWorld) -> None:
     world.reset(0)
     change = OpenGripper()
-    with pytest.raises(ChangeError, match="cannot be taken back: what was held has fallen"):
+    with pytest.raises(ChangeError, match=r"taken back: .* fallen"):
         change.reverted(change.apply(world))
 
 
 def test_the_tiny_world_has_no_arm_to_pose_and_one_goal_only() -> None:
     world = TinyWorld()
-    with pytest.raises(SubstrateError, match="no arm whose joints"):
+    with pytest.raises(SubstrateError, match="no arm"):
         OffsetArm(ARM).apply(world)
-    with pytest.raises(SubstrateError, match="no gripper with a command"):
+    with pytest.raises(SubstrateError, match="no gripper"):
         OpenGripper().apply(world)
-    with pytest.raises(SubstrateError, match="decides its own goal only"):
+    with pytest.raises(SubstrateError, match="own goal"):
         SetTask("x", (("on", "box_1", "plate_1"),)).apply(world)
     SetInstruction("go").apply(world)
     assert world.language == "go"
@@ -325,7 +325,7 @@ def test_a_lamp_that_casts_shadows_darkens_parts_of_the_picture_until_reset(worl
     SetLamps(cast_shadows=True, tilt_degrees=10.0).apply(world)
     shaded = world.observe(("agentview",), 128)["agentview_image"].astype(int)
     assert ((before - shaded).max(axis=2) > 40).mean() > 0.01
-    with pytest.raises(ChangeError, match="shadows is all or nothing"):
+    with pytest.raises(ChangeError, match="with shadows"):
         SetLamps(cast_shadows=True).scaled(0.5)
     world.reset(0)
     assert np.array_equal(world.observe(("agentview",), 128)["agentview_image"], before)

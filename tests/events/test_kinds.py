@@ -92,23 +92,19 @@ def test_the_two_obstacles_differ_in_object_and_place() -> None:
 
 
 def test_an_event_a_task_cannot_host_is_refused() -> None:
-    with pytest.raises(
-        ManifestError, match=r"'distractor_burst' is not possible in .*Possible: illumination_switch,"
-    ):
+    with pytest.raises(ManifestError, match=r"distractor_burst' .*: illumination_switch,"):
         resolve("distractor_burst", 0, "libero_spatial")
 
 
 def test_an_event_that_only_manifests_spell_out_is_not_drawn() -> None:
-    with pytest.raises(ManifestError, match=r"'task_cancel' is not possible in .*to be spelled out by a man"):
+    with pytest.raises(ManifestError, match=r"task_cancel' .*a manifest"):
         resolve("task_cancel", 0)
     names = {name for name, kind in EVENTS.items() if not kind.drawn}
     assert names == {"instruction_receptacle_update", "instruction_target_update", "task_cancel"}
 
 
 def test_an_unknown_event_or_variant_is_refused() -> None:
-    with pytest.raises(
-        ManifestError, match=r"event='camera_shit' is not an event\. Did you mean 'camera_shift'"
-    ):
+    with pytest.raises(ManifestError, match=r"event='camera_shit' .*'camera_shift'"):
         resolve("camera_shit", 0)
-    with pytest.raises(ManifestError, match="variant=2, but an event has the variants 0 and 1"):
+    with pytest.raises(ManifestError, match="variant=2,"):
         resolve("camera_shift", 2)

@@ -77,12 +77,12 @@ def test_an_entry_refers_to_what_comes_before_it(schedule: tuple[Entry, ...], me
 
 @pytest.mark.parametrize("name", ["", "Base", "2nd", "mid-task", 3])
 def test_an_arm_has_a_plain_name(name: Any) -> None:
-    with pytest.raises(ManifestError, match="lower-case letters, digits and underscores"):
+    with pytest.raises(ManifestError, match="lower-case"):
         Arm(name)
 
 
 def test_arms_have_names_of_their_own() -> None:
-    with pytest.raises(ManifestError, match="two arms are called 'base'"):
+    with pytest.raises(ManifestError, match="'base'"):
         check_arms([Arm("base"), Arm("base", TRANSIENT)])
     with pytest.raises(ManifestError, match="no arm given"):
         check_arms([])

@@ -90,7 +90,7 @@ def test_another_renderer_and_other_physics_are_told_apart(
         other.setattr(TinyWorld, "_drawn", lambda *given: (drawn(*given) // 2).astype(np.uint8))
         found = differing(first, taken())
     assert set(found) == {"drawing", "event_pictures"}
-    assert "differs in 2 of 2 cases: largest difference" in found["drawing"]
+    assert " 2 of 2 " in found["drawing"]
     assert "grey levels" in found["drawing"]
 
     def lighter(world: TinyWorld) -> None:
@@ -166,6 +166,6 @@ def test_files_are_compared_and_others_are_refused(
     assert main(["lab", "fingerprint", "--compare", a, b]) == 1
     assert "differs from other" in capsys.readouterr().out
     assert main(["lab", "fingerprint", "--compare", a, c]) == 1
-    assert "Take both of the same substrate" in capsys.readouterr().err
+    assert "same substrate" in capsys.readouterr().err
     assert main(["lab", "fingerprint", "--compare", a, d]) == 1
-    assert "no fingerprint of format 2" in capsys.readouterr().err
+    assert "format 2" in capsys.readouterr().err

@@ -120,7 +120,7 @@ def five_arms(distance_m: float, lasting: int, change: Any = NUDGE) -> tuple[Arm
 
 
 @pytest.mark.parametrize("how", BOTH, ids=["fork", "replay"])
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     policy=strategies.scripted_policies(drift=(0.35, 0.53, -0.77)),
     distance_m=st.sampled_from([0.25, 0.3]),
@@ -307,10 +307,10 @@ def test_what_goes_wrong_names_the_arm(world: Counting) -> None:
 
     phases: list[str] = []
     policy = not_asked_again(Failing())
-    with pytest.raises(AdapterError, match="raised ValueError in reset"):
+    with pytest.raises(AdapterError, match="ValueError in reset"):
         play_pair(make_case(), world, policy, on_phase=phases.append, arms=five_arms(0.25, 3))
     assert phases == ["setup", "base", "reset", "mid"]
-    with pytest.raises(ManifestError, match="two arms are called 'base'"):
+    with pytest.raises(ManifestError, match="'base'"):
         play_pair(make_case(), world, Approaching(), arms=(Arm("base"), Arm("base")))
 
 

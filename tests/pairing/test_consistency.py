@@ -156,14 +156,14 @@ def test_a_hidden_memory_gives_no_other_record_in_fork_than_in_replay(world: Tin
     if late > replay.base_queries or late == 0:
         assert play_pair(make_case(), world, policy).identity() == replay.identity()
         return
-    with pytest.raises(RefusalError, match="give a policy with memory snapshot"):
+    with pytest.raises(RefusalError, match=r"snapshot\(\)"):
         play_pair(make_case(), world, policy)
 
 
 def test_a_query_is_asked_again_also_where_nothing_happens(world: TinyWorld) -> None:
     policy = WithoutRestore()
     policy.wait = BUDGET
-    with pytest.raises(AdapterError, match="answered query 7 at step 21 differently"):
+    with pytest.raises(AdapterError, match="query 7 at step 21"):
         play_pair(make_case(), world, policy)
 
 
@@ -175,7 +175,7 @@ def test_a_world_that_is_altered_behind_the_contract_is_noticed(world: TinyWorld
             world.data.qvel[0] += 1e-3
             return super().predict(observation, query)
 
-    with pytest.raises(AdapterError, match="the world was altered while policy 'approaching' was called"):
+    with pytest.raises(AdapterError, match="altered while policy 'approaching'"):
         play_pair(make_case(), world, Finder())
 
 

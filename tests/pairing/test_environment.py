@@ -51,7 +51,7 @@ def test_an_environment_is_the_arm_that_the_runner_plays(worlds: list[TinyWorld]
     base_arm, dynamic_arm = arms_of(case)
     base = ArmEnv(case, worlds[1], base_arm, BLIND)
     dynamic = ArmEnv(case, worlds[2], dynamic_arm, BLIND)
-    with pytest.raises(ProtocolError, match="no episode is running"):
+    with pytest.raises(ProtocolError, match=r"reset\(\)"):
         base.step(np.zeros(7))
     for env, rollout in ((base, pair.base), (dynamic, pair.dynamic)):
         events, proofs = stepped(env, rollout.actions)
@@ -61,7 +61,7 @@ def test_an_environment_is_the_arm_that_the_runner_plays(worlds: list[TinyWorld]
         if events:
             assert events[0]["evidence"] == record.evidence
             assert events[0]["prefix_proof"] == record.prefix_digest
-        with pytest.raises(ProtocolError, match="no episode is running"):
+        with pytest.raises(ProtocolError, match=r"reset\(\)"):
             env.step(np.zeros(7))
 
 
@@ -74,7 +74,7 @@ def test_an_environment_shows_what_was_asked_for_and_ends_with_success() -> None
     ends = [env.step(np.zeros(7))[1:4] for _ in range(3)]
     assert ends == [(0.0, False, False), (0.0, False, False), (1.0, True, False)]
     env.reset()
-    with pytest.raises(ActionError, match="returned actions of shape"):
+    with pytest.raises(ActionError, match="shape"):
         env.step(np.zeros(6))
     env.close()
     world.close()

@@ -59,7 +59,7 @@ def test_pairs_that_end_early_leave_the_batch(worlds: list[TinyWorld]) -> None:
 
 def test_what_cannot_be_asked_together_is_refused(worlds: list[TinyWorld]) -> None:
     case = make_case()
-    with pytest.raises(AdapterError, match="cannot answer queries of several episodes together"):
+    with pytest.raises(AdapterError, match="predict_batch"):
         measure_in_step([(case, worlds[0])], Approaching())
     with pytest.raises(AdapterError, match="have one world"):
         measure_in_step([(case, worlds[0]), (case, worlds[0])], Together())

@@ -142,7 +142,7 @@ def test_a_policy_that_sees_every_step_is_the_same_behind_a_server(world: TinyWo
         served = load_served(f"openpi://127.0.0.1:{port}?patience=0.2", "served")
         records = [played(world, served, mode) for mode in ("fork", "replay")]
         served.client.close()
-        with pytest.raises(ServerError, match=r"is shown every step \(see\)"):
+        with pytest.raises(ServerError, match=r"\(see\)"):
             load_served(f"vla-eval://127.0.0.1:{port}/vla-eval?patience=0.2", "vla_eval", 4, 2)
     assert len({str(record.identity()["arms"]) for record in (own, *records)}) == 1
     assert {record.policy["memory"] for record in records} == {"snapshot"}
@@ -169,7 +169,7 @@ def test_a_server_and_a_wrapper_refuse_what_they_cannot_show() -> None:
     ):
         with pytest.raises(AdapterError, match=message):
             Host(policy, "x")
-    with pytest.raises(AdapterError, match=r"is shown every step \(see\), but a wrapper"):
+    with pytest.raises(AdapterError, match=r"\(see\), .*wrapper"):
         WrappedPolicy(Frames(), "restore=gated")
 
 
@@ -180,5 +180,5 @@ def test_the_declaration_is_checked() -> None:
     assert "history" not in PolicySpec("x").to_dict()
     policy: Any = Frames()
     policy.see = lambda observation: None
-    with pytest.raises(AdapterError, match=r"see.* cannot be called as see\(observation, step\)"):
+    with pytest.raises(AdapterError, match=r"see\(observation, step\)"):
         check_policy(policy, "policy")

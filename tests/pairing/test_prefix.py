@@ -55,7 +55,7 @@ def test_a_link_depends_on_everything_before_it() -> None:
     assert {len(link) for link in links} == {32}
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     case=strategies.cases(
         events=strategies.events(distances_m=st.sampled_from([0.25, 0.45, 0.6])), suites=["libero_spatial"]
@@ -125,9 +125,7 @@ class Drifting(TinyWorld):
 
 def test_a_snapshot_that_leaves_something_out_is_caught() -> None:
     settings = PairSettings("fork")
-    with pytest.raises(
-        ProtocolError, match=r"world restored from the snapshot at step 2\d is not the one it was taken"
-    ):
+    with pytest.raises(ProtocolError, match=r"snapshot at step 2\d"):
         play_pair(make_case(distance_m=0.3), Forgetful(), Approaching(), settings)
 
 
@@ -140,7 +138,7 @@ def test_a_simulation_that_does_not_repeat_itself_is_caught_where_it_differs(at:
     branch = play_prefix(make_case(distance_m=0.18), TinyWorld(), Approaching())
     assert branch is not None
     assert branch.step == 4
-    with pytest.raises(ProtocolError, match=f"differs {where} from what was played first"):
+    with pytest.raises(ProtocolError, match=f"differs {where} from"):
         play_pair(make_case(), world, Approaching(), PairSettings("replay"))
 
 
@@ -200,9 +198,7 @@ class Aliasing(RememberingPolicy):
 
 def test_a_snapshot_that_is_no_copy_is_caught(world: TinyWorld) -> None:
     policy = remembering(Aliasing)
-    with pytest.raises(
-        AdapterError, match=r"the memory that policy 'remembering' copied at step \d+ has changed since"
-    ):
+    with pytest.raises(AdapterError, match=r"'remembering' .* at step \d+"):
         play_pair(make_case(), world, policy)
 
 
@@ -234,16 +230,14 @@ def test_memory_without_a_snapshot_needs_the_whole_replay(world: TinyWorld) -> N
     assert shown_again.identity()["arms"] == with_snapshot.identity()["arms"]
     with pytest.raises(RefusalError) as caught:
         play_pair(make_case(), world, remembering(WithoutSnapshot), PairSettings("fork"))
-    assert "policy 'remembering' answered query" in str(caught.value)
-    assert "differently when it was shown the same observation again" in str(caught.value)
-    assert "give a policy with memory snapshot() and restore(memory)" in str(caught.value)
+    assert all(words in str(caught.value) for words in ("'remembering'", "snapshot()", "restore(memory)"))
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_policy_that_does_not_repeat_itself_is_caught_unless_it_says_so(
     world: TinyWorld, mode: Any
 ) -> None:
-    with pytest.raises(RefusalError, match=r"Draw from query\.seed and from nothing else"):
+    with pytest.raises(RefusalError, match=r"query\.seed"):
         play_pair(make_case(), world, Unseeded(), PairSettings(mode))
     honest = Unseeded()
     honest.spec = PolicySpec("honest", cameras=(), repeatable=False)

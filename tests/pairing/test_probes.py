@@ -215,10 +215,10 @@ def test_a_probe_that_writes_to_a_fixed_field_is_named_and_the_field_put_back(wo
             if view.trajectory.step == 3:
                 on_mujoco(view.world).model.opt.gravity[2] = -1.0
 
-    with pytest.raises(ProbeError, match=r"probe 'breaking' wrote opt\.gravity of the world's model.*Repair"):
+    with pytest.raises(ProbeError, match=r"'breaking' wrote opt\.gravity.*Repair"):
         played(world, Probes(STANDARD.standard, (Writing(),)))
     assert world.model.opt.gravity[2] == pytest.approx(-9.81)
-    with pytest.raises(ProbeError, match=r"probe 'counting' or probe 'breaking' wrote opt\.gravity.*which"):
+    with pytest.raises(ProbeError, match=r"'counting' .*'breaking' wrote opt\.gravity"):
         played(world, Probes(STANDARD.standard, (Counting(), Writing())))
 
 
@@ -227,7 +227,7 @@ def test_what_a_probe_is_shown_cannot_be_written_to(world: TinyWorld) -> None:
         def step(self, state: Any, view: View) -> None:
             view.trajectory.pending[:] = 0.0
 
-    with pytest.raises(ProbeError, match=r"probe 'breaking' raised ValueError in step 1: .*read-only"):
+    with pytest.raises(ProbeError, match=r"'breaking' .*ValueError in step 1: .*read-only"):
         played(world, Probes(STANDARD.standard, (Writing(),)))
 
 
@@ -236,14 +236,14 @@ def test_a_state_that_arms_could_not_share_is_refused(world: TinyWorld) -> None:
         def start(self, view: View) -> list[int]:
             return []
 
-    with pytest.raises(ProbeError, match="probe 'breaking' has a state of type list"):
+    with pytest.raises(ProbeError, match=r"'breaking' .*type list"):
         played(world, Probes(STANDARD.standard, (Collecting(),)))
 
     class Later(Breaking):
         def step(self, state: Any, view: View) -> list[int]:
             return []
 
-    with pytest.raises(ProbeError, match="probe 'breaking' has a state of type list"):
+    with pytest.raises(ProbeError, match=r"'breaking' .*type list"):
         played(world, Probes(STANDARD.standard, (Later(),)))
 
 
@@ -275,7 +275,7 @@ def test_columns_that_belong_together_have_as_many_values(world: TinyWorld) -> N
         def columns(self, state: Any, view: View) -> Mapping[str, Any]:
             return {"step": [1, 2], "score": [0.5]}
 
-    with pytest.raises(ProbeError, match="score has 1 value, but must have one for each of the 2 of step"):
+    with pytest.raises(ProbeError, match=r"score .*1 .*2 of step"):
         played(world, Probes(STANDARD.standard, (Uneven(),)))
 
 
@@ -283,7 +283,7 @@ def test_columns_keep_their_least_value_and_what_a_record_can_hold() -> None:
     count = Column("x", "int", "a number", least=0)
     assert count.checked(0) == 0
     for value in (-1, 2**63):
-        with pytest.raises(ValueError, match=f"x={value}, but must be int, at least 0"):
+        with pytest.raises(ValueError, match=f"x={value}, .*int, at least 0"):
             count.checked(value)
 
 
@@ -291,11 +291,11 @@ def test_columns_take_numpys_scalars_and_nothing_that_is_not_finite() -> None:
     number = Column("x", "float", "a number", optional=True)
     assert number.checked(np.float32(0.5)) == 0.5
     assert number.checked(None) is None
-    with pytest.raises(ValueError, match="x=nan, but must be finite, a float or None"):
+    with pytest.raises(ValueError, match=r"x=nan, .*float"):
         number.checked(float("nan"))
     several = Column("x", "bool", "flags", many=True)
     assert several.checked(np.array([True, False])) == [True, False]
-    with pytest.raises(ValueError, match="must be a list of bool"):
+    with pytest.raises(ValueError, match="list of bool"):
         several.checked(True)
 
 
@@ -315,7 +315,7 @@ def test_probes_are_found_by_name() -> None:
     assert [*PROBES][:3] == ["contact_timeline", "first_goal", "motion"]
     assert probes_called(()) == STANDARD
     assert probes_called(["contact_timeline", "contact_timeline"]).names == ("contact_timeline",)
-    with pytest.raises(OptionError, match=r"probe='contact_time' is not a probe\. Did you mean 'contact_tim"):
+    with pytest.raises(OptionError, match=r"'contact_time'.*'contact_timeline'"):
         probes_called(["contact_time"])
 
 
@@ -341,7 +341,7 @@ def test_another_package_adds_a_probe_with_an_entry_point(
     registry: Registry[Any] = Registry("probe", PROBES.group, dict, PROBES._accept, OptionError)
     pair = played(world, Probes(STANDARD.standard, (registry["height"],)))
     assert pair.base.probes["height"] == {"end_m": pair.base.end_effector[-1][2]}
-    with pytest.raises(OptionError, match="a probe of every pair has that name"):
+    with pytest.raises(OptionError, match="every pair"):
         registry["contacts"]
 
 

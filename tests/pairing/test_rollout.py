@@ -28,14 +28,14 @@ def worlds() -> Iterator[list[TinyWorld]]:
 def test_a_rollout_says_which_query_is_next_until_it_is_answered(worlds: list[TinyWorld]) -> None:
     case, policy = make_case("target_relocation"), Approaching(wait=2, horizon=5, interval=4)
     rollout = Rollout.start(Stage(case, worlds[0], policy), arms_of(case)[1:])
-    with pytest.raises(ProtocolError, match="no query is due"):
+    with pytest.raises(ProtocolError, match=r"due\(\)"):
         rollout.answer(np.zeros((5, 7)))
     asked = []
     while (query := rollout.due()) is not None:
         assert rollout.due() is query
         asked.append(query.step)
         rollout.answer(policy.predict(rollout.observed(), query))
-        with pytest.raises(ProtocolError, match="no query is due"):
+        with pytest.raises(ProtocolError, match=r"due\(\)"):
             rollout.answer(np.zeros((5, 7)))
     pair = measure_pair(case, worlds[0], policy)
     assert pair.dynamic is not None
@@ -46,7 +46,7 @@ def test_a_rollout_says_which_query_is_next_until_it_is_answered(worlds: list[Ti
 def test_an_answer_that_cannot_be_played_names_its_query(worlds: list[TinyWorld]) -> None:
     rollout = Rollout.start(Stage(make_case(), worlds[0], Approaching(horizon=4, interval=2)))
     assert rollout.due() is not None
-    with pytest.raises(ActionError, match=r"^query 0 at step 0: policy 'approaching' returned 1 action"):
+    with pytest.raises(ActionError, match=r"^query 0 at step 0: .*\b1\b"):
         rollout.answer(np.zeros((1, 7)))
     rollout.answer(np.zeros((2, 7)))
     assert rollout.due() is not None

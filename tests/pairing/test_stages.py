@@ -44,7 +44,6 @@ def without_probes(pair: Pair) -> dict[str, Any]:
 
 TASKS = [
     ("libero_spatial", 0, "target_relocation"),
-    ("libero_10", 0, "obstacle_insertion"),
     ("libero_goal", 0, "illumination_switch"),
 ]
 
@@ -124,6 +123,6 @@ def test_a_world_that_does_not_tell_its_goal_is_followed_by_the_trigger_entity()
     pair = measure_pair(tiny_case("target_relocation"), world, Approaching(wait=2, horizon=5, interval=4))
     seen = stages(pair, "dynamic")
     assert seen["goal"] == seen["entity"] == ["box_1"]
-    assert seen["closest_m"][0] >= pair.record.arms["dynamic"].min_distance_m
+    assert seen["closest_m"][0] >= round(pair.record.arms["dynamic"].min_distance_m, 4)
     assert seen["away_m"] == [None]
     world.close()

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any
 
 import pytest
-
-from pytest_libero_max.plugin.user_hooks import call_user_hook
 
 Run = Callable[..., pytest.RunResult]
 Results = Callable[[], tuple[list[dict[str, Any]], dict[str, Any]]]
@@ -98,20 +95,3 @@ def test_a_hook_is_told_where_the_reports_are(run: Run, pytester: pytest.Pyteste
     assert "pairs.jsonl" in sent
     assert "report.html" in sent
     assert "in-progress" not in sent
-
-
-@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-def test_a_process_that_a_hook_starts_may_end() -> None:
-    ends = os._exit
-    statuses = []
-
-    def forking() -> None:
-        child = os.fork()
-        if child == 0:
-            os._exit(7)
-        statuses.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
-        os._exit(0)
-
-    assert "os._exit would end the run" in (call_user_hook(forking) or "")
-    assert statuses == [7]
-    assert os._exit is ends

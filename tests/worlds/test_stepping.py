@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from copy import copy
+from functools import cache
 from typing import Any
 
 import mujoco
@@ -19,7 +20,18 @@ from pytest_libero_max.worlds.stepping import Stepper
 from tests.worlds.reference import twin
 from tests.worlds.states import integration_state, random_actions, random_poses
 
-TASKS = [(suite, index) for suite in SUITES for index in range(len(tasks(suite)))]
+TASKS = [(suite, index) for suite in SUITES for index in range(0, len(tasks(suite)), 3)]
+
+
+@cache
+def _built(suite: str, index: int) -> EmbeddedWorld:
+    return EmbeddedWorld(build_scene(suite, index))
+
+
+def world_of(suite: str, index: int, init: int = 0) -> EmbeddedWorld:
+    """The world of a scene, built once and reset."""
+    _built(suite, index).reset(init)
+    return _built(suite, index)
 
 
 def assert_same_steps(world: EmbeddedWorld, env: Any, actions: Array) -> None:
@@ -35,37 +47,32 @@ def assert_same_steps(world: EmbeddedWorld, env: Any, actions: Array) -> None:
 
 @pytest.mark.parametrize(("suite", "index"), TASKS)
 def test_a_step_has_the_bits_of_robosuites_own(suite: str, index: int) -> None:
-    scene = build_scene(suite, index)
-    world = EmbeddedWorld(scene)
-    world.reset(index % 10)
-    assert_same_steps(world, twin(scene, world), random_actions(index, 8))
+    world = world_of(suite, index, index % 10)
+    assert_same_steps(world, twin(build_scene(suite, index), world), random_actions(index, 8))
 
 
 @pytest.mark.parametrize(("suite", "index"), [("libero_spatial", 5), ("libero_object", 2)])
 def test_equal_bits_last(suite: str, index: int) -> None:
-    scene = build_scene(suite, index)
-    world = EmbeddedWorld(scene)
-    assert_same_steps(world, twin(scene, world), random_actions(7, 80))
+    world = world_of(suite, index)
+    assert_same_steps(world, twin(build_scene(suite, index), world), random_actions(7, 80))
 
 
 def test_equal_bits_in_the_middle_of_things() -> None:
     """The arm runs into the table, with its controller in a state that no reset gives."""
-    scene = build_scene("libero_spatial", 0)
-    world = EmbeddedWorld(scene)
+    world = world_of("libero_spatial", 0)
     for _ in range(25):
         world.step((0.2, 0.0, -1.0, 0.0, 0.1, 0.0, 1.0))
     assert "gripper0" in world.contacts("main_table")
     assert world.snapshot().controller[9:].any()
-    assert_same_steps(world, twin(scene, world), random_actions(3, 20))
+    assert_same_steps(world, twin(build_scene("libero_spatial", 0), world), random_actions(3, 20))
 
 
 @pytest.mark.parametrize(("suite", "index"), [("libero_spatial", 5), ("libero_object", 2)])
 def test_poses_have_the_bits_of_robosuites_own_control_with_use_delta_off(suite: str, index: int) -> None:
-    scene = build_scene(suite, index)
-    world = EmbeddedWorld(scene)
+    world = world_of(suite, index)
     for _ in range(3):
         world.step(NOOP_ACTION)
-    env = twin(scene, world)
+    env = twin(build_scene(suite, index), world)
     world.set_control("absolute")
     env.robots[0].controller.use_delta = False
     began = world.end_effector()
@@ -74,7 +81,7 @@ def test_poses_have_the_bits_of_robosuites_own_control_with_use_delta_off(suite:
 
 
 def test_under_absolute_control_the_hand_goes_where_it_is_told() -> None:
-    world = EmbeddedWorld(build_scene("libero_spatial", 0))
+    world = world_of("libero_spatial", 0)
     goal, turn = world.end_effector() + np.array([0.06, -0.04, -0.05]), (0.3, 3.0, 0.1)
     world.set_control("absolute")
     for _ in range(40):
@@ -88,8 +95,7 @@ def test_under_absolute_control_the_hand_goes_where_it_is_told() -> None:
 def test_the_goal_of_any_action_has_the_bits_of_robosuites_own() -> None:
     from robosuite.utils.control_utils import set_goal_orientation  # imported quietly by the world's modules
 
-    world = EmbeddedWorld(build_scene("libero_object", 1))
-    world.reset(0)
+    world = world_of("libero_object", 1)
     stepper, controller = world._stepper, world._env.robots[0].controller
     draw = np.random.default_rng(0)
     for number in range(400):
@@ -119,8 +125,7 @@ def test_the_goal_of_any_action_has_the_bits_of_robosuites_own() -> None:
     [(np.nan, "no longer finite"), (1e12, "no longer finite|moves at"), (2e4, "no longer finite|moves at")],
 )
 def test_numerical_trouble_is_seen_in_the_step_in_which_it_comes(value: float, message: str) -> None:
-    world = EmbeddedWorld(build_scene("libero_object", 1))
-    world.reset(0)
+    world = world_of("libero_object", 1)
     world.step(NOOP_ACTION)
     world.data.qvel[-4] = value  # of the last object, upwards
     with pytest.raises(SimulatorError, match=message):
@@ -128,19 +133,18 @@ def test_numerical_trouble_is_seen_in_the_step_in_which_it_comes(value: float, m
 
 
 def test_matrices_of_the_arm_that_are_not_finite_end_the_episode() -> None:
-    world = EmbeddedWorld(build_scene("libero_object", 1))
-    world.reset(0)
+    world = world_of("libero_object", 1)
     for field in ("qM", "qvel"):
         state = world.snapshot()
         getattr(world.data, field)[:] = np.nan
-        with pytest.raises(SimulatorError, match=r"cannot invert|no longer finite"):
+        with pytest.raises(SimulatorError, match=r"invert|no longer finite"):
             world.step(NOOP_ACTION)
         world.restore(state)
     world.step(NOOP_ACTION)
 
 
 def test_derived_data_belong_to_the_end_of_the_step() -> None:
-    world = EmbeddedWorld(build_scene("libero_object", 1))
+    world = world_of("libero_object", 1)
     for action in random_actions(0, 5):
         world.step(action)
     fresh = copy(world.data)
@@ -154,7 +158,7 @@ def test_derived_data_belong_to_the_end_of_the_step() -> None:
 
 @pytest.mark.parametrize("control", ["delta", "absolute"])
 def test_a_restored_world_continues_with_the_same_bits(control: Control) -> None:
-    world = EmbeddedWorld(build_scene("libero_spatial", 3))
+    world = world_of("libero_spatial", 3)
     for action in random_actions(1, 7):
         world.step(action)
     world.set_control(control)
@@ -179,8 +183,7 @@ def test_a_restored_world_continues_with_the_same_bits(control: Control) -> None
     ],
 )
 def test_a_controller_that_is_not_reproduced_is_refused(attribute: str, value: Any, message: str) -> None:
-    scene = build_scene("libero_object", 0)
-    env = twin(scene, EmbeddedWorld(scene))
+    env = twin(build_scene("libero_object", 1), world_of("libero_object", 1))
     setattr(env.robots[0].controller, attribute, value)
     with pytest.raises(SubstrateError, match=message):
         Stepper(env)

@@ -39,7 +39,7 @@ class DeclaredEnvironment:
     ``seed(0)``, ``reset()`` and ``set_init_state`` where there are :attr:`initial_states`, else
     ``reset(seed=0)``, which begins from the reference's initial state."""
     keys: Mapping[str, str] = field(default_factory=dict)
-    """Places of an observation, by role (:data:`.observing.ROLES`): keys with slashes between levels. Known
+    """Places of an observation, by role (:data:`.subject.ROLES`): keys with slashes between levels. Known
     names are found without."""
     images: Turn = "delivered"
     """Orientation of its images beside those that LIBERO delivers, bottom row first."""

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pytest_libero_max.conformance.environment.contract import SAME
-from pytest_libero_max.conformance.environment.measures import copied
-from pytest_libero_max.conformance.environment.observing import Reading, differing
 from pytest_libero_max.conformance.environment.starts import INDEX
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
+from pytest_libero_max.conformance.environment.subject import (
+    EnvironmentSubject,
+    Reading,
+    copied,
+    differing,
+    open_environment,
+)
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import counted
@@ -28,20 +31,19 @@ _FRESH_S = 600.0
 
 
 @rule(SAME, "must", needs=INDEX)
-def same_again(subject: EnvironmentSubject) -> Iterator[Finding]:
+def same_again(subject: EnvironmentSubject) -> Finding:
     """Arrive at the same observations from the same initial state with the same actions."""
     first, second = subject.once(_observations), _observations(subject)
     for step, (before, after) in enumerate(zip(first, second, strict=True)):
         parts = differing(before, after)
         if parts:
-            yield broken(
+            return broken(
                 f"the second time, the observation after {counted(step, 'step')} has another "
                 f"{', '.join(parts)}",
                 "the same observation",
                 "Something outlives a reset: random numbers, a controller, fixtures that are placed anew.",
             )
-            return
-    yield kept(f"{counted(len(first) - 1, 'step')}, played twice, gave the same observations")
+    return kept(f"{counted(len(first) - 1, 'step')}, played twice, gave the same observations")
 
 
 def _observations(subject: EnvironmentSubject) -> list[Reading]:
@@ -60,6 +62,11 @@ def beginning(subject: EnvironmentSubject) -> dict[str, Any]:
     return {"steps": steps, "fixtures": None if fixtures is None else fixtures.tolist()}
 
 
+def beginning_of(name: str) -> dict[str, Any]:
+    """Return the beginning of the environment of a name."""
+    return beginning(open_environment(name))
+
+
 def _plain(role: str, value: Any) -> Any:
     if role in CAMERAS:
         return hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
@@ -67,22 +74,21 @@ def _plain(role: str, value: Any) -> Any:
 
 
 @rule("env/repeats/process", "must", needs=SAME)
-def fresh_process(subject: EnvironmentSubject) -> Iterator[Finding]:
+def fresh_process(subject: EnvironmentSubject) -> Finding:
     """Arrive at the same observations, with every fixture in the same place, in another process."""
     if not subject.name:
-        yield unexamined("the environment is an object of this process")
-        return
+        return unexamined("the environment is an object of this process")
     subject.abandon()
     here = json.loads(json.dumps(beginning(subject)))
     there = result_elsewhere(
-        f"{__package__}.beginning",
+        beginning_of,
         subject.name,
         _FRESH_S,
         expected="the same episode",
         cure="The environment needs something of this process or its home.",
         environment={"HOME": str(Path.home())},  # LIBERO keeps its paths there
     )
-    yield there if isinstance(there, Finding) else _compared(here, there)
+    return there if isinstance(there, Finding) else _compared(here, there)
 
 
 def _compared(here: dict[str, Any], there: dict[str, Any]) -> Finding:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from pytest_libero_max.conformance.environment.contract import GRIPPER, QUATERNION, RESTS
-from pytest_libero_max.conformance.environment.measures import settled
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, settled
 from pytest_libero_max.conformance.environment.task import FOLLOWS, episode
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.errors import counted
@@ -25,12 +22,11 @@ _CLOSE_RAD = 0.1
 
 
 @rule(QUATERNION, "must", needs=RESTS)
-def quaternion(subject: EnvironmentSubject) -> Iterator[Finding]:
+def quaternion(subject: EnvironmentSubject) -> Finding:
     """Give the hand's orientation as LIBERO does: x, y, z, w of the hand in the world."""
     value = subject.once(settled).get("quaternion")
     if value is None:
-        yield unexamined("the observation has no quaternion")
-        return
+        return unexamined("the observation has no quaternion")
     reference = subject.reference
     meant = np.array(reference.settling[reference.settle_steps].quaternion)
     kinds = {
@@ -42,10 +38,9 @@ def quaternion(subject: EnvironmentSubject) -> Iterator[Finding]:
     apart = {kind: float(np.abs(value - each).max()) for kind, each in kinds.items()}
     best = min(apart, key=lambda kind: apart[kind])
     if apart["x, y, z, w"] < _CLOSE:
-        yield kept(f"x, y, z, w, within {apart['x, y, z, w']:.1g}")
-        return
+        return kept(f"x, y, z, w, within {apart['x, y, z, w']:.1g}")
     observed = best if apart[best] < _CLOSE else "another rotation"
-    yield broken(
+    return broken(
         f"{observed}: ({', '.join(f'{each:.3f}' for each in value)})",
         f"about ({', '.join(f'{each:.3f}' for each in meant)})",
         "Return robosuite's robot0_eef_quat as it is.",
@@ -53,16 +48,15 @@ def quaternion(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 @rule("env/states/fingers", "must", needs=GRIPPER)
-def fingers(subject: EnvironmentSubject) -> Iterator[Finding]:
+def fingers(subject: EnvironmentSubject) -> Finding:
     """Give the positions of both finger joints, m, the second one below zero."""
     reading, reference = subject.once(settled), subject.reference
     value = reading["gripper"] if "gripper" in reading else reading["state"][6:]
     meant = np.array(reference.settling[reference.settle_steps].gripper)
     text = f"({', '.join(f'{each:.4f}' for each in value)})"
     if float(np.abs(value - meant).max()) < _CLOSE_M:
-        yield kept(f"{text} m")
-        return
-    yield broken(
+        return kept(f"{text} m")
+    return broken(
         text,
         f"about ({', '.join(f'{each:.4f}' for each in meant)}) m",
         "Return robosuite's robot0_gripper_qpos as it is: not a width, not one sign for both.",
@@ -70,13 +64,12 @@ def fingers(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 @rule("env/states/vector", "should", needs=FOLLOWS)
-def vector(subject: EnvironmentSubject) -> Iterator[Finding]:
+def vector(subject: EnvironmentSubject) -> Finding:
     """Give the state vector as position, axis times angle, fingers, with the angle up to two pi."""
     played = subject.once(episode)
     states = [step.reading["state"] for step in played.steps if "state" in step.reading]
     if not states:
-        yield unexamined("the observation has no state vector of eight")
-        return
+        return unexamined("the observation has no state vector of eight")
     references = subject.reference.steps[: len(states)]
     rules = {
         "axis times angle with the quaternion's sign": axis_angle,
@@ -91,10 +84,9 @@ def vector(subject: EnvironmentSubject) -> Iterator[Finding]:
     }
     libero, antipodal = wrong
     if not wrong[libero]:
-        yield kept(f"{libero}, in all of {counted(len(states), 'step')}")
-        return
+        return kept(f"{libero}, in all of {counted(len(states), 'step')}")
     observed = antipodal if not wrong[antipodal] else "another rotation"
-    yield broken(
+    return broken(
         f"{observed}: {wrong[libero]} of {counted(len(states), 'step')} differ from LIBERO's",
         f"{libero}, as robosuite's quat2axisangle",
         "A model was trained on one of the two, and fails on the other: let users choose, and say which.",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pytest_libero_max.conformance.environment.actions import DIRECTIONS
 from pytest_libero_max.conformance.environment.contract import KEYS
-from pytest_libero_max.conformance.environment.measures import settled
-from pytest_libero_max.conformance.environment.observing import hand_of
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, Played
-from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, Played, hand_of, settled
+from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.errors import counted
 
 FOLLOWS = "env/task/follows"
@@ -58,37 +55,34 @@ def episode(subject: EnvironmentSubject) -> Episode:
 
 
 @rule("env/task/instruction", "should", needs=KEYS)
-def instruction(subject: EnvironmentSubject) -> Iterator[Finding]:
+def instruction(subject: EnvironmentSubject) -> Finding:
     """Give the instruction that LIBERO's benchmark gives, which is that of the task's name."""
     value = subject.once(settled).get("instruction") or subject.attribute(
         "task_description", "language_instruction", "instruction"
     )
     meant = subject.reference.instruction
     if not isinstance(value, str):
-        yield unexamined("neither the observation nor the environment has an instruction")
-    elif value.strip().lower() == meant.lower():
-        yield kept(repr(value))
-    else:
-        yield broken(
-            repr(value),
-            repr(meant),
-            "Take task.language of the benchmark: the BDDL file has another sentence, and the name of a "
-            "variation has more in it.",
-        )
+        return unexamined("neither the observation nor the environment has an instruction")
+    return judged(
+        value.strip().lower() == meant.lower(),
+        repr(value),
+        repr(meant),
+        "Take task.language of the benchmark: the BDDL file has another sentence, and the name of a "
+        "variation has more in it.",
+    )
 
 
 @rule(FOLLOWS, "should", needs=DIRECTIONS)
-def follows(subject: EnvironmentSubject) -> Iterator[Finding]:
+def follows(subject: EnvironmentSubject) -> Finding:
     """Take the hand along the recorded way under the recorded actions."""
     played = subject.once(episode)
     steps, total = len(played.steps), subject.reference.success_step
     worst = int(np.argmax(played.apart_m))
     text = f"the hand is at most {1000 * played.apart_m[worst]:.2f} mm from the recorded one in {steps} steps"
     if played.apart_m[worst] <= _CLOSE_M and (steps == total or played.success_step):
-        yield kept(text)
-        return
+        return kept(text)
     first = next((step for step, apart in enumerate(played.apart_m) if apart > _CLOSE_M), worst)
-    yield broken(
+    return broken(
         f"{text}, and more than {1000 * _CLOSE_M:.0f} mm from step {first + 1} on"
         if played.apart_m[worst] > _CLOSE_M
         else f"the episode ended after {steps} of {counted(total, 'step')}",
@@ -98,15 +92,14 @@ def follows(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 @rule("env/task/success", "must", needs=FOLLOWS)
-def success(subject: EnvironmentSubject) -> Iterator[Finding]:
+def success(subject: EnvironmentSubject) -> Finding:
     """Report success in the step in which LIBERO's predicates first hold, and not before."""
     played = subject.once(episode)
     observed, meant = played.success_step, subject.reference.success_step
     allowed = 1 if max(played.apart_m) <= _EXACT_M else _LATER
     if observed is not None and abs(observed - meant) <= allowed:
-        yield kept(f"success is reported after step {observed} of the recorded episode")
-        return
-    yield broken(
+        return kept(f"success is reported after step {observed} of the recorded episode")
+    return broken(
         "success is not reported"
         if observed is None
         else f"success is reported after step {observed}, {counted(abs(observed - meant), 'step')} "

@@ -44,7 +44,6 @@ class Script:
     event_at: int | None = None
     """Step after which the instruction and the scene change; None for never."""
     beyond: bool = False
-    """True if the policy answers with movements beyond 1."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +125,6 @@ class SpyEnv:
     """One arm of a case, with the methods of ``gymnasium.Env`` that loops call.
 
     After the end it goes on with another episode, as vector environments do by themselves.
-
-    Attributes:
-        max_steps: Steps after which the episode is truncated.
     """
 
     metadata: Mapping[str, Any] = {"render_modes": []}
@@ -202,8 +198,6 @@ class SpyPolicy:
     """A policy whose answers name their query.
 
     Attributes:
-        horizon: H, the number of actions in an answer.
-        query_interval: Q, the number of them to execute before the next query.
         images_written: Numbers of the queries whose arrays were written to later.
     """
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.conformance.playable import playable_cases
+from pytest_libero_max.conformance.rules import Measurements
+from pytest_libero_max.conformance.substrate.subject import playable_cases
 from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.policies.check import Actions, ask, check_cameras, start
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query, query_seed
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import ChosenSubstrate
     from pytest_libero_max.worlds.contract import World, WorldState
     from pytest_libero_max.worlds.robot import Robot
-
-T = TypeVar("T")
 
 QUERIES = 4
 """Number of observations, and of queries in an episode."""
@@ -58,9 +57,6 @@ def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_in
 
     Args:
         policy: Names the cameras and the size of images. One that is privileged gets the live world.
-        world: It is reset and stepped.
-        suite: Of the world's task.
-        task_index: Of that task.
     """
     spec = policy.spec
     world.reset(0)
@@ -84,7 +80,7 @@ class FirstAnswers(NamedTuple):
 
 
 @dataclass
-class PolicySubject:
+class PolicySubject(Measurements):
     """A loaded policy, what it is shown, and the answers that several rules look at."""
 
     policy: Policy
@@ -93,17 +89,9 @@ class PolicySubject:
     """Arguments of :func:`open_policy` that load it again in another process; empty where nothing does."""
     spec: PolicySpec = field(init=False)
     """Its spec before the first query."""
-    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         self.spec = replace(self.policy.spec)
-
-    def once(self, measure: Callable[[PolicySubject], T]) -> T:
-        """Return what a function makes of this subject; it is called once for all rules."""
-        if measure not in self._measured:
-            self._measured[measure] = measure(self)
-        result: T = self._measured[measure]
-        return result
 
     def start(self, episode: Episode | None = None) -> None:
         """Begin an episode, by default the one that is shown."""
@@ -113,7 +101,6 @@ class PolicySubject:
         """Return the answer to query ``index``, from a copy of the observation.
 
         Args:
-            index: Number of the query.
             observation: Entries that replace those of the observation.
             query: Fields that replace those of the query.
         """

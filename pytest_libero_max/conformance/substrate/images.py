@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
@@ -20,7 +18,7 @@ Points = list[tuple[float, float]]
 
 
 @rule(KEYS, "must", needs=OPENS)
-def keys(subject: SubstrateSubject) -> Iterator[Finding]:
+def keys(subject: SubstrateSubject) -> Finding:
     """Observe the keys of the robot, LIBERO's for its Panda, each in its shape."""
     world = subject.begin()
     robot = world.robot
@@ -38,17 +36,16 @@ def keys(subject: SubstrateSubject) -> Iterator[Finding]:
         if f"{camera}_image" in observation and observation[f"{camera}_image"].dtype != np.uint8
     ]
     if wrong:
-        yield broken(
+        return broken(
             ", ".join(wrong),
             f"the keys and shapes of robot {robot.name!r}, images (H, W, 3) uint8",
             "Rename and reshape.",
         )
-        return
-    yield kept(f"{len(shapes)} keys in their shapes")
+    return kept(f"{len(shapes)} keys in their shapes")
 
 
 @rule("substrate/images/same", "must", needs=KEYS)
-def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
+def same_images(subject: SubstrateSubject) -> Finding:
     """Draw the same pixels in the same state: twice, and after steps that restore() took back."""
     world = subject.begin()
     first = world.observe(world.robot.cameras, _SIDE)
@@ -63,43 +60,39 @@ def same_images(subject: SubstrateSubject) -> Iterator[Finding]:
         key = f"{camera}_image"
         for what, later in (("drawn twice", repeated), ("drawn after restore()", after)):
             if not np.array_equal(first[key], later[key]):
-                yield broken(
+                return broken(
                     f"{key} {what} differs in {int((first[key] != later[key]).any(axis=2).sum())} pixels",
                     "the same pixels",
                     "Something that is drawn is not part of the state.",
                 )
-                return
         if np.array_equal(first[key], moved[key]):
-            yield broken(
+            return broken(
                 f"{key} is the same after {counted(len(actions_for(world)), 'step')}",
                 "another image",
                 "An old image is returned, or what moves is not drawn: MuJoCo's geoms of groups 1 and 2 are.",
             )
-            return
-    yield kept("the same state has the same pixels, another one has others")
+    return kept("the same state has the same pixels, another one has others")
 
 
 @rule("substrate/images/physics", "must", needs=KEYS)
-def drawing_alters_nothing(subject: SubstrateSubject) -> Iterator[Finding]:
+def drawing_alters_nothing(subject: SubstrateSubject) -> Finding:
     """Leave the state as it is when images are drawn."""
     world = subject.begin()
     before = world.digest()
     world.observe(world.robot.cameras, _SIDE)
     if world.digest() == before:
-        yield kept("drawing alters nothing")
-        return
-    yield broken("the digest changed when images were drawn", "the same digest", "Draw from a copy.")
+        return kept("drawing alters nothing")
+    return broken("the digest changed when images were drawn", "the same digest", "Draw from a copy.")
 
 
 @rule("substrate/images/rows", "must", needs=RESTORE)
-def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
+def row_order(subject: SubstrateSubject) -> Finding:
     """Deliver images bottom row first, not mirrored, as LIBERO does."""
     from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
 
     world = subject.begin()
     if not isinstance(world, AlterableWorld):
-        yield unexamined("the pose of the camera is known of worlds that changes can alter alone")
-        return
+        return unexamined("the pose of the camera is known of worlds that changes can alter alone")
     camera = world.robot.cameras[0]
     places, images = [], []
     for axis, sign in ((1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)):
@@ -116,8 +109,7 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
             places.append(place)
             images.append(world.observe([camera], _SIDE)[f"{camera}_image"].astype(float))
     if len(places) < 3:
-        yield unexamined("the hand leaves the view of the main camera within four steps")
-        return
+        return unexamined("the hand leaves the view of the main camera within four steps")
     hands = [_what_only_this_shows(images, number) for number in range(len(images))]
     turns = {
         "bottom row first": (1, 1),
@@ -128,9 +120,8 @@ def row_order(subject: SubstrateSubject) -> Iterator[Finding]:
     likeness = {name: _likeness(hands, places, turn) for name, turn in turns.items()}
     best = max(likeness, key=lambda name: likeness[name])
     if best == "bottom row first":
-        yield kept("images come bottom row first, as OpenGL delivers them")
-        return
-    yield broken(
+        return kept("images come bottom row first, as OpenGL delivers them")
+    return broken(
         f"images come {best}",
         "bottom row first, so that image[::-1] is upright",
         "Policies rotate images by 180 degrees: an image that is upright already arrives upside down.",

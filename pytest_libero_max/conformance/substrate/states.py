@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
-from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
+from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for, open_subject
 from pytest_libero_max.worlds.contract import OnMujoco, World
 
 _STATE = ("qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos")
@@ -45,15 +43,19 @@ def beginning(subject: SubstrateSubject) -> dict[str, object]:
     }
 
 
+def beginning_of(name: str) -> dict[str, object]:
+    """Return the beginning of the substrate of a name."""
+    return beginning(open_subject(name))
+
+
 @rule("substrate/states/steps", "must", needs=OPENS)
-def same_steps(subject: SubstrateSubject) -> Iterator[Finding]:
+def same_steps(subject: SubstrateSubject) -> Finding:
     """Arrive at the same bits from the same initial state with the same actions."""
     first, second = (play(subject.begin()) for _ in range(2))
     if first == second:
-        yield kept(f"{len(first)} steps, played twice, have the same digests")
-        return
+        return kept(f"{len(first)} steps, played twice, have the same digests")
     step = next(index for index, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1])
-    yield broken(
+    return broken(
         f"the second time, step {step} has another digest",
         "equal digests",
         "Something of the simulator outlives a reset: warm starts, controllers, random numbers.",
@@ -61,7 +63,7 @@ def same_steps(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/states/index", "must", needs=OPENS)
-def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
+def by_index(subject: SubstrateSubject) -> Finding:
     """Choose the initial state by its index, not by the number of resets."""
     world = subject.world
     digests = []
@@ -70,9 +72,8 @@ def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
         digests.append(world.digest())
     if digests[0] == digests[2] == digests[3]:
         differ = "differ" if digests[0] != digests[1] else "are equal"
-        yield kept(f"reset(0) is the same after other resets; initial states 0 and 1 {differ}")
-        return
-    yield broken(
+        return kept(f"reset(0) is the same after other resets; initial states 0 and 1 {differ}")
+    return broken(
         "reset(0) begins elsewhere after other resets",
         "the same bits",
         "Take initial state `init` of the list, not the next one, and draw nothing.",
@@ -80,20 +81,19 @@ def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/states/process", "must", needs="substrate/states/steps")
-def fresh_process(subject: SubstrateSubject) -> Iterator[Finding]:
+def fresh_process(subject: SubstrateSubject) -> Finding:
     """Build the same scene, with every thing in the same place, in another process."""
     if not subject.name:
-        yield unexamined("the substrate is an object of this process")
-        return
+        return unexamined("the substrate is an object of this process")
     here = beginning(subject)
     there = result_elsewhere(
-        f"{__package__}.beginning",
+        beginning_of,
         subject.name,
         FRESH_S,
         expected="the same scene",
         cure="The substrate needs something of this process or its home.",
     )
-    yield there if isinstance(there, Finding) else _compared(json.loads(json.dumps(here)), there)
+    return there if isinstance(there, Finding) else _compared(json.loads(json.dumps(here)), there)
 
 
 def _compared(here: Any, there: Any) -> Finding:
@@ -115,7 +115,7 @@ def _compared(here: Any, there: Any) -> Finding:
 
 
 @rule(COPIES, "must", needs=OPENS)
-def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
+def snapshot_is_a_copy(subject: SubstrateSubject) -> Finding:
     """Copy the state into a snapshot, so that the live world does not alter it."""
     world = subject.begin()
     state = world.snapshot()
@@ -123,13 +123,12 @@ def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
     before = [array.tobytes() for array in arrays]
     play(world)
     if before == [array.tobytes() for array in arrays]:
-        yield kept("a snapshot stays as it was while the world goes on")
-        return
-    yield broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
+        return kept("a snapshot stays as it was while the world goes on")
+    return broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
 
 
 @rule(RESTORE, "must", needs=COPIES)
-def restore(subject: SubstrateSubject) -> Iterator[Finding]:
+def restore(subject: SubstrateSubject) -> Finding:
     """Return to a snapshot bit for bit, and go on as if nothing had been in between."""
     world = subject.begin()
     for action in actions_for(world)[:10]:
@@ -138,25 +137,23 @@ def restore(subject: SubstrateSubject) -> Iterator[Finding]:
     onward = play(world, 10)
     world.restore(state)
     if world.digest() != digest:
-        yield broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
-    elif play(world, 10) != onward:
-        yield broken(
+        return broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
+    if play(world, 10) != onward:
+        return broken(
             "after restore() the same actions lead elsewhere",
             "the digests of the first time (fork equals replay)",
             "The snapshot lacks something that the future depends on: warm starts, controllers, filters, "
             "the environment's own fields.",
         )
-    else:
-        yield kept(f"after restore(), {len(onward)} steps have the same digests")
+    return kept(f"after restore(), {len(onward)} steps have the same digests")
 
 
 @rule("substrate/states/complete", "must", needs=RESTORE)
-def complete(subject: SubstrateSubject) -> Iterator[Finding]:
+def complete(subject: SubstrateSubject) -> Finding:
     """Cover by the digest, and bring back with restore(), everything of the simulator's state."""
     world = subject.begin()
     if not isinstance(world, OnMujoco):
-        yield unexamined("the world has no state of MuJoCo to write to")
-        return
+        return unexamined("the world has no state of MuJoCo to write to")
     play(world)
     state, digest = world.snapshot(), world.digest()
     missed, left = [], []
@@ -172,22 +169,20 @@ def complete(subject: SubstrateSubject) -> Iterator[Finding]:
     if missed or left:
         parts = [f"the digest does not cover {', '.join(missed)}"] * bool(missed)
         parts += [f"restore() leaves {', '.join(left)}"] * bool(left)
-        yield broken(
+        return broken(
             " and ".join(parts),
             "a digest and a snapshot of the whole integration state",
             "Take mjSTATE_INTEGRATION, not qpos and qvel.",
         )
-        return
-    yield kept("writes to MuJoCo's state change the digest, and restore() takes them back")
+    return kept("writes to MuJoCo's state change the digest, and restore() takes them back")
 
 
 @rule("substrate/states/writes", "must", needs=RESTORE)
-def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
+def takes_back_writes(subject: SubstrateSubject) -> Finding:
     """Notice and undo what was written to the model from outside."""
     world = subject.begin()
     if not isinstance(world, OnMujoco):
-        yield unexamined("the world has no model of MuJoCo to write to")
-        return
+        return unexamined("the world has no model of MuJoCo to write to")
     world.take_back_writes()
     mass, gravity = world.model.body_mass.copy(), np.array(world.model.opt.gravity)
     world.model.body_mass[-1] += 1.0  # the last body may have none
@@ -197,9 +192,8 @@ def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
     assert isinstance(world, OnMujoco)
     undone = np.array_equal(world.model.body_mass, mass) and np.array_equal(world.model.opt.gravity, gravity)
     if {"body_mass", "opt.gravity"} <= {*named} and undone:
-        yield kept("writes to fixed fields of the model are named and undone")
-        return
-    yield broken(
+        return kept("writes to fixed fields of the model are named and undone")
+    return broken(
         f"of body_mass and opt.gravity, take_back_writes() names {', '.join(named) or 'none'}"
         f"{'' if undone else ', and they stay'}",
         "both, undone",
@@ -208,19 +202,14 @@ def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/states/success", "must", needs=OPENS)
-def not_yet_done(subject: SubstrateSubject) -> Iterator[Finding]:
+def not_yet_done(subject: SubstrateSubject) -> Finding:
     """Hold the goal for not reached at the beginning of an episode."""
-    for case in _one_a_suite(subject):
+    one_a_suite = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
+    for case in one_a_suite.values():
         if subject.begin(case).succeeded():
-            yield broken(
+            return broken(
                 f"{case.case_id}: the goal holds at the beginning",
                 "a goal that is still to be reached",
                 "The goal's predicates, or the initial states, are those of another task.",
             )
-            return
-    yield kept("no goal holds at the beginning of an episode")
-
-
-def _one_a_suite(subject: SubstrateSubject) -> list[Case]:
-    cases = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
-    return [*cases.values()]
+    return kept("no goal holds at the beginning of an episode")

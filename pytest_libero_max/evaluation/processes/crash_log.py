@@ -99,7 +99,6 @@ class Death:
 
     Attributes:
         error: Error of the pair, if it is not played again.
-        phase: Phase of the pair.
         text: The end of its stderr, with the tracebacks of its threads.
     """
 

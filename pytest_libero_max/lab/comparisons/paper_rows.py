@@ -85,10 +85,8 @@ def row_of(
     """Return the row of a run.
 
     Args:
-        name: Name of the row.
         policy: The policy's spec as played.
-        planned: The cases.
-        pairs: Their outcomes, in the same order.
+        planned: The cases, in the order of their outcomes in ``pairs``.
         lite: Ids of the cases of Lite; empty where they are not among the cases.
     """
     counted: dict[str, dict[str, Outcomes]] = {}

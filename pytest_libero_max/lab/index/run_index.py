@@ -72,9 +72,7 @@ def run_index(folders: Sequence[Path], known: Mapping[str, PlayedAgain]) -> RunI
     """Check published runs as :func:`~pytest_libero_max.report.publication.checked` does, and order them.
 
     Args:
-        folders: Of the runs.
-        known: Checks that played pairs, by
-            :func:`~pytest_libero_max.report.publication.pairs_digest`.
+        known: Checks that played pairs, by :func:`~pytest_libero_max.report.publication.pairs_digest`.
     """
     groups: dict[tuple[str, str], list[IndexedRun]] = {}
     refused = []

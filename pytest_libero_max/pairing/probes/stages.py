@@ -13,6 +13,7 @@ from pytest_libero_max.errors import EntityError
 from pytest_libero_max.events.triggers import ABOVE_RADIUS_M, distance_m
 from pytest_libero_max.pairing.probes.probe import Column, Probe, View
 from pytest_libero_max.pairing.trajectory import Firing, Step
+from pytest_libero_max.tasks.contents import owner
 from pytest_libero_max.worlds.contract import Array, World
 from pytest_libero_max.worlds.privileged import Fact, PrivilegedWorld
 from pytest_libero_max.worlds.robot import GRIPPER, ROBOT
@@ -120,6 +121,10 @@ def _of_goal(
     return Column(name, kind, text, unit, many=True, optional=optional, least=least, along="goal")
 
 
+def _step(name: str, meaning: str, **more: Any) -> Column:
+    return Column(name, "int", meaning, "steps", least=0, **more)
+
+
 _OF_GOAL = (
     Column(
         "goal", "str", "Facts of the goal; the trigger entity where a world does not tell its goal", many=True
@@ -174,31 +179,18 @@ class Stages(Probe[State]):
     schema = (
         *_OF_GOAL,
         Column("reach_m", "float", "Greatest distance of the hand from where it started", "m", least=0),
-        Column(
-            "still_step",
-            "int",
-            "Step from which the hand stayed within 1 cm of where it ends",
-            "steps",
-            least=0,
-        ),
+        _step("still_step", "Step from which the hand stayed within 1 cm of where it ends"),
         Column(
             "repeated_queries",
             "int",
             "Number of queries at the end whose answers equal the one before",
             least=0,
         ),
-        Column(
-            "blocked_step",
-            "int",
-            "First step at which the hand was told to move and did not",
-            "steps",
-            optional=True,
-            least=0,
-        ),
-        Column("blocked_steps", "int", "Number of such steps, in fives", "steps", least=0),
+        _step("blocked_step", "First step at which the hand was told to move and did not", optional=True),
+        _step("blocked_steps", "Number of such steps, in fives"),
         Column("blocked_by", "str", "Names of what the robot, or what it holds, touched then", many=True),
         Column("moved", "str", "Other objects that moved by 2 cm or more", many=True),
-        Column("moved_step", "int", "Step of each, to five", "steps", many=True, least=0, along="moved"),
+        _step("moved_step", "Step of each, to five", many=True, along="moved"),
         Column(
             "moved_m",
             "float",
@@ -210,7 +202,7 @@ class Stages(Probe[State]):
         ),
         Column("toppled", "str", "Objects that lean by 45 degrees or more", many=True),
         Column("wrong", "str", "Other objects that the fingers lifted", many=True),
-        Column("wrong_step", "int", "Step of each, to five", "steps", many=True, least=0, along="wrong"),
+        _step("wrong_step", "Step of each, to five", many=True, along="wrong"),
     )
     cost = "0.05 ms a step on the embedded substrate"
 
@@ -251,14 +243,10 @@ class Stages(Probe[State]):
         subjects = {track.entity for track in state.tracks}
         others = [name for name in rests if name not in subjects and ends[name] >= MOVED_M]
         step, steps, blockers = state.blocked
+        reaches = [distance_m(s.end_effector, np.array(state.hand)) for s in trajectory.executed]
         return {
             **{column: [row[column] for row in rows] for column in (column.name for column in _OF_GOAL)},
-            "reach_m": _metres(
-                max(
-                    (distance_m(s.end_effector, np.array(state.hand)) for s in trajectory.executed),
-                    default=0.0,
-                )
-            ),
+            "reach_m": _metres(max(reaches, default=0.0)),
             "still_step": _still_step(trajectory.executed),
             "repeated_queries": _repeated(view),
             "blocked_step": step,
@@ -303,8 +291,7 @@ def _track(world: PrivilegedWorld, fact: Fact) -> Track:
 
 def owner_of(world: World, place: str) -> str:
     """Return the entity that a place belongs to; the place itself where there is none."""
-    names = (name for name in world.entities if place == name or place.startswith(f"{name}_"))
-    return max(names, key=len, default=place)
+    return owner(place, world.entities) or place
 
 
 def _joint_names(world: PrivilegedWorld, fact: Fact) -> tuple[str, ...]:
@@ -464,9 +451,9 @@ def _displaced(track: Track, world: World, firing: Firing) -> Track:
         if _far(was := before.get(track.entity, rest), rest):
             old = was
     place = track.fact.place if track.fact else None
-    owner = None if place is None else owner_of(world, place)
-    if place is not None and owner in before.keys() & after and _far(before[owner], after[owner]):
-        now, shift = _place(world, place), np.subtract(after[owner], before[owner])
+    carrier = None if place is None else owner_of(world, place)
+    if place is not None and carrier in before.keys() & after and _far(before[carrier], after[carrier]):
+        now, shift = _place(world, place), np.subtract(after[carrier], before[carrier])
         old_place = _point(now - shift)
     return replace(
         track,

@@ -13,6 +13,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -105,12 +106,7 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
 
 
 def foreign_arrays(content: bytes, dialect: Dialect) -> list[dict[Any, Any]]:
-    """Return the maps of a msgpack document that are arrays in another dialect than this one.
-
-    Args:
-        content: A document that :func:`unpack` has read.
-        dialect: The dialect of the protocol.
-    """
+    """Return the maps of a msgpack document that are arrays in another dialect than this one."""
     import msgpack
 
     own, foreign = dialect.encode(np.zeros(1)).keys(), list[dict[Any, Any]]()
@@ -129,12 +125,7 @@ def _no_extension(code: int, data: bytes) -> Any:
 
 
 def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
-    """Return a JSON document.
-
-    Args:
-        value: The value to write; NaN and infinities are refused.
-        encode: Returns an array as JSON values.
-    """
+    """Return a JSON document."""
     return json.dumps(value, default=_sent_as(encode), allow_nan=False).encode()
 
 
@@ -260,14 +251,14 @@ def decode(value: dict[Any, Any]) -> Any:
         return npy_array(part("as_npy"))
     if {"nd", "type", "data"} <= keys.keys():
         return _msgpack_numpy(part)
-    return _unmarked(value, part) if {"data", "dtype", "shape"} == keys.keys() else value
+    if {"data", "dtype", "shape"} == keys.keys():  # no word marks it, and its size leaves no doubt
+        with suppress(ServerError):
+            return array_from(part("data"), part("dtype"), part("shape"))
+    return value
 
 
 def npy_array(content: Any) -> AnyArray:
     """Return the array of a NumPy file.
-
-    Args:
-        content: Its bytes, as ``numpy.save`` writes them without pickling.
 
     Raises:
         ServerError: It is damaged, or holds anything but plain real numbers.
@@ -291,14 +282,6 @@ def _msgpack_numpy(part: Callable[[str], Any]) -> Any:
     if part("nd") is not True:
         return array_from(part("data"), dtype, ()).item()
     return array_from(part("data"), dtype, part("shape"))
-
-
-def _unmarked(value: dict[Any, Any], part: Callable[[str], Any]) -> Any:
-    """Return an array that no word marks as one, where its size leaves no doubt."""
-    try:
-        return array_from(part("data"), part("dtype"), part("shape"))
-    except ServerError:
-        return value
 
 
 def _number(value: Any) -> int | float:

@@ -65,7 +65,6 @@ class Servers:
     groups: tuple[ServerGroup, ...]
     """Groups of equal servers, in the order in which a pair looks for its own."""
     name: str | None = None
-    """Name of the policy; None for that of the profiles."""
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -98,9 +97,6 @@ class Servers:
 
     def group_of(self, marks: Collection[str]) -> int:
         """Return the number of the group, from 0, for a pair.
-
-        Args:
-            marks: Markers of the pair: its suite, event, family, source and the like.
 
         Raises:
             AdapterError: No group is for it.
@@ -152,11 +148,6 @@ def joined_revisions(parts: Iterable[tuple[tuple[str, ...], str]]) -> str:
 
 def read_servers(text: str, profile: str | None, revision: str | None = None) -> Servers:
     """Return the servers that a reference names. Nothing is connected to.
-
-    Args:
-        text: An address, several separated by commas, or the path of a ``.toml`` file.
-        profile: Name or path of the profile, where the file names none.
-        revision: Identity of the weights, where the file names none.
 
     Raises:
         AdapterError: The file cannot be read, or an address, a profile or a field cannot be used.
@@ -271,11 +262,7 @@ def _resolved(text: str) -> list[str]:
 
 
 def require_known_marks(servers: Servers, known: Collection[str]) -> None:
-    """Check that each group is for markers that a pair can have.
-
-    Raises:
-        AdapterError: One is for another; suggests the closest.
-    """
+    """Check that each group is for markers that a pair can have."""
     for group in servers.groups:
         for mark in group.marks:
             if mark not in known:

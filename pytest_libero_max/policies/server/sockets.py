@@ -38,8 +38,6 @@ def serving(
     """Serve in threads until the block ends.
 
     Args:
-        host: The host that answers.
-        port: TCP port; 0 for any.
         token: Secret that clients must send, as ``Authorization: Api-Key TOKEN`` or ``Bearer TOKEN``; None to
             answer everybody.
 

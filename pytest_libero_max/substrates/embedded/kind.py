@@ -54,22 +54,15 @@ def _scene_of(options: SubstrateOptions, case: Case) -> tuple[Any, ...]:
     return case.suite, variation.base_index, json.dumps(variation.scene, sort_keys=True)
 
 
-def _draw_scenes(path: Path, substrate: Any) -> None:
-    from pytest_libero_max.substrates.embedded.scene_sheets import write_contact_sheet
+def _draw(path: Path, substrate: Any) -> None:
+    from pytest_libero_max.substrates.embedded import scene_sheets
 
-    write_contact_sheet(path)
-
-
-def _draw_plus(path: Path, substrate: Any) -> None:
-    from pytest_libero_max.substrates.embedded.scene_sheets import write_plus_sheet
-
-    write_plus_sheet(path, substrate)
-
-
-def _draw_pro(path: Path, substrate: Any) -> None:
-    from pytest_libero_max.substrates.embedded.scene_sheets import write_pro_sheet
-
-    write_pro_sheet(path, substrate)
+    if path.stem == "scenes":
+        scene_sheets.write_scenes(path)
+    elif path.stem == "plus":
+        scene_sheets.write_plus(path, substrate)
+    else:
+        scene_sheets.write_pro(path, substrate)
 
 
 KIND = SubstrateKind(
@@ -87,5 +80,5 @@ KIND = SubstrateKind(
         "its images. Its scores are not comparable with published ones."
     ),
     scene_of=_scene_of,
-    sheets={"scenes.png": _draw_scenes, "plus.png": _draw_plus, "pro.png": _draw_pro},
+    sheets=dict.fromkeys(("scenes.png", "plus.png", "pro.png"), _draw),
 )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pytest_libero_max.errors import SubstrateError, did_you_mean
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena, furnish
 from pytest_libero_max.substrates.embedded.objects import category, parts
-from pytest_libero_max.substrates.embedded.objects.parts import Link
+from pytest_libero_max.substrates.embedded.objects.parts import Link, links
 from pytest_libero_max.substrates.embedded.predicates import In, Joints, OnObject, OnSite, Predicate
 from pytest_libero_max.tasks.libero_tasks import Task, category_of, task
 from pytest_libero_max.worlds import rotations
@@ -175,11 +175,6 @@ def _regions(row: Task) -> dict[str, Region]:
             for site in link.sites:
                 regions[f"{instance}_{site.name}"] = Region(f"{instance}_{site.name}", instance, joints)
     return regions
-
-
-def links(link: Link) -> list[Link]:
-    """Return a link and everything attached to it, depth first."""
-    return [link, *(deeper for child in link.links for deeper in links(child))]
 
 
 def _joint_names(root: Link) -> tuple[str, ...]:

@@ -18,6 +18,9 @@ from pytest_libero_max.worlds.rendering.contact_sheets import captioned, resized
 from pytest_libero_max.worlds.robot import NOOP_ACTION
 
 PLUS_LEVELS = (1, 3, 5)
+PLUS_TASKS = (("libero_spatial", 0), ("libero_object", 3))
+"""Suites and indices of the tasks whose variations are shown."""
+PRO_TASKS = (*PLUS_TASKS, ("libero_goal", 8), ("libero_10", 9))
 
 _CAMERA = "agentview"
 _STEPS = 10
@@ -25,36 +28,24 @@ _IMAGES = SubstrateOptions().for_people().images
 # Noise and textures hardly compress; in a picture this small, the last three bits do not show.
 _COLOUR_STEP = 8
 
+Captioned = tuple[list[str], Image]
+"""Lines of a caption, and the picture."""
 
-def write_contact_sheet(
-    path: Path,
-    *,
-    rows: Iterable[Task] | None = None,
-    init: int = 0,
-    camera: str = "agentview",
-    size: int = 184,
-    columns: int = 10,
-) -> None:
+
+def write_scenes(path: Path, rows: Iterable[Task] | None = None, size: int = 184, columns: int = 10) -> None:
     """Render scenes at reset, with the robot, upright and captioned, into one PNG.
 
     Args:
         rows: The tasks to show; every task that has an embedded scene by default.
         size: Side of one picture in pixels.
     """
-    chosen = [task for suite in SUITES for task in tasks(suite)] if rows is None else list(rows)
-    captions = [[f"{task.suite}/{task.index}", *wrapped(_short(task), size)] for task in chosen]
-    pictures = []
-    for number, task in enumerate(chosen):
+    shown: list[Captioned] = []
+    for task in [task for suite in SUITES for task in tasks(suite)] if rows is None else rows:
         world = EmbeddedWorld(build_scene(task.suite, task.index), images=_IMAGES)
-        try:
-            world.reset(init)
-            image = world.observe((camera,), size)[f"{camera}_image"][::-1]
-        finally:
-            world.close()
-        caption = captions[number]
-        lines = max(len(other) for other in captions)
-        pictures.append(captioned(image, *caption, *[""] * (lines - len(caption))))
-    write_sheet(path, pictures, columns)
+        image = world.observe((_CAMERA,), size)[f"{_CAMERA}_image"][::-1]
+        world.close()
+        shown.append(([f"{task.suite}/{task.index}", *wrapped(_short(task), size)], image))
+    _write(path, shown, columns)
 
 
 def _short(task: Task) -> str:
@@ -65,45 +56,28 @@ def _short(task: Task) -> str:
     return words.split(" and place it ")[0]
 
 
-def write_plus_sheet(
-    path: Path,
-    substrate: EmbeddedSubstrate,
-    *,
-    picks: Sequence[tuple[str, int]] = (("libero_spatial", 0), ("libero_object", 3)),
-    size: int = 144,
-) -> None:
-    """Render each category of LIBERO-Plus at levels 1, 3 and 5, on each of some tasks, into one PNG.
-
-    Args:
-        picks: Suites and indices of unmodified tasks. Where a task has no variation of a level, another task
-            of its suite stands in.
-        size: Side of one picture in pixels.
-    """
+def write_plus(path: Path, substrate: EmbeddedSubstrate, size: int = 144) -> None:
+    """Render each category of LIBERO-Plus at some levels, on each of some tasks, into one PNG."""
     chosen = [
         _nearest(suite, index, category, level)
         for category in PLUS_CATEGORIES
-        for suite, index in picks
+        for suite, index in PLUS_TASKS
         for level in PLUS_LEVELS
     ]
-    _write(path, substrate, chosen, len(picks) * len(PLUS_LEVELS), size)
+    shown = [_picture(substrate, variation, size) for variation in chosen]
+    _write(path, shown, len(PLUS_TASKS) * len(PLUS_LEVELS), _COLOUR_STEP)
 
 
-def write_pro_sheet(
+def write_pro(
     path: Path,
     substrate: EmbeddedSubstrate,
-    *,
-    picks: Sequence[tuple[str, int]] = (
-        ("libero_spatial", 0),
-        ("libero_object", 3),
-        ("libero_goal", 8),
-        ("libero_10", 9),
-    ),
+    picks: Sequence[tuple[str, int]] = PRO_TASKS,
     columns: int = 5,
     size: int = 144,
 ) -> None:
-    """Render each category of LIBERO-PRO on each of some tasks into one PNG; arguments as above."""
+    """Render each category of LIBERO-PRO on each of some tasks into one PNG."""
     chosen = [pro_suite(category, suite)[index] for suite, index in picks for category in PRO_CATEGORIES]
-    _write(path, substrate, chosen, columns, size)
+    _write(path, [_picture(substrate, variation, size) for variation in chosen], columns, _COLOUR_STEP)
 
 
 def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
@@ -117,19 +91,16 @@ def _nearest(suite: str, index: int, category: str, level: int) -> Variation:
     return own[len(own) // 2]
 
 
-def _write(
-    path: Path, substrate: EmbeddedSubstrate, variations: Sequence[Variation], columns: int, size: int
-) -> None:
-    seen = [_picture(substrate, variation, size) for variation in variations]
+def _write(path: Path, shown: Sequence[Captioned], columns: int, colour_step: int = 4) -> None:
     pictures = []
-    for first in range(0, len(seen), columns):
-        row = seen[first : first + columns]
+    for first in range(0, len(shown), columns):
+        row = shown[first : first + columns]
         lines = max(len(caption) for caption, _ in row)
         pictures += [captioned(image, *caption, *[""] * (lines - len(caption))) for caption, image in row]
-    write_sheet(path, pictures, columns, colour_step=_COLOUR_STEP)
+    write_sheet(path, pictures, columns, colour_step=colour_step)
 
 
-def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> tuple[list[str], Image]:
+def _picture(substrate: EmbeddedSubstrate, variation: Variation, size: int) -> Captioned:
     """Return the whole caption of a variation and its picture."""
     world = substrate.varied_world(variation)
     world.reset(0)

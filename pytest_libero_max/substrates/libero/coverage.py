@@ -23,7 +23,7 @@ from pytest_libero_max.substrates.libero.pro_config import SECTIONS
 from pytest_libero_max.substrates.libero.tasks import task_names, task_of
 from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
-_TASKS = 10
+_TASKS = [(suite, index) for suite in LIBERO_SUITES for index in range(10)]
 
 
 @dataclass(frozen=True)
@@ -57,35 +57,35 @@ def coverage(installations: Sequence[Installation]) -> Iterator[Coverage]:
 
 
 def _libero(installation: Installation | None) -> Coverage:
-    total = len(LIBERO_SUITES) * _TASKS
     if installation is None:
-        return Coverage("LIBERO", 0, total, f"Install it: `{INSTALL}` and `{ASSETS_INSTALL}`")
-    playable = sum(
-        _has_task(installation, suite, index) for suite in LIBERO_SUITES for index in range(_TASKS)
-    )
-    return Coverage("LIBERO", playable, total, "" if playable == total else "Restore its files")
-
-
-def _has_task(installation: Installation, suite: str, index: int) -> bool:
-    try:
-        task_of(installation, suite, index)
-    except SubstrateError:
-        return False
-    return True
+        return Coverage("LIBERO", 0, len(_TASKS), f"Install it: `{INSTALL}` and `{ASSETS_INSTALL}`")
+    return _of("LIBERO", [_lacks(installation, suite, index) for suite, index in _TASKS])
 
 
 def _pro(installation: Installation | None, category: str) -> Coverage:
-    source, total = f"LIBERO-PRO {category}", len(LIBERO_SUITES) * _TASKS
+    source = f"LIBERO-PRO {category}"
     if installation is None:
-        return Coverage(source, 0, total, f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
-    tasks = [(suite, index) for suite in LIBERO_SUITES for index in range(_TASKS)]
-    lacks = [
-        pro_lacks(installation, category, suite, index)
-        if _has_task(installation, suite, index)
-        else "Restore its files"
-        for suite, index in tasks
-    ]
-    return Coverage(source, lacks.count(""), total, _first_reason(lacks))
+        return Coverage(source, 0, len(_TASKS), f"Install LIBERO-PRO, with its models as above: `{INSTALL}`")
+    return _of(
+        source,
+        [
+            _lacks(installation, suite, index) or pro_lacks(installation, category, suite, index)
+            for suite, index in _TASKS
+        ],
+    )
+
+
+def _lacks(installation: Installation, suite: str, index: int) -> str:
+    try:
+        task_of(installation, suite, index)
+    except SubstrateError:
+        return "Restore its files"
+    return ""
+
+
+def _of(source: str, lacks: Sequence[str]) -> Coverage:
+    """Return the coverage by what each task of a source lacks; empty for nothing."""
+    return Coverage(source, lacks.count(""), len(lacks), next(filter(None, lacks), ""))
 
 
 def _plus(installation: Installation | None) -> Iterator[Coverage]:
@@ -96,12 +96,7 @@ def _plus(installation: Installation | None) -> Iterator[Coverage]:
     needs = PlusNeeds.of(installation)
     lacks: dict[str, list[str]] = {category: [] for category, _ in PLUS_NAMES}
     for name in (name for suite in LIBERO_SUITES for name in task_names(installation, suite)):
-        found_category = plus_category(name)
-        if found_category is not None:
-            lacks[found_category].append(needs.lacking(name))
+        if (known := plus_category(name)) is not None:
+            lacks[known].append(needs.lacking(name))
     for kind, each in lacks.items():
-        yield Coverage(f"LIBERO-Plus {kind}", each.count(""), len(each), _first_reason(each))
-
-
-def _first_reason(lacks: Sequence[str]) -> str:
-    return next(filter(None, lacks), "")
+        yield _of(f"LIBERO-Plus {kind}", each)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ManifestError, SubstrateError, counted
-from pytest_libero_max.substrates.libero.descriptions import Description, describe
 from pytest_libero_max.substrates.libero.installation import Flavour, Installation
 from pytest_libero_max.substrates.libero.lacking import PlusNeeds, first_of, plus_category, pro_lacks
 from pytest_libero_max.substrates.libero.plus import base_name, description_file
@@ -25,6 +26,25 @@ CLASSIFICATION = Path("benchmark", "task_classification.json")
 """File of a checkout of LIBERO-Plus with categories and difficulties of its tasks; its package lacks it."""
 
 _TASKS = 10
+
+
+Words = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Description:
+    """A task description. All names are in lower case, as the environments read them."""
+
+    objects: Mapping[str, str]
+    """Category of each movable instance."""
+    fixtures: Mapping[str, str]
+    """Category of each other instance; tables and floors are among them."""
+    interest: tuple[str, ...]
+    """Names that the file marks as of interest; may be regions."""
+    initial: tuple[Words, ...]
+    """Facts at the start, a predicate and its arguments each, in order."""
+    goal: tuple[Words, ...]
+    """Facts that must hold at the end, likewise."""
 
 
 class InstalledCatalogue:
@@ -190,3 +210,48 @@ def _metadata(
         placements=placements,
         reserved=reserved,
     )
+
+
+def describe(text: str) -> Description:
+    """Read a BDDL text.
+
+    Raises:
+        SubstrateError: It is not BDDL, or lacks a section.
+    """
+    try:
+        groups = importlib.import_module("bddl.parsing").scan_tokens(string=text)
+        sections = {group[0]: group[1:] for group in groups if isinstance(group, list) and group}
+        return Description(
+            objects=dict(_typed(sections[":objects"])),
+            fixtures=dict(_typed(sections[":fixtures"])),
+            interest=tuple(sections[":obj_of_interest"]),
+            initial=tuple(_facts(sections[":init"])),
+            goal=tuple(_facts(sections[":goal"])),
+        )
+    except Exception as error:  # the parser raises whatever it likes
+        what = f"{type(error).__name__}: {error}"
+        raise SubstrateError(f"A task description cannot be read: {what}.") from error
+
+
+def _typed(words: list[Any]) -> Iterator[tuple[str, str]]:
+    """Yield the pairs of name and kind in ``a b - kind c - other``."""
+    names: list[str] = []
+    kinds = iter(words)
+    for word in kinds:
+        if word == "-":
+            kind = next(kinds)
+            yield from ((name, kind) for name in names)
+            names = []
+        else:
+            names.append(word)
+
+
+def _facts(groups: list[Any]) -> Iterator[Words]:
+    """Every innermost group, in order."""
+    for group in groups:
+        if not isinstance(group, list):
+            continue
+        if any(isinstance(part, list) for part in group):
+            yield from _facts(group)
+        elif group:
+            yield tuple(group)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import SubstrateError, did_you_mean
+from pytest_libero_max.tasks.contents import owner
 
 if TYPE_CHECKING:
     from pytest_libero_max.substrates.libero.world import LiberoWorld
@@ -221,23 +222,19 @@ def occluder(names: Container[str]) -> tuple[str, str]:
 
 def interests(world: LiberoWorld) -> list[str]:
     """Entities that the task declares to be about, without the work surface."""
-    owners = [owner(world, name) for name in world.problem["obj_of_interest"]]
-    return list(dict.fromkeys(name for name in owners if world.entities[name].kind != "surface"))
+    return _no_surface(world, (owner(name, world.entities) for name in world.problem["obj_of_interest"]))
 
 
 def tinted(world: LiberoWorld) -> tuple[str, ...]:
     """Return the goal's destinations but for the work surface; without any, the goal's subjects."""
-    destinations: list[str] = []
-    subjects: list[str] = []
+    destinations: list[str | None] = []
+    subjects: list[str | None] = []
     for predicate, *arguments in world.problem["goal_state"]:
-        owners = [owner(world, argument) for argument in arguments]
+        owners = [owner(argument, world.entities) for argument in arguments]
         subjects.append(owners[0])
         destinations += owners[1:] if predicate in ("on", "in") else owners
-    names = [name for name in destinations if world.entities[name].kind != "surface"]
-    return tuple(dict.fromkeys(names or subjects))
+    return tuple(_no_surface(world, destinations) or dict.fromkeys(name for name in subjects if name))
 
 
-def owner(world: LiberoWorld, name: str) -> str:
-    """Return the entity of that name, or the one whose region it is."""
-    owners = [entity for entity in world.entities if name == entity or name.startswith(f"{entity}_")]
-    return max(owners, key=len)
+def _no_surface(world: LiberoWorld, names: Iterable[str | None]) -> list[str]:
+    return list(dict.fromkeys(name for name in names if name and world.entities[name].kind != "surface"))

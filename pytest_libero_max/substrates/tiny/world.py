@@ -2,9 +2,9 @@
 
 It plays the whole contract of :class:`~pytest_libero_max.worlds.contract.World` on plain MuJoCo: a
 table, a box to move, a plate to move it to, five small things in the way, a cabinet with a drawer, a
-hand that floats where the actions push it, LIBERO's two cameras, two lights. A control step takes
-some tenths of a millisecond and building it a few. It has no arm and no LIBERO task: invariants that
-hold here are meant to hold everywhere, measurements of policies here mean nothing.
+hand that floats where the actions push it, LIBERO's two cameras, two lights without shadows. A control step
+takes some tenths of a millisecond, building it and an image a few. It has no arm and no LIBERO task:
+invariants that hold here are meant to hold everywhere, measurements of policies here mean nothing.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ import mujoco  # noqa: E402
 
 if TYPE_CHECKING:
     from pytest_libero_max.benchmark.cases import Case
+    from pytest_libero_max.worlds.rendering.renderer import Renderer
 
 INITS = 10
 """Number of initial states."""
@@ -36,7 +37,7 @@ TABLE_TOP_M = 0.4
 STEP_M = 0.05
 """Distance that a control step at full deflection moves the hand, as with LIBERO's controller."""
 
-_SUBSTEPS = 10  # of 5 ms, together the 50 ms of a control step
+_SUBSTEPS = 3  # with fewer, the fingers do not hold the box
 _REACH_M = (0.35, 0.35, 0.35)
 _HAND_START_M = (0.0, -0.25, TABLE_TOP_M + 0.25)
 """World position from which the hand's joints measure."""
@@ -66,9 +67,9 @@ def _clutter_xml() -> str:
 
 _MJCF = f"""
 <mujoco model="tiny">
-  <option timestep="0.005" cone="elliptic" impratio="10"/>
+  <option timestep="{0.05 / _SUBSTEPS}" cone="elliptic" impratio="10"/>
   <visual><global offwidth="256" offheight="256"/></visual>
-  <default><geom group="1" condim="4" solref="0.01 1"/></default>
+  <default><geom group="1" condim="4" solref="0.01 1"/><light castshadow="false"/></default>
   <asset>
     <texture name="check" type="2d" builtin="checker" width="64" height="64" rgb1=".7 .6 .5" rgb2=".5 .4 .3"/>
     <material name="wood" texture="check" texrepeat="4 4"/>
@@ -78,7 +79,7 @@ _MJCF = f"""
     <light name="light1" pos="1 1 3" dir="-0.3 -0.3 -1" diffuse="0.6 0.6 0.6" ambient="0.2 0.2 0.2"/>
     <light name="light2" pos="-1 -1 3" dir="0.3 0.3 -1" diffuse="0.4 0.4 0.4"/>
     <camera name="agentview" pos="1.0 0 1.1" xyaxes="0 1 0 -0.6 0 0.8" fovy="45"/>
-    <geom name="floor" type="plane" size="3 3 0.1" rgba="0.4 0.4 0.45 1"/>
+    <geom name="floor" type="box" pos="0 0 -0.1" size="3 3 0.1" rgba="0.4 0.4 0.45 1"/>
     <body name="table" pos="0 0 {TABLE_TOP_M - 0.02}">
       <geom name="table_top" type="box" size="0.45 0.45 0.02" material="wood"/>
     </body>
@@ -227,6 +228,11 @@ class TinyWorld(MujocoWorld):
         if self._other is not None:
             self._other.close()
         super().close()
+
+    def _new_renderer(self) -> Renderer:
+        from pytest_libero_max.worlds.rendering.renderer import Renderer
+
+        return Renderer(self._model, self._data, samples=0)
 
     def _decided(self) -> Mapping[str, Any]:
         return {"goal": [["on", "box_1", "plate_1"]], "control": [STEP_M, _SUBSTEPS, _REACH_M, _HAND_START_M]}

@@ -14,7 +14,7 @@ from pytest_libero_max.errors import SimulatorError, SubstrateError, did_you_mea
 from pytest_libero_max.worlds.contract import Image, ImageSize, height_and_width
 from pytest_libero_max.worlds.rendering import gl
 from pytest_libero_max.worlds.rendering.context import shared_context
-from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part, Pieces, hulls_of
+from pytest_libero_max.worlds.rendering.visibility import Boxes, Camera, Mirror, Part, Pieces
 
 gl.prepare()
 
@@ -90,7 +90,7 @@ class Renderer:
         self._groups = groups
         self._uploaded: _Uploaded | None = None
         self._scene: Any = None
-        self._close: tuple[NDArray[np.object_], Pieces] | None = None  # found when they are needed
+        self._pieces: Pieces | None = None  # found when they are needed
 
     def render(self, camera: str, size: ImageSize) -> Image:
         """One image, (H, W, 3) uint8, freshly allocated, bottom row first.
@@ -160,10 +160,8 @@ class Renderer:
         reflectors = self._reflectors(geoms) if self._reflections else _NOTHING
         if reflectors.size and (reflectors.size > 1 or model.geom_type[reflectors] != _BOX):
             return all_of_it
-        if self._close is None:
-            self._close = hulls_of(model), Pieces.of(model)
-        hulls, pieces = self._close
-        boxes = Boxes.of(model, data, geoms, hulls)
+        pieces = self._pieces = self._pieces or Pieces.of(model)
+        boxes = Boxes.of(model, data, geoms)
         screens = boxes.chosen(self._are_screens(geoms) & boxes.wide)
         screens = screens.chosen(screens.may_be_in(camera.image, camera))
         here = np.flatnonzero(np.isin(pieces.geoms, geoms))

@@ -134,18 +134,15 @@ class Boxes:
     """(n, 3, 3) columns: the axes of each box, world."""
     half_m: Array
     """(n, 3) Half the length of the sides, m."""
-    hulls: NDArray[np.object_]
-    """(n,) None, or points (k, 3) whose convex hull holds what is in the box, m, from its centre and along
-    its axes."""
 
     @classmethod
-    def of(cls, model: Any, data: Any, geoms: NDArray[np.intp], hulls: NDArray[np.object_]) -> Boxes:
+    def of(cls, model: Any, data: Any, geoms: NDArray[np.intp]) -> Boxes:
         """Return the boxes of some geoms of a model, whose places are up to date."""
         rotations = data.geom_xmat[geoms].reshape(-1, 3, 3)
         boxes, bounded = model.geom_aabb[geoms], model.geom_rbound[geoms, None] > 0
         offsets = (rotations @ np.where(bounded, boxes[:, :3], 0.0)[..., None])[..., 0]
         half_m = np.where(bounded, boxes[:, 3:], _EVERYWHERE_M)
-        return cls(data.geom_xpos[geoms] + offsets, rotations, half_m, hulls[geoms])
+        return cls(data.geom_xpos[geoms] + offsets, rotations, half_m)
 
     @property
     def corners(self) -> Array:
@@ -162,38 +159,31 @@ class Boxes:
 
     def chosen(self, which: NDArray[Any]) -> Boxes:
         """Return some of the boxes."""
-        return Boxes(self.centres[which], self.rotations[which], self.half_m[which], self.hulls[which])
+        return Boxes(self.centres[which], self.rotations[which], self.half_m[which])
 
     def mirrored(self, mirror: Mirror) -> Boxes:
         """Return the boxes where they appear in a mirror."""
         normal = mirror.axes[:, 2]
         flip = np.eye(3) - 2 * np.outer(normal, normal)
         centres = mirror.centre + (self.centres - mirror.centre) @ flip
-        return Boxes(centres, flip @ self.rotations, self.half_m, self.hulls)
+        return Boxes(centres, flip @ self.rotations, self.half_m)
 
     def may_be_in(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether some of it may be in a part of the image, (n,)."""
-        normals, distances, reach = self._sides(part, camera)
+        distances, reach = self._sides(part, camera)
         visible: NDArray[np.bool_] = np.logical_and.reduce(distances > -reach - _MARGIN_M, axis=1)
-        crossed = distances < reach
-        for number in np.flatnonzero(visible & crossed.any(axis=1)):
-            hull = self.hulls[number]
-            if hull is not None:
-                which = crossed[number]
-                outermost = (normals[which] @ self.rotations[number] @ hull.T).max(axis=1)
-                visible[number] = np.all(distances[number, which] > -outermost - _MARGIN_M)
         return visible
 
     def cross(self, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether a side of a part of the image goes through it, (n,)."""
-        _, distances, reach = self._sides(part, camera)
+        distances, reach = self._sides(part, camera)
         crossing: NDArray[np.bool_] = np.logical_or.reduce(np.abs(distances) < reach, axis=1)
         return crossing
 
-    def _sides(self, part: Part, camera: Camera) -> tuple[Array, Array, Array]:
-        """Return planes through the sides of a part of the image, inwards, and how boxes lie to them.
+    def _sides(self, part: Part, camera: Camera) -> tuple[Array, Array]:
+        """Return how boxes lie to k planes through the sides of a part of the image, inwards.
 
-        These are the normals (k, 3), and the distances of the centres and the reach of the boxes (n, k) m.
+        These are the distances of the centres and the reach of the boxes, (n, k) m.
         """
         sides = np.concatenate([part.sides(3 * _MARGIN_PX), camera.image.sides(_MARGIN_PX)])
         normals = sides @ camera.pixels @ camera.axes
@@ -203,7 +193,7 @@ class Boxes:
         nearest[-1] = camera.near_m
         reach = (np.abs(normals @ self.rotations) @ self.half_m[..., None])[..., 0]
         distances = (self.centres - camera.eye) @ normals.T - nearest
-        return normals, distances, reach
+        return distances, reach
 
     def hidden_by(self, screens: Boxes, part: Part, camera: Camera) -> NDArray[np.bool_]:
         """Return for each box whether a side of another one hides all of it that is in a part of the image.
@@ -229,28 +219,6 @@ class Boxes:
                     reached = _depth(eye, directions @ axes, axis, half)
                     hidden |= candidates & (reached + _MARGIN_M < nearest)
         return hidden
-
-
-_hulls: dict[bytes, Array | None] = {}  # scenes share most meshes
-
-
-def hulls_of(model: Any) -> NDArray[np.object_]:
-    """Return for each geom of a model the corners of its convex hull, as :class:`Boxes` has them.
-
-    None for all but meshes of many triangles, for which it is worth to look closer.
-    """
-    hulls = np.full(model.ngeom, None, np.object_)
-    meshes = np.flatnonzero(model.geom_type == _MESH)
-    for geom in meshes[model.mesh_facenum[model.geom_dataid[meshes]] >= _MANY_TRIANGLES]:
-        mesh = model.geom_dataid[geom]
-        first = model.mesh_vertadr[mesh]
-        vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
-        key = blake2b(vertices.tobytes(), digest_size=16).digest()
-        if key not in _hulls:
-            _hulls[key] = _hull(vertices)
-        corners = _hulls[key]
-        hulls[geom] = None if corners is None else corners - model.geom_aabb[geom, :3]
-    return hulls
 
 
 @dataclass(frozen=True)
@@ -279,8 +247,7 @@ class Pieces:
         geoms = self.geoms[which]
         rotations = data.geom_xmat[geoms].reshape(-1, 3, 3)
         offsets = (rotations @ self.centres[which, :, None])[..., 0]
-        nothing = np.full(geoms.size, None, np.object_)
-        return Boxes(data.geom_xpos[geoms] + offsets, rotations, self.half_m[which], nothing)
+        return Boxes(data.geom_xpos[geoms] + offsets, rotations, self.half_m[which])
 
 
 _boxes: dict[bytes, Array] = {}
@@ -322,18 +289,6 @@ def _cover(triangles: Array) -> Array:
     low = np.minimum.reduceat(small.min(axis=1)[order], firsts)
     high = np.maximum.reduceat(small.max(axis=1)[order], firsts)
     return np.stack([low, high], axis=1)
-
-
-def _hull(points: NDArray[np.float32]) -> Array | None:
-    """Return the corners of the convex hull of points, (n, 3); None for points in a plane."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    exact = points.astype(np.float64)
-    try:
-        corners: Array = exact[ConvexHull(exact).vertices]
-    except QhullError:
-        return None
-    return corners
 
 
 def _depth(eye: Array, rays: Array, axis: int, half_m: Array) -> Array:

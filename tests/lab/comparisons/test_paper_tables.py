@@ -311,7 +311,7 @@ def test_all_files_are_written_for_any_number_of_runs(count: int, tmp_path: Path
     assert {"tables.md", "policy-arrows.svg", "coverage.svg", "categories.svg"} < names
     assert ("event-changes.svg" in names) == (count > 1)
     text = (tmp_path / "out" / "tables.md").read_text()
-    assert "Its scores are not comparable" in text
+    assert "not comparable" in text
     assert all(f"]({name})" in text for name in names if name.endswith(".svg"))
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "main.csv").read_text())))
     assert len(rows) == count
@@ -376,9 +376,9 @@ def test_published_results_stand_beside_runs_of_the_same_cases_alone(
 
 
 def test_published_results_are_refused_beside_other_runs(tmp_path: Path) -> None:
-    with pytest.raises(ReportError, match="cannot be in one table with runs/0: its scenes are embedded"):
+    with pytest.raises(ReportError, match=r"runs/0: .* embedded"):
         write_tables(_runs(1), tmp_path, published=True)
-    with pytest.raises(ReportError, match="No run is given"):
+    with pytest.raises(ReportError, match="No run"):
         write_tables({}, tmp_path)
 
 

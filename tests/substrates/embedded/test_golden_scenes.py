@@ -76,9 +76,7 @@ def test_another_friction_of_one_object_is_named_by_scene_and_field(kept: Any) -
     with pytest.raises(pytest.fail.Exception) as error:
         require_equal(kept, "libero_goal/3", fields_of(world))
     world.close()
-    assert str(error.value).startswith(
-        "Not what it was:\n  scene libero_goal/3, field model.geom_friction\nIf that is meant, "
-    )
+    assert "libero_goal/3, field model.geom_friction" in str(error.value)
 
 
 _FIELDS = """

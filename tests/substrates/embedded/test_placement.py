@@ -131,7 +131,5 @@ def test_other_processes_with_other_hash_seeds_find_the_same_bytes() -> None:
 @pytest.mark.parametrize("init", [-1, 50, 1000])
 def test_initial_states_that_do_not_exist_are_refused(init: int) -> None:
     scene, model = compiled("libero_object", 0)
-    with pytest.raises(
-        SubstrateError, match=f"init={init} is not an initial state of libero_object/0: use 0 to 9"
-    ):
+    with pytest.raises(SubstrateError, match=f"init={init} .*libero_object/0: .*0 to 9"):
         initial_state(scene, model, mujoco.MjData(model), init)

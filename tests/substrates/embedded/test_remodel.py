@@ -6,10 +6,10 @@ import pytest
 
 from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.substrates.embedded.objects import CATEGORIES, category
-from pytest_libero_max.substrates.embedded.objects.parts import Link
+from pytest_libero_max.substrates.embedded.objects.parts import Link, links
 from pytest_libero_max.substrates.embedded.objects.restyled import SMALL, STYLES
 from pytest_libero_max.substrates.embedded.remodel import Remodel, remodelled
-from pytest_libero_max.substrates.embedded.scene import build_scene, links
+from pytest_libero_max.substrates.embedded.scene import build_scene
 from pytest_libero_max.substrates.embedded.surfaces import SURFACES, shown
 
 BASE = build_scene("libero_spatial", 0)

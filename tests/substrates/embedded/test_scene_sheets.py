@@ -4,7 +4,7 @@ from pathlib import Path
 
 import cv2
 
-from pytest_libero_max.substrates.embedded.scene_sheets import write_contact_sheet, write_pro_sheet
+from pytest_libero_max.substrates.embedded.scene_sheets import write_pro, write_scenes
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.tasks.libero_tasks import task
 from pytest_libero_max.tasks.sources import PRO_CATEGORIES
@@ -12,8 +12,8 @@ from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 
 def test_a_contact_sheet_shows_each_scene_under_its_caption(tmp_path: Path) -> None:
     path = tmp_path / "sheets" / "scenes.png"
-    rows = [task("libero_spatial", 4), task("libero_object", 9), task("libero_object", 0)]
-    write_contact_sheet(path, rows=rows, size=96, columns=2)
+    rows = [task("libero_spatial", 4), task("libero_object", 9), task("libero_spatial", 4)]
+    write_scenes(path, rows=rows, size=96, columns=2)
     sheet = cv2.imread(str(path))
     assert sheet is not None
     # Under its key, "in the top drawer of the wooden cabinet" takes three lines; that makes room for all.
@@ -28,7 +28,7 @@ def test_a_contact_sheet_shows_each_scene_under_its_caption(tmp_path: Path) -> N
 
 def test_every_category_has_its_picture_under_its_name(tmp_path: Path) -> None:
     substrate, columns = EmbeddedSubstrate(), len(PRO_CATEGORIES) + 1
-    write_pro_sheet(tmp_path / "pro.png", substrate, picks=(("libero_object", 3),), columns=columns, size=96)
+    write_pro(tmp_path / "pro.png", substrate, picks=(("libero_object", 3),), columns=columns, size=96)
     substrate.close()
     sheet = cv2.imread(str(tmp_path / "pro.png"))
     assert sheet is not None

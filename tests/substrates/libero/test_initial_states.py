@@ -49,7 +49,7 @@ def test_npy_files_are_read_as_well(tmp_path: Path) -> None:
 def test_nothing_in_a_pickle_is_run(tmp_path: Path) -> None:
     marker = tmp_path / "surprise"
     path = write_archive(tmp_path / "a.pruned_init", Surprise(marker))
-    with pytest.raises(SubstrateError, match="which no array needs"):
+    with pytest.raises(SubstrateError, match="no array"):
         read_states(path)
     assert not marker.exists()
 
@@ -72,13 +72,13 @@ def test_anything_but_an_array_of_numbers_is_refused(tmp_path: Path, value: Any,
 
 def test_objects_in_a_npy_file_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([{}], dtype=object), allow_pickle=True)
-    with pytest.raises(SubstrateError, match="no file of initial states"):
+    with pytest.raises(SubstrateError, match="initial states"):
         read_states(tmp_path / "a.npy")
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.pruned_init").write_bytes(b"text")
-    with pytest.raises(SubstrateError, match="no file of initial states"):
+    with pytest.raises(SubstrateError, match="initial states"):
         read_states(tmp_path / "a.pruned_init")
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
@@ -107,11 +107,11 @@ def test_numpys_own_archives_are_read_without_unpickling(tmp_path: Path) -> None
     assert states_file(tmp_path / "a.pruned_init") == tmp_path / "a.pruned_init.npz"
     marker = tmp_path / "ran"
     np.savez(tmp_path / "b.pruned_init.npz", states=np.array([Surprise(marker)], dtype=object))
-    with pytest.raises(SubstrateError, match="is no file of initial states"):
+    with pytest.raises(SubstrateError, match="initial states"):
         read_states(tmp_path / "b.pruned_init.npz")
     assert not marker.exists()
     np.savez(tmp_path / "c.pruned_init.npz", other=states)
-    with pytest.raises(SubstrateError, match="is no file of initial states"):
+    with pytest.raises(SubstrateError, match="initial states"):
         read_states(tmp_path / "c.pruned_init.npz")
     (tmp_path / "a.pruned_init").write_bytes(b"")
     assert states_file(tmp_path / "a.pruned_init") == tmp_path / "a.pruned_init"
@@ -130,9 +130,9 @@ def test_a_damaged_pickle_is_refused_whatever_it_says(tmp_path: Path, content: b
     path = tmp_path / "a.pruned_init"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("archive/data.pkl", b"N" + content if content[:1] == b"r" else content)
-    with pytest.raises(SubstrateError, match=r"is no file of initial states|holds"):
+    with pytest.raises(SubstrateError, match=r"initial states|holds"):
         read_states(path)
     archived = path.read_bytes()
     path.write_bytes(archived[:36] + b"\xff\xff" + archived[38:])
-    with pytest.raises(SubstrateError, match=r"is no file of initial states|holds"):
+    with pytest.raises(SubstrateError, match=r"initial states|holds"):
         read_states(path)

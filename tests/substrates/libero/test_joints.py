@@ -32,11 +32,11 @@ def test_states_go_to_the_joints_of_their_names() -> None:
 )
 def test_a_joint_that_is_lacking_or_of_another_kind_is_an_error(target: Joints) -> None:
     source = joints(8, 7, drawer=(0, 1, 0, 1), bowl=(1, 8, 1, 7))
-    with pytest.raises(SubstrateError, match=r"hold the joint 'drawer', which the scene .* lacks or has"):
+    with pytest.raises(SubstrateError, match="joint 'drawer'"):
         by_joint(np.zeros((1, 16)), source, target, np.zeros(1 + target.nq + target.nv))
 
 
 def test_states_of_another_scene_are_an_error() -> None:
     source = joints(8, 7, drawer=(0, 1, 0, 1), bowl=(1, 8, 1, 7))
-    with pytest.raises(SubstrateError, match=r"has 17 numbers, but its scene has 16"):
+    with pytest.raises(SubstrateError, match=r"17 numbers, .* 16"):
         by_joint(np.zeros((1, 17)), source, source, np.zeros(16))

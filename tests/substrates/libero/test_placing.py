@@ -70,7 +70,7 @@ def test_a_place_is_free_of_circles_and_of_pressure(substrate: LiberoSubstrate) 
     beside = radius(world, "alphabet_soup_1") + radius(world, "milk_1") + 0.005
     world.place("alphabet_soup_1", (milk[0] + beside, milk[1], milk[2]))
     assert overlapping(world) == [("alphabet_soup_1", "milk_1")]
-    with pytest.raises(SubstrateError, match="alphabet_soup_1 and milk_1 are in each other's way"):
+    with pytest.raises(SubstrateError, match="alphabet_soup_1 and milk_1"):
         require_free(world, "alphabet_soup_1")
     world.place("alphabet_soup_1", milk)
     assert pressed(world, "alphabet_soup_1")
@@ -85,9 +85,7 @@ def test_the_first_free_place_is_taken_and_none_is_an_error(substrate: LiberoSub
     world.varied(None).reset(0)
     before = world.pose("alphabet_soup_1")
     milk, outside = world.position("milk_1")[:2], np.array((0.7, 0.0))
-    with pytest.raises(
-        SubstrateError, match=r"no free place for 'alphabet_soup_1'; it tries 2.*leave the case"
-    ):
+    with pytest.raises(SubstrateError, match="'alphabet_soup_1'; it tries 2"):
         put_where_free(world, "alphabet_soup_1", [milk, outside], before)
     assert np.array_equal(np.concatenate(world.pose("alphabet_soup_1")), np.concatenate(before))
     free, other = np.array((0.4, 0.4)), np.array((0.4, -0.4))

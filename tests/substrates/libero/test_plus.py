@@ -71,7 +71,7 @@ def test_names_are_taken_apart(registry: Installation, index: int, suffix: str) 
 
 def test_another_registry_is_noticed(registry: Installation) -> None:
     assert plus_task(registry, "libero_object", 0, f"{BASE}_table_3").index == 0
-    with pytest.raises(SubstrateError, match="made with another registry"):
+    with pytest.raises(SubstrateError, match="registry"):
         plus_task(registry, "libero_object", 0, f"{BASE}_table_4")
 
 
@@ -172,5 +172,5 @@ def test_an_image_that_is_too_small_for_the_packages_noise_is_refused() -> None:
         return np.array(picture)[223]
 
     noise = _Noise(glass_blur, 1, "scene")
-    with pytest.raises(SubstrateError, match=r"glass_blur cannot be applied to an image of 128 px"):
+    with pytest.raises(SubstrateError, match=r"glass_blur .* 128 px"):
         noise(np.zeros((128, 128, 3), dtype=np.uint8), "agentview", 1)

@@ -133,7 +133,7 @@ def test_an_initial_state_without_room_is_refused(substrate: LiberoSubstrate) ->
     world = substrate.task_world("libero_object", 0, 195)
     config = published_config("initial_pose_position_angle", "libero_object", 0, world)
     config = {"initial_pose": {**config["initial_pose"], "min_delta_norm": (1.5,)}}
-    with pytest.raises(SubstrateError, match=r"no free place for 'alphabet_soup_1'"):
+    with pytest.raises(SubstrateError, match="'alphabet_soup_1'"):
         world.varied(ProVariation(config, 0).apply).reset(0)
     world.varied(None).reset(0)
 

@@ -74,7 +74,7 @@ def test_lists_in_brackets_lose_their_brackets(tmp_path: Path) -> None:
 def test_a_file_that_lacks_what_it_is_for_is_refused(
     tmp_path: Path, sections: tuple[str, ...], category: str, wrong: str
 ) -> None:
-    with pytest.raises(SubstrateError, match=rf"{wrong}\. Restore the file from the data set"):
+    with pytest.raises(SubstrateError, match=rf"{wrong}\..*LIBERO-Pro"):
         read_config(bddl(tmp_path, *sections), category)
 
 
@@ -82,7 +82,7 @@ def test_a_file_that_lacks_what_it_is_for_is_refused(
 def test_an_unreadable_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "task.bddl"
     path.write_text(f"{HEAD} (")
-    with pytest.raises(SubstrateError, match=r"Cannot read the task .*task\.bddl"):
+    with pytest.raises(SubstrateError, match=r"Cannot read .*task\.bddl"):
         read_config(path, "semantic")
 
 

@@ -157,13 +157,13 @@ def test_a_case_names_its_files(release: Installation) -> None:
 @pytest.mark.parametrize("key", ["bddl_file", "init_states_file", "init_reference_bddl_file"])
 def test_no_case_names_files_elsewhere(release: Installation, key: str, name: str) -> None:
     case = pro_case("task", SUITE, 0, substrate_variant={"language": "Get the soup", key: name})
-    with pytest.raises(SubstrateError, match="only name files below the installation's folders"):
+    with pytest.raises(SubstrateError, match="installation's folders"):
         pro_task(release, case)
 
 
 @needs_package
 def test_a_case_of_another_registry_is_noticed(release: Installation) -> None:
-    with pytest.raises(SubstrateError, match="made with another registry"):
+    with pytest.raises(SubstrateError, match="registry"):
         pro_task(release, pro_case("camera_view_angle", SUITE, 0, task_name="pick_up_the_milk"))
 
 
@@ -187,5 +187,5 @@ def test_an_occluder_is_added_to_a_description() -> None:
     "text", ["(:regions) (:fixtures a - b) (:objects)", "(:fixtures floor - floor) (:regions "]
 )
 def test_a_broken_description_is_refused(text: str) -> None:
-    with pytest.raises(SubstrateError, match="Restore it from the package"):
+    with pytest.raises(SubstrateError, match="Restore it"):
         with_occluder(text)

@@ -121,7 +121,7 @@ def test_another_task_is_looked_at_while_a_pair_is_played(own: LiberoSubstrate) 
     ("source", "category"), [("plus", "Background Textures"), ("pro", "object"), ("pro", "view_occlusion")]
 )
 def test_what_needs_a_scene_of_its_own_is_refused(own: LiberoSubstrate, source: str, category: str) -> None:
-    with pytest.raises(SubstrateError, match=r"needs a scene of its own \(\w+\).*variations=installed"):
+    with pytest.raises(SubstrateError, match=r"\(\w+\).*variations=installed"):
         own.world(own_case(source, category))
 
 
@@ -174,15 +174,11 @@ def test_what_a_scene_is_made_of_and_is_not_there_is_named(
     installation: Installation, tmp_path: Path
 ) -> None:
     substrate = LiberoSubstrate([plus_checkout(installation, tmp_path)])
-    with pytest.raises(
-        SubstrateError, match=r"lacks '.*/yellow_book\.xml'.*unpack assets\.zip of the data set"
-    ):
+    with pytest.raises(SubstrateError, match=r"/yellow_book\.xml'.*assets\.zip"):
         substrate.plus_world(SUITE, 1, 195)
 
 
 @needs_package
 def test_a_source_without_its_installation_is_refused(installation: Installation) -> None:
-    with pytest.raises(
-        SubstrateError, match="Cases of source 'plus' need LIBERO-Plus, but there is hf-libero"
-    ):
+    with pytest.raises(SubstrateError, match=r"source 'plus' .*hf-libero"):
         LiberoSubstrate([installation]).world(case_of("Light Conditions", SUITE, 0))

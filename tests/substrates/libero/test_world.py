@@ -337,12 +337,12 @@ def test_there_are_fifty_initial_states(installation: Installation) -> None:
 def test_states_of_another_task_are_refused(installation: Installation) -> None:
     task = task_of(installation, "libero_object", 0)
     built = build(installation, task.bddl, SEED)
-    with pytest.raises(SubstrateError, match="has 92 numbers, but the scene has 110"):
+    with pytest.raises(SubstrateError, match=r"92 numbers, .* 110"):
         LiberoWorld("libero/x", "", built, read_states(task_of(installation, "libero_spatial", 0).states))
 
 
 def test_a_scene_that_cannot_be_built_says_so(installation: Installation, tmp_path: Path) -> None:
-    with pytest.raises(SubstrateError, match=r"missing.bddl could not be built"):
+    with pytest.raises(SubstrateError, match=r"missing\.bddl"):
         build(installation, tmp_path / "missing.bddl", 0)
 
 

@@ -74,7 +74,7 @@ def test_a_device_that_is_asked_for_is_the_only_candidate(visible: str | None) -
 
 @pytest.mark.parametrize("asked", ["3", "-1", "cuda:0"])
 def test_a_device_that_does_not_exist_is_refused(asked: str) -> None:
-    with pytest.raises(OptionError, match=f"MUJOCO_EGL_DEVICE_ID='{asked}', but EGL's devices are 0, 1, 2"):
+    with pytest.raises(OptionError, match=f"MUJOCO_EGL_DEVICE_ID='{asked}', .*0, 1, 2"):
         preferred(SWAPPED, asked, None)
 
 
@@ -84,7 +84,7 @@ def test_what_does_not_answer_is_passed_over_unless_it_is_asked_for(monkeypatch:
     assert egl.chosen() == (SWAPPED[0], 3)
     egl.chosen.cache_clear()
     monkeypatch.setenv(egl.VARIABLE, "1")
-    with pytest.raises(SimulatorError, match=r"tried: EGL device 1 \(NVIDIA B, CUDA's 0\)"):
+    with pytest.raises(SimulatorError, match=r"device 1 \(NVIDIA B, "):
         egl.chosen()
     assert fake.numbered == [True, False]  # CUDA is not asked where its numbers do not matter
 

@@ -301,7 +301,7 @@ def test_a_filter_that_breaks_the_image_is_refused() -> None:
 
     world = TinyWorld()
     world.add_filter(Crop())
-    with pytest.raises(SubstrateError, match="keeps shape and type"):
+    with pytest.raises(SubstrateError, match="shape and type"):
         world.observe(size=16)
 
 
@@ -309,14 +309,14 @@ def test_a_driver_that_draws_nothing_is_found_with_a_cure(monkeypatch: pytest.Mo
     require_images()
     with monkeypatch.context() as patch:
         patch.setattr(Renderer, "render", lambda self, camera, size: np.zeros((size, size, 3), np.uint8))
-        with pytest.raises(SimulatorError, match=r"one colour only where a ball should be\. Set MUJOCO_GL"):
+        with pytest.raises(SimulatorError, match=r"one colour .*MUJOCO_GL"):
             require_images()
 
     def refuse(*args: object) -> None:
         raise mujoco.FatalError("OpenGL version 1.5 or higher required")
 
     monkeypatch.setattr(mujoco, "MjrContext", refuse)
-    with pytest.raises(SimulatorError, match=r"OpenGL version 1\.5 or higher required\. Set MUJOCO_GL"):
+    with pytest.raises(SimulatorError, match=r"1\.5 .*MUJOCO_GL"):
         require_images()
 
 

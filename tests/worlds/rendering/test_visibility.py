@@ -68,7 +68,7 @@ def drawings(model: mujoco.MjModel) -> list[tuple[bool, int, int, int]]:
     return found
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_what_is_left_out_changes_no_pixel(seed: int) -> None:
     model = scene(seed)
     groups = model.geom_group.copy()
@@ -78,7 +78,7 @@ def test_what_is_left_out_changes_no_pixel(seed: int) -> None:
     assert max(left_out for *_, left_out, _ in found) > 20
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_mirror_that_is_drawn_apart_changes_no_pixel(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(renderer, "_IMAGE_WORK", -(10**9))
     found = drawings(scene(seed))
@@ -88,13 +88,10 @@ def test_a_mirror_that_is_drawn_apart_changes_no_pixel(seed: int, monkeypatch: p
     assert all(last > 0 for _, last in apart)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_meshes_that_are_looked_at_more_closely_change_no_pixel(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    boxes = sum(left_out for *_, left_out, _ in drawings(scene(seed)))
+def test_meshes_that_are_looked_at_more_closely_change_no_pixel(monkeypatch: pytest.MonkeyPatch) -> None:
+    boxes = sum(left_out for seed in (0, 1) for *_, left_out, _ in drawings(scene(seed)))
     monkeypatch.setattr(visibility, "_MANY_TRIANGLES", 1)
-    found = drawings(scene(seed))
+    found = [drawn for seed in (0, 1) for drawn in drawings(scene(seed))]
     assert all(same for same, *_ in found)
     assert sum(left_out for *_, left_out, _ in found) > boxes
 
@@ -162,10 +159,9 @@ def test_a_camera_says_where_in_its_image_a_point_is() -> None:
     again, depths = camera.seen(camera.eye + 2.5 * camera.rays(places))
     assert np.allclose(again, places)
     assert np.allclose(depths, 2.5)
-    none = np.full(20, None, np.object_)
     turned, half = np.tile(np.eye(3), (20, 1, 1)), np.full((20, 3), 0.01)
-    ahead = Boxes(camera.eye + camera.rays(places), turned, half, none)
+    ahead = Boxes(camera.eye + camera.rays(places), turned, half)
     assert ahead.may_be_in(camera.image, camera).all()
-    behind = Boxes(camera.eye - camera.rays(places), turned, half, none)
+    behind = Boxes(camera.eye - camera.rays(places), turned, half)
     assert not behind.may_be_in(camera.image, camera).any()
     drawer.close()

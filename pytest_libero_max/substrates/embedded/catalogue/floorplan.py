@@ -16,6 +16,7 @@ import numpy as np
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.substrates.embedded.objects import category
 from pytest_libero_max.substrates.embedded.objects.parts import Link
+from pytest_libero_max.tasks.contents import owner
 from pytest_libero_max.tasks.libero_tasks import Task, category_of
 from pytest_libero_max.tasks.libero_tasks import task as task_of
 from pytest_libero_max.worlds import rotations
@@ -228,8 +229,8 @@ def floorplan(suite: str, index: int) -> Floorplan:
     opened: dict[str, set[str]] = {}
     for fact in task.start:
         if fact.predicate == "open":
-            owner = owner_of(task, fact.subject)
-            opened.setdefault(owner, set()).add(fact.subject.removeprefix(owner).removeprefix("_"))
+            instance = owner_of(task, fact.subject)
+            opened.setdefault(instance, set()).add(fact.subject.removeprefix(instance).removeprefix("_"))
     standing, carried = {}, {}
     for fact in task.start:
         if fact.place is None:
@@ -283,10 +284,7 @@ def _site(link: Link, origin: Array, name: str) -> Array:
 
 def owner_of(task: Task, name: str) -> str:
     """Return the instance that a region belongs to; an instance belongs to itself."""
-    names = (*task.objects, *task.fixtures)
-    return max(
-        (instance for instance in names if name == instance or name.startswith(f"{instance}_")), key=len
-    )
+    return owner(name, (*task.objects, *task.fixtures)) or name
 
 
 def start_of(task: Task, name: str) -> tuple[float, float]:

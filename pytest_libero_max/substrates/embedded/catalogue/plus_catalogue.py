@@ -1,6 +1,6 @@
 """The catalogue of LIBERO-Plus: 10,030 variations in seven categories and five levels of difficulty.
 
-The numbers of variations of each kind and task are LIBERO-Plus's own (:mod:`.counts`), so are the ranges of
+The numbers of variations of each kind and task are LIBERO-Plus's own (``plus_counts.toml``), so are ranges of
 the parameters where they are published: camera moves, start poses, image corruptions, slots and radii of
 layouts. What the original keeps in data files is chosen here in the same spirit: the lamps' colours,
 directions, gloss and shadows, the surfaces, and all words.
@@ -16,14 +16,17 @@ by kind and candidate. These indices are our own and not LIBERO-Plus's.
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.benchmark.documents import Json, slug
+from pytest_libero_max.benchmark.documents import Json, read_text, slug
 from pytest_libero_max.changes.camera import OrbitCamera
 from pytest_libero_max.changes.image_corruptions import KINDS as CORRUPTIONS
 from pytest_libero_max.changes.image_corruptions import LEVELS
@@ -35,7 +38,6 @@ from pytest_libero_max.changes.robot import OffsetArm
 from pytest_libero_max.substrates.embedded.arenas import ARENAS, Arena
 from pytest_libero_max.substrates.embedded.catalogue import object_layouts as layouts
 from pytest_libero_max.substrates.embedded.catalogue import wording
-from pytest_libero_max.substrates.embedded.catalogue.counts import DIFFICULTY, KINDS, VARIATIONS
 from pytest_libero_max.substrates.embedded.surfaces import SURFACES, shown
 from pytest_libero_max.substrates.variation import Variation, seed, share, some, uniform
 from pytest_libero_max.tasks.libero_tasks import Task
@@ -43,6 +45,30 @@ from pytest_libero_max.tasks.libero_tasks import task as task_of
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES
 from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.robot import PANDA
+
+
+@cache
+def _tables() -> dict[str, Any]:
+    return tomllib.loads(read_text(Path(__file__).with_name("plus_counts.toml")))
+
+
+def _frozen(rows: Mapping[str, list[int]]) -> Mapping[str, tuple[int, ...]]:
+    return MappingProxyType({name: tuple(row) for name, row in rows.items()})
+
+
+KINDS: tuple[str, ...] = tuple(_tables()["kinds"])
+"""The columns of :data:`VARIATIONS`."""
+
+VARIATIONS: Mapping[str, tuple[tuple[int, ...], ...]] = MappingProxyType(
+    {suite: tuple(map(tuple, rows)) for suite, rows in _tables()["variations"].items()}
+)
+"""Variations of each unmodified task by kind, in the suite's order of tasks."""
+
+DIFFICULTY: Mapping[str, Mapping[str, tuple[int, ...]]] = MappingProxyType(
+    {category: _frozen(suites) for category, suites in _tables()["difficulty"].items()}
+)
+"""Variations of difficulty 1 to 5, and of none, by category and suite. The order of the categories is that of
+the registry."""
 
 CAMERA = "agentview"
 

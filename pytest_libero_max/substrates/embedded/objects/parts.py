@@ -170,7 +170,7 @@ def assets(category: Category) -> tuple[list[ET.Element], dict[str, Image]]:
         pictures[name] = picture
         elements.append(texture_element(name, picture))
     back = rotations.matrix(rotations.inverse(category.upright))
-    for link in _walk(category.root):
+    for link in links(category.root):
         for number, skin in enumerate(link.skins):
             name = _skin_name(category, link, number)
             elements.append(mesh_element(name, skin.mesh.moved(turn=back)))
@@ -323,8 +323,9 @@ def _body(category: Category, link: Link, instance: str) -> ET.Element:
     return element
 
 
-def _walk(link: Link) -> list[Link]:
-    return [link, *(deeper for child in link.links for deeper in _walk(child))]
+def links(link: Link) -> list[Link]:
+    """Return a link and everything attached to it, depth first."""
+    return [link, *(deeper for child in link.links for deeper in links(child))]
 
 
 def _skin_name(category: Category, link: Link, number: int) -> str:

@@ -13,10 +13,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pytest_libero_max.changes import change_from_dict
-from pytest_libero_max.substrates.embedded.catalogue.lookup import catalogue
+from pytest_libero_max.substrates.embedded.catalogue.plus_catalogue import plus_suite
+from pytest_libero_max.substrates.embedded.catalogue.pro_catalogue import pro_suite, pro_variations
 from pytest_libero_max.substrates.embedded.remodel import Remodel
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.substrates.variation import Variation
+from pytest_libero_max.tasks.sources import PRO_CATEGORIES
 from pytest_libero_max.worlds.contract import OnMujoco
 from pytest_libero_max.worlds.robot import NOOP_ACTION
 from tests.changes.world_comparison import differing, full_state, play, pose_bytes
@@ -45,14 +47,20 @@ KINDS = (
     ("pro", "view_occlusion", "occluder"),
     ("pro", "visual_noise_glare", "dark, glare, noise"),
 )
-"""All of them; the catalogue itself takes seconds, for which no other test should wait."""
+"""All of them; the catalogue itself takes seconds, for which collection should not wait."""
+
+
+TASKS = (("libero_spatial", 0), ("libero_object", 3), ("libero_goal", 8))
+"""Tasks whose variations are tried, so that few scenes are built."""
 
 
 @cache
 def per_kind() -> dict[tuple[str, str, str], list[Variation]]:
     kinds: dict[tuple[str, str, str], list[Variation]] = {}
-    for variation in (*catalogue("plus"), *catalogue("pro")):
-        kinds.setdefault((variation.source, variation.category, variation.kind), []).append(variation)
+    for suite, index in TASKS:
+        pro = (pro_suite(category, suite)[index] for category in PRO_CATEGORIES)
+        for variation in (*(each for each in plus_suite(suite) if each.base_index == index), *pro):
+            kinds.setdefault((variation.source, variation.category, variation.kind), []).append(variation)
     return kinds
 
 
@@ -162,22 +170,22 @@ def test_a_reset_undoes_a_variation_and_makes_it_again(
 
 def test_worlds_are_built_again_after_they_had_to_make_room() -> None:
     substrate = EmbeddedSubstrate(scenes=2)
-    variations = [v for v in catalogue("pro") if v.category == "object_shape"][:4]
+    variations = pro_suite("object_shape", "libero_spatial")[:3]
     try:
         digests = []
         for variation in (*variations, *variations):
             world = substrate.varied_world(variation)
             world.reset(3)
             digests.append(world.digest())
-        assert digests[:4] == digests[4:]
-        assert len(set(digests)) == 4
+        assert digests[:3] == digests[3:]
+        assert len(set(digests)) == 3
         assert len(substrate._worlds) == 2
     finally:
         substrate.close()
 
 
 def test_worlds_of_one_scene_keep_their_variations_apart(substrate: EmbeddedSubstrate) -> None:
-    first, second = [v for v in catalogue("plus") if v.category == "Language Instructions"][:2]
+    first, second = per_kind()["plus", "Language Instructions", "language"][:2]
     one, other = substrate.varied_world(first), substrate.varied_world(second)
     one.reset(0)
     words = one.language
@@ -187,7 +195,7 @@ def test_worlds_of_one_scene_keep_their_variations_apart(substrate: EmbeddedSubs
 
 
 def test_things_stay_where_a_variation_puts_them(substrate: EmbeddedSubstrate) -> None:
-    for variation in [v for v in catalogue("pro") if v.category in ("position", "view_occlusion")][::9]:
+    for variation in [v for v in pro_variations() if v.category in ("position", "view_occlusion")][::20]:
         world = substrate.varied_world(variation)
         world.reset(0)
         names = [name for name, entity in world.entities.items() if entity.kind == "object"]

@@ -14,16 +14,9 @@ from typing import NamedTuple
 
 from pytest_libero_max.benchmark.cases import step_budget
 from pytest_libero_max.benchmark.suites import longest_budget
+from pytest_libero_max.evaluation.player import PAIR, WORLD
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
-
-PAIR = "pair_s"
-"""Among the timings of a pair: all of it and the building of its scene, but not the loading of the policy."""
-
-WORLD = "world_s"
-"""Among the timings of a pair: the building of its scene; almost nothing where it is built already."""
-
-_WEIGHT = 2.0
-"""Weight of the larger group's mean, in pairs, when the mean of a group is drawn towards it."""
+from pytest_libero_max.runs.plan import PlannedPair
 
 _DONORS = 3
 """Least size of a group to draw from; a smaller one leaves that to the larger group that it is in."""
@@ -35,6 +28,10 @@ class Kind(NamedTuple):
     suite: str
     task: str
     event: str
+
+    @classmethod
+    def of(cls, pair: PlannedPair) -> Kind:
+        return cls(pair.suite, pair.task, pair.event)
 
     def groups(self) -> Iterator[tuple[str, ...]]:
         """Return groups that the kind belongs to: all pairs, its suite, its task, the kind itself."""
@@ -126,31 +123,15 @@ class _Units:
 
 
 @dataclass
-class _Group:
-    """Work of the pairs of a group, in shares of the budget of steps."""
-
-    shares: list[Counted] = field(default_factory=list)
-    steps: float = 0.0
-    calls: float = 0.0
-
-    def add(self, share: Counted) -> None:
-        self.shares.append(share)
-        self.steps += share.steps
-        self.calls += share.calls
-
-
-@dataclass
 class CostModel:
     """Learns the costs of pairs from measured ones.
 
-    A mean of a kind is drawn towards the mean of its task, that towards the mean of its suite, and that
-    towards the mean of all pairs, in units of the suite's budget of steps: a group without a measured pair
-    is expected to be like the next larger one.
+    Counts are kept in units of the suite's budget of steps.
     """
 
     pairs: int = 0
     _own: dict[str, Counted] = field(default_factory=dict)
-    _groups: dict[tuple[str, ...], _Group] = field(default_factory=dict)
+    _groups: dict[tuple[str, ...], list[Counted]] = field(default_factory=dict)
     _units: dict[tuple[str, ...], _Units] = field(default_factory=dict)
 
     def add(self, kind: Kind, record: PairRecord) -> None:
@@ -160,22 +141,9 @@ class CostModel:
         self._own[record.case_id] = done
         for group in kind.groups():
             share = Counted(done.steps / budget, done.calls / budget)
-            self._groups.setdefault(group, _Group()).add(share)
+            self._groups.setdefault(group, []).append(share)
         for group in ((), (kind.suite,)):
             self._units.setdefault(group, _Units()).add(record)
-
-    def expected(self, kind: Kind) -> Cost:
-        """Return the mean cost of a pair of a kind. At least one pair, of any kind, has been measured."""
-        steps = calls = weight = 0.0
-        for group in kind.groups():
-            known = self._groups.get(group)
-            if known is None:
-                break
-            together = weight + len(known.shares)
-            steps = (weight * steps + known.steps) / together
-            calls = (weight * calls + known.calls) / together
-            weight = _WEIGHT
-        return self._cost(kind, Counted(steps, calls))
 
     def drawn(self, kind: Kind, case_id: str) -> Cost:
         """Return the cost of one pair, from its own counts, or from those of a measured pair of its kind.
@@ -186,10 +154,10 @@ class CostModel:
         units = self._units.get((kind.suite,)) or self._units[()]
         if case_id in self._own:
             return units.cost(self._own[case_id])
-        donors = self._groups[()].shares
+        donors = self._groups[()]
         for group in kind.groups():
-            if (known := self._groups.get(group)) is not None and len(known.shares) >= _DONORS:
-                donors = known.shares
+            if len(known := self._groups.get(group, [])) >= _DONORS:
+                donors = known
         number = int.from_bytes(sha256(case_id.encode()).digest()[:8]) % len(donors)
         return self._cost(kind, donors[number])
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+from pytest_libero_max.lab.costs import CostModel, Kind, counted, seconds_of
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.runs.costs import CostModel, Kind, counted, seconds_of
 from tests.report.made_up import NEVER_TRIGGERED, plan, record_of
 
 PAIR = plan()[0]
@@ -36,34 +36,6 @@ def test_an_older_record_takes_what_its_parts_took() -> None:
     assert seconds_of(_record(timings=parts)) == 7.5
     assert seconds_of(_record()) == 10.0
     assert seconds_of(_record(timings={})) == 0.0
-
-
-def test_a_pair_costs_what_its_kind_has_cost() -> None:
-    model = CostModel()
-    for _ in range(5):
-        model.add(_kind(), _record())
-    cost = model.expected(_kind())
-    assert abs(cost.seconds - 10.0) < 1e-9
-    assert abs(cost.calls - 32) < 1e-9
-    assert abs(cost.policy_s - 1.6) < 1e-9
-
-
-def test_a_task_is_expected_to_be_between_its_own_pairs_and_its_suite() -> None:
-    model = CostModel()
-    for _ in range(6):
-        model.add(_kind(task=0), _record())
-        model.add(_kind(task=1), _record(base_steps=220, base_queries=44))
-    short, long, new = (model.expected(_kind(task=task)).calls for task in (0, 1, 2))
-    assert 32 < short < new < long < 58
-    assert abs(new - (32 + 58) / 2) < 1e-9
-
-
-def test_a_suite_that_was_not_measured_is_expected_by_its_budget() -> None:
-    model = CostModel()
-    model.add(_kind("libero_spatial"), _record())
-    cost = model.expected(_kind("libero_10"))
-    assert abs(cost.calls - 32 * 520 / 220) < 1e-9
-    assert model.expected(_kind("a suite of somebody's own")).calls > 32
 
 
 def test_a_case_that_was_measured_costs_what_it_did() -> None:
