@@ -249,10 +249,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def counted(count: float, noun: str, plural: str = "") -> str:
-    """Return a number with its noun, for example ``1 run`` and ``2 runs``.
-
-    Args:
-        plural: For other numbers; by default the noun with an s.
-    """
+    """Return a number with its noun, for example ``1 run`` and ``2 runs``."""
     number = f"{count:g}" if isinstance(count, float) else count
     return f"{number} {noun if count == 1 else plural or f'{noun}s'}"

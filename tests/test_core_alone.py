@@ -44,7 +44,7 @@ def test_a_pair_is_played_and_reported_without_lab_and_makers(tmp_path: Path) ->
     run(*command, "report", "libero-max-results")
     report = json.loads((here / "libero-max-results" / "report.json").read_text())
     assert report["pairs"]["played"] == 1
-    assert [*report["sections"]] == ["How long it"]  # of the core; every other one is of the lab
+    assert [*report["sections"]] == ["How long it took"]  # of the core; every other one is of the lab
     shown = "".join(
         (here / "libero-max-results" / name).read_text(encoding="utf-8")
         for name in ("report.md", "report.html")

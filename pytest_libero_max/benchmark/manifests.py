@@ -116,11 +116,7 @@ def load_manifest(path: Path) -> Manifest:
 
 
 def decode_manifest(content: bytes, path: Path) -> Manifest:
-    """Check the unpacked content of a manifest; see :func:`load_manifest`.
-
-    Raises:
-        ManifestError: It is not JSON, or breaks the format.
-    """
+    """Check the unpacked content of a manifest; see :func:`load_manifest`; raises ManifestError."""
     try:
         text = text_of(content)
     except UnicodeDecodeError as error:

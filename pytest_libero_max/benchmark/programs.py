@@ -94,11 +94,7 @@ class Program:
         return canonical_digest(self.to_dict())
 
     def fits(self, **case: str) -> bool:
-        """Return True if the program makes sense in a case, as far as the program says it.
-
-        Args:
-            case: What patterns are of: the case's ``event``, ``operation``, ``suite`` and ``entity``.
-        """
+        """Return True if the program makes sense in a case, as far as the program says it."""
         return all(_matches(case[key], patterns) for key, patterns in self.only.items()) and not any(
             _matches(case[key], patterns) for key, patterns in self.without.items()
         )
@@ -194,19 +190,12 @@ def find_program(text: str, folder: Path = Path()) -> Program:
 
 
 def load_program(path: Path) -> Program:
-    """Read a program from a JSON or TOML file.
-
-    Raises:
-        OptionError: The file cannot be read, is neither, or breaks the format; names it.
-    """
+    """Read a program from a JSON or TOML file, or raise OptionError."""
     return replace(read_document(path, "program", parse_program), source=str(path))
 
 
 def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
     """Return what a JSON or TOML file spells.
-
-    Args:
-        parse: Turns its value into that.
 
     Raises:
         OptionError: The file cannot be read, is of neither format, or breaks a rule; names it.

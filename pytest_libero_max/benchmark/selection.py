@@ -47,12 +47,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
     def choose(
         cls, case_ids: Iterable[str], of: int, asked: Sequence[str], shard: tuple[int, int] | None = None
     ) -> Selection:
-        """Return the selection of some cases.
-
-        Args:
-            asked: The user's selection, apart from the shard.
-            shard: Number and count, for example ``(1, 4)``.
-        """
+        """Return the selection of some cases."""
         ids = sorted(case_ids)
         shards = None if shard is None or shard[1] == 1 else Shards(shard[1], (shard[0],))
         return cls(tuple(asked), len(ids), of, canonical_digest(ids), shards, merged=False)
@@ -68,11 +63,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
         return self.shards.missing if self.shards is not None and self.merged else ()
 
     def require(self, case_ids: Iterable[str]) -> None:
-        """Check that these are the chosen cases.
-
-        Raises:
-            ReportError: They are others.
-        """
+        """Check that these are the chosen cases, or raise ReportError."""
         ids = sorted(case_ids)
         if len(ids) != self.chosen or canonical_digest(ids) != self.digest:
             raise ReportError(
@@ -105,12 +96,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -> Selection:
-    """Return the selection of several runs of one case set together.
-
-    Raises:
-        ReportError: They are parts of case sets of different sizes, of different divisions into shards, or
-            shards of different selections.
-    """
+    """Return the selection of several runs of one case set together, or raise ReportError."""
     first = selections[0]
     for other in selections:
         if other.of != first.of:

@@ -244,10 +244,6 @@ def struct_of(kind: Any) -> type[Struct]:
     """Return the fields of a dataclass as a struct, which msgspec checks in one call.
 
     A field has the name that manifests give it, by the mapping ``spelling`` of the class where it has one.
-
-    Raises:
-        NameError: The type of a field is imported for type checkers alone; import it at run time.
-        TypeError: msgspec cannot check a field's type.
     """
     return _struct_of(kind)
 

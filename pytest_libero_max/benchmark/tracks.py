@@ -46,12 +46,7 @@ def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
 
 
 def track_path(name: str, folder: Path = FOLDER) -> Path:
-    """Return the manifest of a track.
-
-    Raises:
-        OptionError: There is no such track; suggests the closest.
-        ManifestError: There are no tracks at all.
-    """
+    """Return the manifest of a track, or raise OptionError or ManifestError."""
     require_tracks(folder)
     known = all_track_names(folder)
     if name not in known:
@@ -108,12 +103,7 @@ def is_manifest_path(name: str) -> bool:
 
 
 def load_cases(name: str) -> Manifest:
-    """Read a track by its name, or a manifest by its path.
-
-    Raises:
-        OptionError: There is no such track.
-        ManifestError: The file cannot be read, or a track's differs from its checksum.
-    """
+    """Read a track by its name, or a manifest by its path, or raise OptionError or ManifestError."""
     return load_manifest(Path(name)) if is_manifest_path(name) else load_track(name)
 
 

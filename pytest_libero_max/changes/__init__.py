@@ -5,7 +5,7 @@ from __future__ import annotations
 from pytest_libero_max.changes.camera import OrbitCamera, PlaceCamera, ShiftCamera
 from pytest_libero_max.changes.change import Change, Evidence
 from pytest_libero_max.changes.factors import Factor
-from pytest_libero_max.changes.fields import ManifestFields, Vector3, number, strength_of, text, vector3
+from pytest_libero_max.changes.fields import ManifestFields, Vector3, strength_of
 from pytest_libero_max.changes.inputs import FreezeImages, HideInputs, SwapImages
 from pytest_libero_max.changes.instruction import SetInstruction, SetTask
 from pytest_libero_max.changes.light import SetLamps, SetLighting
@@ -76,8 +76,5 @@ __all__ = [
     "Vector3",
     "change_from_dict",
     "check_changes",
-    "number",
     "strength_of",
-    "text",
-    "vector3",
 ]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import Meta
 
-from pytest_libero_max.benchmark.structs import Text, checked, require_fields, rule, struct_of
+from pytest_libero_max.benchmark.structs import checked, require_fields, rule, struct_of
 from pytest_libero_max.errors import ChangeError
 
 if TYPE_CHECKING:
@@ -92,42 +92,13 @@ class ManifestFields:
         object.__setattr__(self, name, value)  # the dataclasses are frozen; only __post_init__ calls it
 
 
-def number(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
-    """Return a finite number within [low, high].
-
-    Raises:
-        ChangeError: It is not; the message begins with ``where``, the operation and field.
-    """
-    return float(checked(value, Annotated[float, between(low, high)], where, ChangeError))
-
-
-def text(where: str, value: Any) -> str:
-    """Return a string that is not empty.
-
-    Raises:
-        ChangeError: It is not.
-    """
-    return str(checked(value, Text, where, ChangeError))
-
-
-def vector3(where: str, value: Any, low: float = -math.inf, high: float = math.inf) -> Vector3:
-    """Return three finite numbers within [low, high].
-
-    Raises:
-        ChangeError: It is not.
-    """
-    kind = Annotated[float, between(low, high)]
-    x, y, z = checked(value, tuple[kind, kind, kind], where, ChangeError)
-    return x, y, z
-
-
 def strength_of(operation: str, strength: float) -> float:
     """Return a strength within 0 to 1.
 
     Raises:
         ChangeError: It is not.
     """
-    return number(f"strength of {operation}", strength, 0.0, 1.0)
+    return float(checked(strength, Share, f"strength of {operation}", ChangeError))
 
 
 def all_or_nothing(operation: str, strength: float) -> bool:

@@ -30,9 +30,6 @@ INTERRUPTED = 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
 
-    Args:
-        arguments: Words after ``libero-max``; those of the process by default.
-
     Returns:
         The exit status: that of the command, 0 for most; 1 with a message on standard error;
         :data:`PIPE_CLOSED`, without any, for ``libero-max list cases max | head``; :data:`INTERRUPTED`.

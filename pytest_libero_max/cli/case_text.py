@@ -72,10 +72,6 @@ def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image
 
     Returns:
         Two (size, size, 3) uint8 images by camera, upright.
-
-    Raises:
-        ChangeError: The event does not fit this world.
-        SimulatorError: The renderer does not answer.
     """
     cameras = world.robot.cameras
     before = world.observe(cameras, size)
@@ -88,15 +84,6 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
     """Write ``<item id>--<camera>-before.png`` and ``-after.png`` for each camera.
 
     Nobody plays: the hand goes to the trigger entity on a fixed way.
-
-    Returns:
-        The paths of the files.
-
-    Raises:
-        OptionError: One of them exists, or the hand does not come near the trigger entity.
-        ReportError: They cannot be written.
-        ChangeError: The event does not fit this world.
-        SimulatorError: The simulation broke, or the renderer does not answer.
     """
     paths = {
         (camera, when): folder / f"{case.item_id}--{camera}-{when}.png"

@@ -132,11 +132,7 @@ class CommandPlace(_Action):
         return did_you_mean(name, self.names())
 
     def require(self, name: str) -> None:
-        """Add a command if it belongs here.
-
-        Raises:
-            OptionError: Its package is broken.
-        """
+        """Add a command if it belongs here, or raise OptionError."""
         if name not in self.waiting():
             return
         COMMANDS[f"{self.prefix}{name}"](self)

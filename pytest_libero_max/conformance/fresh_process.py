@@ -33,11 +33,6 @@ def result_elsewhere(
 
     The process has other hashes of texts than this one, and its import path, for modules beside tests or in
     the working folder.
-
-    Args:
-        expected: The rule, where the process fails.
-        cure: Likewise.
-        environment: Variables that the process has besides.
     """
     with fresh_place() as (folder, fresh):
         fresh["PYTHONHASHSEED"] = _HASH_SEEDS[os.environ.get("PYTHONHASHSEED") == _HASH_SEEDS[0]]

@@ -17,18 +17,13 @@ _MODULES = (
     "server.contract",
     "server.clients",
     "loop.episodes",
-    "loop.observations",
     "loop.actions",
     "substrate.contract",
     "substrate.states",
-    "substrate.images",
     "environment.contract",
     "environment.starts",
     "environment.images",
     "environment.actions",
-    "environment.states",
-    "environment.task",
-    "environment.repeats",
 )
 
 

@@ -166,11 +166,7 @@ class Expected:
 
 
 def read_expected(path: Path) -> Mapping[str, Expected]:
-    """Read a TOML file with a table for each rule, by its id.
-
-    Raises:
-        OptionError: It cannot be read, or has something else in it.
-    """
+    """Read a TOML file with a table for each rule, by its id."""
     try:
         tables = tomllib.loads(read_text(path))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

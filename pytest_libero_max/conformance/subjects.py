@@ -40,11 +40,7 @@ class Subject:
 
     @classmethod
     def read(cls, text: str) -> Subject:
-        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy.
-
-        Raises:
-            ValueError: It names nothing, no function, or a substrate that there is not.
-        """
+        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy."""
         kind, colon, name = text.partition(":")
         subject = cls(kind, name.strip()) if colon and kind in KINDS else cls("policy", text.strip())
         if not subject.name:
@@ -84,19 +80,9 @@ def examination(
     profile: str | None = None,
     substrate: str = "embedded",
 ) -> Examination:
-    """Return the examination of a subject by all rules of its kind; nothing is opened yet.
-
-    Args:
-        horizon: Of a policy, also behind a server; None for the one that it declares.
-    """
+    """Return the examination of a subject by all rules of its kind; nothing is opened yet."""
     module, name = _OPENERS[subject.kind]
-    asked: dict[str, Any] = {}
-    if subject.kind in ("policy", "server"):
-        asked = {
-            "horizon": horizon,
-            "query_interval": query_interval,
-            "profile": profile,
-            "substrate": substrate,
-        }
+    options = {"horizon": horizon, "query_interval": query_interval, "profile": profile}
+    asked: dict[str, Any] = options | {"substrate": substrate} if subject.kind in ("policy", "server") else {}
     opener = getattr(import_module(f"{__package__}.{module}.subject"), name)
     return Examination(lambda: opener(subject.name, **asked), rules_for(subject.kind))

@@ -38,11 +38,7 @@ _NO_ARRAY = {"LSB_JOBINDEX": "0", "SGE_TASK_ID": "undefined"}
 
 
 def shard_of_job(environment: Mapping[str, str]) -> tuple[int, int]:
-    """Return the shard of this job and the number of shards, from 1.
-
-    Raises:
-        ValueError: This is no job of an array, or its place in the array is not known.
-    """
+    """Return the shard of this job and the number of shards, from 1, or raise ValueError."""
     scheduler = next((known for known in SCHEDULERS if _in_array(known, environment)), None)
     if scheduler is None:
         variables = ", ".join(known.index for known in SCHEDULERS)

@@ -154,9 +154,6 @@ class RunKeeper:
 
         Returns:
             The remark of the stopping rule, if it has one.
-
-        Raises:
-            LiberoMaxError: The folder cannot be written to, or a gate or the rule cannot be used.
         """
         settings = self.settings
         require_writable(settings.output)
@@ -196,10 +193,6 @@ class RunKeeper:
 
         Returns:
             The pairs that are settled already.
-
-        Raises:
-            LiberoMaxError: The cases cannot be played like this, the gates can decide nothing on them, or the
-                folder holds another run.
         """
         settings = self.settings
         require_playable(planned, settings.strength, settings.study, settings.latency)
@@ -357,11 +350,7 @@ class RunKeeper:
     def write(
         self, amend: Callable[[Report], Report] | None = None, earlier: Comparison | None = None
     ) -> list[Path]:
-        """Write the reports from what is on disk, and return the files to look at.
-
-        Args:
-            earlier: The comparison of an earlier run with this one, for the page; None for none.
-        """
+        """Write the reports from what is on disk, and return the files to look at."""
         from pytest_libero_max.report.writers.report_files import write_reports
 
         self.records = ()  # so that memory holds them once

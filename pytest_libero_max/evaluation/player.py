@@ -97,11 +97,7 @@ class _First:
 
 
 class PairPlayer:
-    """Plays pairs of a run in this process.
-
-    Args:
-        with_second_base: Item ids of the cases whose Base is played twice.
-    """
+    """Plays pairs of a run in this process."""
 
     def __init__(self, source: PolicySource, with_second_base: Collection[str]) -> None:
         self._source, self._settings = source, source.settings
@@ -115,9 +111,6 @@ class PairPlayer:
 
     def play(self, case: Case, sources: Sources, process: Playing) -> PlayedPair:
         """Play a pair.
-
-        Args:
-            process: This process, which knows the phase of what is raised.
 
         Raises:
             Unsupported: The policy does not play this suite.

@@ -65,15 +65,7 @@ class PolicySource:
         return adapter_digest(settings.reference, settings.profile, settings.revision)
 
     def load(self, seat: int, run_begun_s: float | None) -> Policy:
-        """Return the policy, as the settings wrap it.
-
-        Args:
-            seat: Number of this process among those that play.
-            run_begun_s: When the run began, seconds since the epoch; None for now.
-
-        Raises:
-            AdapterError: It cannot be loaded.
-        """
+        """Return the policy, as the settings wrap it."""
         from pytest_libero_max.policies.adapter_digest import files_read
         from pytest_libero_max.policies.check import ends_the_session
         from pytest_libero_max.policies.clients.waiting import note_in

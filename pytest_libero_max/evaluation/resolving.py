@@ -145,11 +145,7 @@ def _require_fixed_cadence(values: Mapping[str, Any], option: str) -> None:
 
 
 def _latency(value: Latency | str | None, here: Path, hz: int) -> Latency:
-    """Return the time that a query takes; ``recorded:RUN`` reads it from the records of a run.
-
-    Args:
-        hz: Control steps in a second.
-    """
+    """Return the time that a query takes; ``recorded:RUN`` reads it from the records of a run."""
     if not isinstance(value, str):
         return value or NO_LATENCY
     from pytest_libero_max.runs.query_times import recorded_latency

@@ -77,12 +77,7 @@ class Job:
 
 
 class OwnSources:
-    """Policy and worlds of a process that plays pairs by itself; opened when the first pair needs them.
-
-    Args:
-        begun_s: When the run began, seconds since the epoch.
-        seat: Number of this process among those that play.
-    """
+    """Policy and worlds of a process that plays pairs by itself; opened when the first pair needs them."""
 
     def __init__(self, source: PolicySource, begun_s: float, seat: int) -> None:
         self._source, self._begun_s, self._seat = source, begun_s, seat
@@ -126,11 +121,7 @@ class CasePlayer:
         self._player = PairPlayer(source, frozenset(second))
 
     def play(self, case: Case) -> Json:
-        """Return ``record`` and ``note``, ``error`` and ``stop``, or ``skip``.
-
-        Raises:
-            KeyboardInterrupt: The user has interrupted it.
-        """
+        """Return ``record`` and ``note``, ``error`` and ``stop``, or ``skip``."""
         try:
             with self._process.pair():
                 played = self._player.play(case, self._sources, self._process)
@@ -321,10 +312,6 @@ def for_workers(source: PolicySource) -> PolicySource:
 
 
 def result_in(answer: Json) -> Any:
-    """Return the record or error in an answer; None where the pair is not supported.
-
-    Raises:
-        ReportError: It is neither.
-    """
+    """Return the record or error in an answer; None where the pair is not supported; raises ReportError."""
     values = answer.get("record") or answer.get("error")
     return None if values is None else result_from_dict(values)

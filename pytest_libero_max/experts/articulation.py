@@ -149,12 +149,7 @@ def _push_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
 
 
 def push_door(world: ExpertWorld, part: Part, target: float, hand: Hand) -> Route:
-    """Push a door along its arc: closed fingers go down beside its upper edge and follow it.
-
-    Args:
-        part: The handle of the door, which tells its outside from its inside.
-        target: Joint position to which to push it, rad.
-    """
+    """Push a door along its arc: closed fingers go down beside its upper edge and follow it."""
     model, data = world.model, world.data
     joint = data.joint(part.joint)
     q, anchor = float(joint.qpos[0]), joint.xanchor[:2].copy()

@@ -219,11 +219,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def check_ids(config: pytest.Config, case_set: str) -> None:
-    """Check the pairs that the command line names one by one.
-
-    Raises:
-        pytest.UsageError: One of them is not in the run; suggests the closest.
-    """
+    """Check the pairs that the command line names one by one, or raise pytest.UsageError."""
     ids = [id for arg in config.args if (id := _id_in(arg)) is not None]
     if not ids:
         return

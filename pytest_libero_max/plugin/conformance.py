@@ -48,11 +48,7 @@ def aim(config: pytest.Config) -> None:
 
 
 def configure(config: pytest.Config) -> None:
-    """Check the subject, and set up what examines it and what reports of it.
-
-    Raises:
-        pytest.UsageError: The subject or the file of expected breaks cannot be used, or pairs are asked for.
-    """
+    """Check the subject, and set up what examines it and what reports of it, or raise pytest.UsageError."""
     if options.policy_on_command_line(config):
         raise pytest.UsageError(
             "--libero-max-conform examines a subject and --libero-max-policy plays pairs. Give one of them; "

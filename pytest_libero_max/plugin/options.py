@@ -68,11 +68,7 @@ def _gone(name: str) -> str:
 
 
 def resolve(config: pytest.Config) -> Settings:
-    """Return settings from the command line and the ini file.
-
-    Raises:
-        pytest.UsageError: A value is not of its option's form, or two options contradict each other.
-    """
+    """Return settings from the command line and the ini file, or raise pytest.UsageError."""
     values = {option.field: _value(config, option) for option in OPTIONS}
     given = {option.field for option in OPTIONS if config.getoption(option.key) is not None}
     with usage_errors():
@@ -116,11 +112,7 @@ def given(config: pytest.Config, name: str) -> bool:
 
 
 def require_known_keys(config: pytest.Config) -> None:
-    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns.
-
-    Raises:
-        pytest.UsageError: One is unknown; suggests what says the same, or the closest.
-    """
+    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns."""
     known = {option.key for option in OPTIONS}
     gone = {_gone(name): f"It is spelled --libero-max-{instead}." for name, instead in GONE.items()}
     for name in GONE:
@@ -136,11 +128,7 @@ def require_known_keys(config: pytest.Config) -> None:
 
 
 def in_order(config: pytest.Config) -> bool:
-    """Return True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once.
-
-    Raises:
-        pytest.UsageError: The order or the rule is not of its option's form.
-    """
+    """Return True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once."""
     values = {option.name: _value(config, option) for option in OPTIONS if option.name in ("order", "stop")}
     return values["stop"] is not None or bool(values["order"] and values["order"].seed is not None)
 
@@ -211,11 +199,7 @@ def gates_from(config: pytest.Config) -> Path:
 
 
 def ini_value(config: pytest.Config, key: str) -> Any:
-    """Return one of our values from the ini file: text, a list of texts, True or False; None if not there.
-
-    Raises:
-        pytest.UsageError: It has a type that the option does not have.
-    """
+    """Return one of our values from the ini file: text, a list of texts, True or False; None if not there."""
     entry = in_file(config).get(key)
     if entry is not None and getattr(entry, "mode", "ini") == "toml":
         return native_value(_OPTION_OF[key], entry.value)

@@ -37,11 +37,7 @@ _Wrapper = Generator[None, Any, Any]
 
 
 class RunProgress:
-    """Registered beside the run's controller, which calls :meth:`begin`.
-
-    Args:
-        form: ``auto``, ``live``, ``lines`` or ``none``.
-    """
+    """Registered beside the run's controller, which calls :meth:`begin`."""
 
     def __init__(self, config: pytest.Config, form: str) -> None:
         self._config, self._form = config, form

@@ -42,12 +42,7 @@ An entry point of the group has the name of the option that asks for it, ``ray``
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures.
-
-    Raises:
-        pytest.UsageError: There are gates and no pairs, no policy is named for the pairs, or an option, the
-            adapter or a pair cannot be used.
-    """
+    """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures."""
     options.require_known_keys(config)
     if conformance.is_asked(config):
         conformance.aim(config)

@@ -21,11 +21,7 @@ def at_cadence(spec: PolicySpec, cadence: Cadence) -> PolicySpec:
 
 
 def declare(policy: Policy, spec: PolicySpec) -> None:
-    """Let a policy declare another spec. One that reads ``self.spec.horizon`` follows it.
-
-    Raises:
-        AdapterError: The policy's spec cannot be assigned.
-    """
+    """Let a policy declare another spec. One that reads ``self.spec.horizon`` follows it."""
     try:
         policy.spec = spec
     except AttributeError as error:
@@ -37,11 +33,7 @@ def declare(policy: Policy, spec: PolicySpec) -> None:
 
 @contextmanager
 def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[PolicySpec]:
-    """Let the policy's spec declare a cadence within the block; afterwards it declares its own again.
-
-    Raises:
-        AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
-    """
+    """Let the policy's spec declare a cadence within the block; afterwards it declares its own again."""
     own = policy.spec
     declared = own if cadence is None else at_cadence(own, cadence)
     if declared == own:

@@ -88,12 +88,7 @@ def check_policy(policy: Any, where: str) -> Policy:
 
 
 def check_cameras(policy: Policy, world: World) -> None:
-    """Check that a scene has the cameras of which a policy wants images, and that they can be drawn.
-
-    Raises:
-        AdapterError: It lacks one; suggests the closest.
-        SimulatorError: Nothing on this machine can draw; names the cure.
-    """
+    """Check that a scene has the cameras of which a policy wants images, and that they can be drawn."""
     known = world.cameras
     for camera in policy.spec.cameras:
         if camera not in known:
@@ -111,11 +106,7 @@ def check_cameras(policy: Policy, world: World) -> None:
 
 
 def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
-    """Check that the policy's spec is unchanged.
-
-    Raises:
-        RefusalError: Its spec has changed; names the first field.
-    """
+    """Check that the policy's spec is unchanged."""
     if policy.spec == spec:
         return
     now = policy.spec
@@ -243,11 +234,7 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
 
 
 def notes_of(policy: Policy) -> dict[str, int] | None:
-    """Return the counts of a policy at its last query (``query_notes``); None where it offers none.
-
-    Raises:
-        AdapterError: They are not counts by name, which a record could hold.
-    """
+    """Return the counts of a policy at its last query (``query_notes``); None where it offers none."""
     notes = getattr(policy, "query_notes", None)
     if notes is None:
         return None

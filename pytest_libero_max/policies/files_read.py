@@ -59,13 +59,11 @@ class FilesRead:
 
     The name of a file is its path in the policy's folder or among downloaded weights, and that of the file
     alone elsewhere, so that it is the same on every machine.
-
-    Attributes:
-        reset_files: Those that ``reset`` has read since and loading had not, or not with this content.
     """
 
     def __init__(self) -> None:
         self.files: dict[str, FileIdentity] = {}
+        # Those that reset has read since, and loading had not, or not with this content.
         self.reset_files: dict[str, FileIdentity] = {}
         self._found: dict[str, bool] | None = None  # by path, if it is read; None while nothing is collected
         self._folder: Path | None = None
@@ -79,11 +77,7 @@ class FilesRead:
     def loading(
         self, folder: Path | None, code: Iterable[Path] = (), run_begun_s: float | None = None
     ) -> Iterator[None]:
-        """Collect the files of a policy that is loaded in the block; what was known before is forgotten.
-
-        Args:
-            run_begun_s: When the run began, in seconds since 1970; None for now.
-        """
+        """Collect the files of a policy that is loaded in the block; what was known before is forgotten."""
         if not self._hooked:  # a hook stays until the process ends
             sys.addaudithook(self._hear)
             self._hooked = True

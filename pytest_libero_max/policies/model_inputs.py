@@ -214,11 +214,7 @@ _WHOLE = 4
 
 
 def picture_sheet(inputs: Mapping[str, NDArray[Any]]) -> Image:
-    """Return the images among a model's inputs, side by side with their names, each 256 pixels high.
-
-    Raises:
-        AdapterError: There is no image.
-    """
+    """Return the images among a model's inputs, side by side with their names, each 256 pixels high."""
     from PIL import Image as pillow
     from PIL import ImageDraw
 

@@ -141,11 +141,7 @@ class Profile:
         return tuple(name for name, value in leaves(played) if value == UNKNOWN)
 
     def require_known(self, given: tuple[str, ...] = ()) -> None:
-        """Refuse a profile with a field that could not be established.
-
-        Raises:
-            AdapterError: There is one; says how to give it.
-        """
+        """Refuse a profile with a field that could not be established."""
         missing = [name for name in self.unknown() if name not in given]
         if missing:
             options = [f"{GIVEN_BY_OPTION[name]}=..." for name in missing if name in GIVEN_BY_OPTION]
@@ -177,14 +173,7 @@ def profile_names() -> tuple[str, ...]:
 
 
 def load_profile(text: str) -> Profile:
-    """Read a profile.
-
-    Args:
-        text: The name of one of this package, or the path of a file that ends in ``.toml``.
-
-    Raises:
-        AdapterError: There is none, or it cannot be read; names the field and suggests the closest.
-    """
+    """Read a profile: one of this package by its name, or a file that ends in ``.toml``."""
     return _load(text, Path(), ())
 
 

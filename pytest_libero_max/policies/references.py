@@ -40,11 +40,7 @@ POLICIES = registry()
 
 
 def require_installed(name: str) -> None:
-    """Check that a policy of this name is installed: programs are data and name no code.
-
-    Raises:
-        AdapterError: None is.
-    """
+    """Check that a policy of this name is installed: programs are data and name no code."""
     if name not in POLICIES:
         raise AdapterError.seen(
             "policy",
@@ -110,9 +106,6 @@ def parse_reference(text: str) -> Reference:
     A word that is the name of a built-in or installed policy means that policy, whatever else has this name:
     ``random`` is the policy, ``random.py`` (or ``./random.py``) the file in the working directory, and
     ``random:policy`` the module.
-
-    Raises:
-        AdapterError: It has none of the forms of a reference.
     """
     names = set(POLICIES)
     reference = POLICIES[text] if text in names else text

@@ -60,9 +60,6 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
     """Move lines, and a last line without its end, from a file to the end of ``pairs.damaged`` beside it.
 
     At every moment of it each line is on the disk, in one of the files or in both.
-
-    Raises:
-        OSError: A file cannot be read or written.
     """
     *lines, torn = path.read_bytes().split(b"\n")
     aside = [line for number, line in enumerate(lines, start=1) if number in numbers]

@@ -112,11 +112,7 @@ def _scene_of(fingerprints: Mapping[str, str]) -> str:
 def columns_of(
     records: Sequence[PairRecord], tasks: Sequence[str], base: str = BASE, dynamic: str = DYNAMIC
 ) -> Pairs:
-    """Return the columns of the statistics, one row a record.
-
-    Raises:
-        ReportError: A record lacks one of the arms.
-    """
+    """Return the columns of the statistics, one row a record, or raise ReportError."""
     arms = [record.arm(dynamic) for record in records]
     return Pairs.of(
         base=[record.arm(base).success for record in records],

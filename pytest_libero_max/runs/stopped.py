@@ -86,9 +86,6 @@ def ended_by_rule(
 
     Pairs in flight may complete a run that its rule has stopped. That run is of the number of pairs that was
     fixed before, as one without a rule, and keeps its intervals.
-
-    Args:
-        policy: The policy's spec as played, which says what suites it supports.
     """
     if stopped is None or stopped.rule is None:
         return False

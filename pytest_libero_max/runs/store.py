@@ -238,11 +238,7 @@ class PairStore:
             self._mark.note(progress)
 
     def close(self, stopped: Stopped | None = None) -> None:
-        """End the run; one without a pair still gets its first line.
-
-        Raises:
-            DiskError: The file cannot be written any more.
-        """
+        """End the run; one without a pair still gets its first line; raises DiskError."""
         try:
             if self._file is None:
                 self.begin()

@@ -19,9 +19,6 @@ def require_playable(
 ) -> None:
     """Refuse arms that cannot begin, cases whose event cannot be scaled, and those that do not fit the study.
 
-    Args:
-        strength: Share of every change.
-
     Raises:
         ChangeError: A change is malformed.
         ManifestError: An arm has nothing to go on from.

@@ -115,11 +115,7 @@ STUDIES: Registry[Callable[[str | None], Study]] = Registry(
 
 
 def study_from_dict(values: Any) -> Study:
-    """Read what :meth:`.study.Study.to_dict` wrote.
-
-    Raises:
-        ReportError: It has another form, or is of a study that this version does not know.
-    """
+    """Read what :meth:`.study.Study.to_dict` wrote, or raise ReportError."""
     try:
         spelled = values.get("document")
         study = STUDIES[values["name"]](values.get("settings")) if spelled is None else spelled_study(spelled)

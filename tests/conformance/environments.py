@@ -244,6 +244,29 @@ TurningBack = scaling("TurningBack", 1, 1, 1, 1, 1, -1, 1)
 ClosingAtMinusOne = scaling("ClosingAtMinusOne", 1, 1, 1, 1, 1, 1, -1)
 
 
+def giving(name: str, key: str, change: Callable[[Any], Any]) -> type[LiberoShaped]:
+    """Return an environment one value of whose observations is changed."""
+
+    def observation(self: LiberoShaped) -> dict[str, Any]:
+        flat = LiberoShaped.observation(self)
+        return flat | {key: change(flat[key])}
+
+    return type(name, (LiberoShaped,), {"observation": observation})
+
+
+WFirst = giving("WFirst", "robot0_eef_quat", lambda quaternion: np.roll(quaternion, 1))
+Width = giving("Width", "robot0_gripper_qpos", np.abs)  # the opening in place of the joints
+
+Swapped = type("Swapped", (LiberoShaped,), {"action": lambda self, action: action[[1, 0, 2, 3, 4, 5, 6]]})
+Antipodal = type("Antipodal", (Gym,), {"rotation": lambda self, quaternion: axis_angle_antipodal(quaternion)})
+Settling = type("Settling", (Gym,), {"settle_steps": 5})
+"""Plays five settle steps of the ten that it declares."""
+LongEpisodes = type("LongEpisodes", (Gym,), {"max_episode_steps": BUDGET + 60})
+FromTheFileName = type(
+    "FromTheFileName", (Gym,), {"task_description": "put the box on the plate view 0 0 100"}
+)
+
+
 class ThreeValues(LiberoShaped):
     def step(self, action: Any) -> tuple[Any, ...]:
         return super().step(action)[:3]
@@ -267,12 +290,6 @@ class ClosedOnce(LiberoShaped):
     def close(self) -> None:
         super().close()
         del self.world
-
-
-class Settling(Gym):
-    """Plays five settle steps of the ten that it declares."""
-
-    settle_steps = 5
 
 
 class OffByOne(LiberoShaped):
@@ -378,22 +395,11 @@ class ShortEpisodes(LiberoShaped):
         return observation, reward, done or self.steps >= BUDGET + 6, {"success": done}
 
 
-class LongEpisodes(Gym):
-    max_episode_steps = BUDGET + 60
-
-
 class Absolute(Gym):
     """Takes actions for poses, once it has settled."""
 
     def action(self, action: Array) -> Array:
         return np.array([*(10.0 * (action[:3] - self.world.end_effector())), *action[3:]])
-
-
-class Swapped(LiberoShaped):
-    """Takes the second component for x."""
-
-    def action(self, action: Array) -> Array:
-        return action[[1, 0, 2, 3, 4, 5, 6]]
 
 
 class UnboundedWorld(TurningWorld):
@@ -408,29 +414,6 @@ class UnboundedWorld(TurningWorld):
 class Unbounded(LiberoShaped):
     world_class = UnboundedWorld
     clockwork = False  # its clock would say that it plays several steps
-
-
-class WFirst(LiberoShaped):
-    def observation(self) -> dict[str, Any]:
-        flat = super().observation()
-        return flat | {"robot0_eef_quat": np.roll(flat["robot0_eef_quat"], 1)}
-
-
-class Width(LiberoShaped):
-    """Gives the opening of the gripper in place of its joints."""
-
-    def observation(self) -> dict[str, Any]:
-        flat = super().observation()
-        return flat | {"robot0_gripper_qpos": np.abs(flat["robot0_gripper_qpos"])}
-
-
-class Antipodal(Gym):
-    def rotation(self, quaternion: Array) -> Array:
-        return axis_angle_antipodal(quaternion)
-
-
-class FromTheFileName(Gym):
-    task_description = "put the box on the plate view 0 0 100"
 
 
 class NeverDone(LiberoShaped):

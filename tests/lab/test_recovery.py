@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.lab.recovery import compare_recovery, document_of
 from pytest_libero_max.report.render.terminal import document_lines
@@ -141,32 +140,3 @@ def test_another_event_is_refused() -> None:
 
     with pytest.raises(ReportError, match="hold pairs of camera_shift"):
         compare_recovery([moved(NATIVE), moved(GATED)])
-
-
-def test_the_whole_frozen_track_is_compared() -> None:
-    cases = load_track("recovery").cases
-    planned = tuple(PlannedPair.of(case) for case in cases)
-
-    def played(mode: str, every: int) -> StoredRun:
-        spec = {**POLICY, "wrappers": [] if mode == "native" else [f"restore={mode}"]}
-        records = []
-        for number, (pair, case) in enumerate(zip(planned, cases, strict=True)):
-            labels = {"task_index": case.task_index, "init_state_index": case.init_state_index}
-            record = record_of(pair, True, number % every == 0, policy=spec, **labels)
-            if mode != "native":
-                notes = dict.fromkeys(COUNTS, 2)
-                record = structs.replace(
-                    record,
-                    arms={
-                        name: structs.replace(record.arm(name), notes=notes) for name in ("base", "dynamic")
-                    },
-                )
-            records.append(record)
-        return StoredRun(Run(planned, PROVENANCE), tuple(records), (), torn=False)
-
-    recovery = compare_recovery([played("native", 3), played("always", 2)])
-    assert recovery.common == 300
-    (gain,) = [
-        row for row in plain(recovery)["effects"] if row["quantity"] == "dynamic" and row["over"] == "native"
-    ]
-    assert gain["value"] == pytest.approx(50 / 300)

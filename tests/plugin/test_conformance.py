@@ -14,14 +14,9 @@ from pytest_libero_max.conformance.server import clients
 from tests.conformance.test_server_rules import PROFILE, MixedUp
 
 ADAPTER = """
-from tests.conformance.policies import ClosingFirst, Small, WideGripper
+from tests.conformance.policies import ClosingFirst, scaled
 
-
-class Policy(Small, WideGripper):
-    pass
-
-
-policy, closing = Policy, ClosingFirst
+policy, closing = scaled("Policy", 0.05, 0.05, 255.0), ClosingFirst
 """
 EXPECTED = """
 ["policy/actions/large"]

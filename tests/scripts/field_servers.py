@@ -76,7 +76,6 @@ def table(found: dict[str, Any]) -> str:
 
 
 def main(folder: Path, asked: list[str]) -> None:
-    """Examine what is asked for, and print the table of all."""
     folder.mkdir(parents=True, exist_ok=True)
     for item in asked:
         kind, _, python = item.partition("=")

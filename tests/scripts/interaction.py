@@ -34,7 +34,6 @@ def interaction(records: tuple[PairRecord, ...]) -> ConditionContrast:
 
 
 def main() -> None:
-    """Print the successes of each arm, and the interaction."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path)
     records = tuple(read_pairs(parser.parse_args().run).records)

@@ -152,7 +152,6 @@ def begun(path: Path, made: str) -> dict[str, Any]:
 
 
 def opened(options: argparse.Namespace) -> EmbeddedSubstrate | LiberoSubstrate:
-    """The substrate that the command line asks for."""
     if options.substrate == "embedded":
         return EmbeddedSubstrate()
     return LiberoSubstrate([find_installation(options.root, assets=options.assets)])
@@ -348,7 +347,6 @@ def first_beyond(one: Array, other: Array, bound: float) -> int | None:
 
 
 def main() -> None:
-    """Read the command line and print what was measured."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     commands = parser.add_subparsers(required=True, dest="command")
     player = commands.add_parser("play", help="play Base and keep the trajectories")

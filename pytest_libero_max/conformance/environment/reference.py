@@ -99,11 +99,7 @@ class TaskReference(Document, frozen=True, kw_only=True):
 
 
 def shrink(image: NDArray[np.uint8]) -> Array:
-    """(SIDE, SIDE, 3) of an (H, W, 3) image: the mean of the pixels below each small one.
-
-    Args:
-        image: At least SIDE pixels high and wide.
-    """
+    """(SIDE, SIDE, 3) of an (H, W, 3) image: the mean of the pixels below each small one."""
     rows, columns = (_bounds(length) for length in image.shape[:2])
     sums = np.add.reduceat(np.add.reduceat(image.astype(np.float64), rows, axis=0), columns, axis=1)
     heights, widths = np.diff([*rows, image.shape[0]]), np.diff([*columns, image.shape[1]])
@@ -126,11 +122,7 @@ def references() -> Mapping[str, Path]:
 
 
 def read_reference(name: str | Path) -> TaskReference:
-    """Read a reference of this package by its name, or any other by its path.
-
-    Raises:
-        OptionError: There is none, or it is damaged.
-    """
+    """Read a reference of this package by its name, or any other by its path."""
     shipped = references()
     path = shipped.get(str(name), Path(name))
     if not path.is_file():
@@ -193,9 +185,6 @@ def record(
         task: Suite and number, ``libero_spatial/0``.
         init: Index of the initial state of that episode.
         versions: Packages of its simulator.
-
-    Raises:
-        SubstrateError: The actions do not solve the task.
     """
     budget = step_budget(task.partition("/")[0])
     if budget is None:

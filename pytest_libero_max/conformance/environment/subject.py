@@ -80,11 +80,7 @@ class EnvironmentSubject(Measurements):
         return getattr(self.environment, "num_envs", None) is not None
 
     def start(self, init: int | None = None) -> Reading:
-        """Begin an episode as the environment does it, and return its first observation.
-
-        Args:
-            init: Index of the initial state; None for the reference's.
-        """
+        """Begin an episode as the environment does it, and return its first observation."""
         init = self.reference.init if init is None else init
         self.draw(True)
         return self._read(called("beginning an episode", self._begin, init))
@@ -92,9 +88,7 @@ class EnvironmentSubject(Measurements):
     def begin(self, init: int | None = None, *, drawn: bool = False) -> Reading:
         """Begin an episode, and play the settle steps that the environment leaves to others.
 
-        Args:
-            init: As of :meth:`start`.
-            drawn: True for an observation with its images, and for all that follow.
+        The observation and those that follow have their images where they are to be ``drawn``.
         """
         reading = self.start(init)
         steps = self.reference.settle_steps - self.declared.settle_steps
@@ -133,11 +127,7 @@ class EnvironmentSubject(Measurements):
         return read_observation(raw, self.declared.keys, self.is_vector)
 
     def step(self, action: Sequence[float] | Array) -> Played:
-        """Play an action.
-
-        Raises:
-            SubstrateError: The environment raised an error, or did not return four or five values.
-        """
+        """Play an action."""
         array = np.asarray(action, dtype=np.float64)
         if self.is_vector:
             array = np.tile(array, (self.environment.num_envs, 1))
@@ -210,11 +200,7 @@ class EnvironmentSubject(Measurements):
 
 
 def called(what: str, function: Callable[..., T], *arguments: Any) -> T:
-    """Return what a function of the environment returns.
-
-    Raises:
-        SubstrateError: It raised something.
-    """
+    """Return what a function of the environment returns."""
     try:
         return function(*arguments)
     except Exception as error:  # an environment of others may raise anything
@@ -320,12 +306,7 @@ Reading = Mapping[str, Any]
 
 
 def read_observation(raw: Any, keys: Mapping[str, str], first: bool = False) -> dict[str, Any]:
-    """Return what an observation holds, by role; what it lacks is left out.
-
-    Args:
-        keys: Places that are declared, by role.
-        first: True for a vector of environments, the first of which is read.
-    """
+    """Return what an observation holds, by role; what it lacks is left out."""
     flat = dict(_flattened(raw))
     reading = {}
     for role, names in ROLES.items():
@@ -351,11 +332,7 @@ def images_of(reading: Reading) -> dict[str, NDArray[Any]]:
 
 
 def hand_of(reading: Reading) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the position of the hand (3,) and of its fingers (2,), m, from wherever a reading has them.
-
-    Raises:
-        SubstrateError: It has neither of them.
-    """
+    """Return the position of the hand (3,) and of its fingers (2,), m, from wherever a reading has them."""
     state = reading.get("state")
     if "position" in reading and "gripper" in reading:
         position, gripper = reading["position"], reading["gripper"]

@@ -149,11 +149,7 @@ class SpyEnv:
         return self._observed(), self._info(False)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Keep one action, (7,).
-
-        Raises:
-            ProtocolError: The episode has not begun, the action has another shape, or the loop never ends.
-        """
+        """Keep one action, (7,)."""
         spies, array = self._spies, np.array(action, dtype=float)
         if not spies.is_running:
             raise ProtocolError("no episode is running. Call reset() first.")
@@ -195,11 +191,7 @@ class SpyEnv:
 
 
 class SpyPolicy:
-    """A policy whose answers name their query.
-
-    Attributes:
-        images_written: Numbers of the queries whose arrays were written to later.
-    """
+    """A policy whose answers name their query."""
 
     horizon, query_interval = H, Q
 
@@ -207,7 +199,7 @@ class SpyPolicy:
         self._count = 0
         self._queue: deque[Array] = deque()
         self._shown: dict[int, tuple[list[Array], bytes]] = {}
-        self.images_written: set[int] = set()
+        self.images_written: set[int] = set()  # numbers of the queries whose arrays were written to later
         self.spies: Spies | None = None
 
     def reset(self) -> None:

@@ -53,11 +53,7 @@ class Shown:
 
 
 def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_index: int = 0) -> Shown:
-    """Return observations of a world at rest and moved a little.
-
-    Args:
-        policy: Names the cameras and the size of images. One that is privileged gets the live world.
-    """
+    """Return observations of a world at rest and moved a little; a privileged policy gets the live world."""
     spec = policy.spec
     world.reset(0)
     observations, states = [], []
@@ -98,12 +94,7 @@ class PolicySubject(Measurements):
         start(self.policy, episode or self.shown.episode)
 
     def ask(self, index: int, *, observation: Mapping[str, Any] | None = None, **query: Any) -> Actions:
-        """Return the answer to query ``index``, from a copy of the observation.
-
-        Args:
-            observation: Entries that replace those of the observation.
-            query: Fields that replace those of the query.
-        """
+        """Return the answer to query ``index``, some entries of whose observation and fields are replaced."""
         shown = self.shown.copy(index)
         return self.show(index, shown | dict(observation or {}), **query)
 
@@ -125,11 +116,7 @@ class PolicySubject(Measurements):
 
     @property
     def first(self) -> FirstAnswers:
-        """The answers to all queries of the first episode.
-
-        Raises:
-            LiberoMaxError: One was not answered; the same error each time.
-        """
+        """The answers to all queries of the first episode."""
         if isinstance(self._first, LiberoMaxError):
             raise self._first
         return self._first
@@ -177,9 +164,6 @@ def open_policy(
     """Load a policy, and show it the first scene of the ``smoke`` track that it plays.
 
     A world that a privileged policy reads stays open as long as the process.
-
-    Raises:
-        AdapterError: It cannot be loaded, or wants a camera that the scene does not have.
     """
     from pytest_libero_max.policies.loading import check_reference, load_policy
     from pytest_libero_max.worlds.threads import use_one_blas_thread
@@ -198,11 +182,7 @@ def open_policy(
 
 
 def first_scene(policy: Policy, substrate: str) -> Shown:
-    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`.
-
-    Raises:
-        AdapterError: It plays none, is for another robot, or wants a camera that the scene does not have.
-    """
+    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`."""
     from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
 
     chosen = chosen_substrate(substrate)

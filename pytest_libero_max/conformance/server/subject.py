@@ -76,12 +76,7 @@ class ServerSubject(Measurements):
 
 
 class AlteredLink:
-    """A link whose requests are altered before they are sent.
-
-    Attributes:
-        request: The last request, as it was sent; None before the first.
-        reply: The last reply, as it came.
-    """
+    """A link whose requests are altered before they are sent; it keeps the last one, and its reply."""
 
     def __init__(self, link: Link, alter: Callable[[Any], Any] = lambda request: request) -> None:
         self._link, self._alter = link, alter

@@ -72,11 +72,7 @@ def open_subject(name: str) -> SubstrateSubject:
 
 
 def playable_cases(chosen: ChosenSubstrate, name: str) -> tuple[Case, ...]:
-    """Return the examples of a substrate or, where it has none, the cases of its default track that it plays.
-
-    Raises:
-        SubstrateError: No case of its default tracks can be played here.
-    """
+    """Return the examples of a substrate; where it has none, the cases of a default track that it plays."""
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
     kind = SUBSTRATES[chosen.name]

@@ -56,11 +56,7 @@ def connect(address: Address) -> socket.socket:
 
 
 def look_up(host: str, port: int, family: int = socket.AF_UNSPEC) -> list[Resolved]:
-    """Return the numbers of a host, as ``socket.getaddrinfo`` does, or fail in time, as it does not.
-
-    Raises:
-        NoConnection: There is no such name, or it was not found within :data:`CONNECT_S`.
-    """
+    """Return the numbers of a host, as ``socket.getaddrinfo`` does, or fail in time, as it does not."""
     answers: SimpleQueue[list[Resolved] | OSError] = SimpleQueue()
 
     def ask() -> None:

@@ -29,15 +29,7 @@ class OtherServer(ServerError):
 
 
 class Pool:
-    """Equal servers, of which one is asked until it is given up.
-
-    Attributes:
-        server: Address of the one that is asked.
-        policy: The policy behind it.
-        declared: Spec that the first server gave.
-        left_out: Sentences about the servers that were left out, by address.
-        waited_s: Time spent waiting for servers that were left out since.
-    """
+    """Equal servers, of which one is asked until it is given up."""
 
     server: str
     policy: ServedPolicy
@@ -122,15 +114,10 @@ class ServerFleet:
     Each process asks one server of a group until that is given up. Then another one is asked the same query,
     or, where the server kept the policy's memory, the pair is played again. Other members, such as
     the memory or the number of actions returned, are those of the policy behind the server that is asked.
-
-    Attributes:
-        troubles: Sentences about servers that were left out, in order; the caller may empty it.
-
-    Raises:
-        AdapterError: The groups are no one policy.
     """
 
     def __init__(self, servers: Servers, pools: Sequence[Pool]) -> None:
+        # Sentences about servers that were left out, in order; the caller may empty it.
         self.troubles = [text for pool in pools for text in pool.left_out.values()]
         self._servers = servers
         self._pools = pools

@@ -52,14 +52,7 @@ class Input:
 
 
 class Request:
-    """Conversion of an observation to a request.
-
-    Attributes:
-        cameras: Cameras whose images it needs.
-
-    Raises:
-        AdapterError: A name or step does not exist.
-    """
+    """Conversion of an observation to a request."""
 
     def __init__(self, profile: Profile) -> None:
         self._robot = profile.robot
@@ -209,14 +202,7 @@ def _joined(values: list[Any]) -> Any:
 
 
 class Reply:
-    """Conversion of a server's reply to actions.
-
-    Attributes:
-        returned: Number of actions in the last reply that was read, before the cut.
-
-    Raises:
-        AdapterError: A step does not exist, or the statistics cannot be read.
-    """
+    """Conversion of a server's reply to actions."""
 
     def __init__(self, profile: Profile) -> None:
         self.returned: int | None = None

@@ -105,11 +105,7 @@ def open_server(
 
 
 def require_profile(text: str, profile_text: str | None) -> Profile:
-    """Return the profile for an address.
-
-    Raises:
-        AdapterError: None is named, there is none of that name, or it is for another protocol.
-    """
+    """Return the profile for an address."""
     address = parse_address(text)
     if profile_text is None:
         raise refusal(
@@ -140,11 +136,7 @@ def _protocol(address: Address) -> str:
 
 
 def parse_address(text: str) -> Address:
-    """Read the address of a policy server, ``SCHEME://HOST:PORT/PATH?timeout=SECONDS&patience=SECONDS``.
-
-    Raises:
-        AdapterError: It has no such form, or a scheme that is refused or unknown.
-    """
+    """Read the address of a policy server, ``SCHEME://HOST:PORT/PATH?timeout=SECONDS&patience=SECONDS``."""
     scheme = text.partition("://")[0].lower()
     if scheme in _REFUSED and scheme not in PROTOCOLS:
         raise refusal(

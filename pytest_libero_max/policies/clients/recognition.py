@@ -108,11 +108,7 @@ GRPC = Speech("", "A server of gRPC, as LeRobot's asynchronous inference, whose 
 
 
 def recognise(address: Address, own: str) -> str | None:
-    """Return a sentence about a server that speaks another protocol than it is asked in.
-
-    Returns:
-        None where it speaks its own, is silent, or is not recognised.
-    """
+    """Return a sentence about a server that speaks another protocol than it is asked in; None for others."""
     speech = _tried(address, own)
     if speech is not None:
         return None if speech.protocol == own else speech.sentence(address)
@@ -141,12 +137,7 @@ def other_protocol(speech: Speech, address: Address, own: str) -> OtherProtocol:
 
 @contextmanager
 def watched(connection: socket.socket, address: Address, own: str, silence: str = "") -> Iterator[None]:
-    """Look at a server that is silent while the block waits, and end the wait if it speaks another protocol.
-
-    Args:
-        connection: The connection that waits; it is shut down.
-        silence: What is waited for; logged where the server is not recognised.
-    """
+    """Look at a server that is silent while the block waits; if it speaks another protocol, end the wait."""
     sentences: list[str] = []
     over = Event()
 

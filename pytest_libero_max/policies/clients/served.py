@@ -125,11 +125,7 @@ _SERVED_REQUEST = ("prompt", "observation", "query", "episode")
 
 
 def declared_spec(greeting: Any) -> PolicySpec:
-    """Return the spec that a server's greeting declares.
-
-    Raises:
-        ServerError: It declares none, or one that breaks a rule.
-    """
+    """Return the spec that a server's greeting declares."""
     values = greeting.get("spec") if isinstance(greeting, Mapping) else None
     names = {item.name for item in fields(PolicySpec)}
     if not isinstance(values, dict) or not {"name", "horizon", "query_interval"} <= values.keys() <= names:

@@ -96,11 +96,7 @@ class Servers:
         return joined_revisions((marks, str(revision)) for marks, revision in declared)
 
     def group_of(self, marks: Collection[str]) -> int:
-        """Return the number of the group, from 0, for a pair.
-
-        Raises:
-            AdapterError: No group is for it.
-        """
+        """Return the number of the group, from 0, for a pair."""
         for number, group in enumerate(self.groups):
             if group.marks and not set(group.marks).isdisjoint(marks):
                 return number
@@ -147,11 +143,7 @@ def joined_revisions(parts: Iterable[tuple[tuple[str, ...], str]]) -> str:
 
 
 def read_servers(text: str, profile: str | None, revision: str | None = None) -> Servers:
-    """Return the servers that a reference names. Nothing is connected to.
-
-    Raises:
-        AdapterError: The file cannot be read, or an address, a profile or a field cannot be used.
-    """
+    """Return the servers that a reference names. Nothing is connected to."""
     if is_address(text):
         return Servers((_group(text, [part.strip() for part in text.split(",")], profile, (), revision),))
     try:

@@ -69,11 +69,7 @@ def reported(error: object) -> ServerError:
 
 @contextmanager
 def time_limit(connection: socket.socket, seconds: float) -> Iterator[None]:
-    """Shut a connection down if the block takes longer, also where each part of it goes on in time.
-
-    Raises:
-        Unreachable: It did.
-    """
+    """Shut a connection down if the block takes longer, also where each part of it goes on in time."""
     over = Event()
 
     def end() -> None:
@@ -249,12 +245,7 @@ class Client:
 
 
 def status_error(status: int, reason: str, path: str, content: bytes, usual: str = "") -> ServerError:
-    """Return the error of an answer that is none.
-
-    Args:
-        content: The body, which is quoted unless it is a page.
-        usual: Path that an address without one stands for; empty for none.
-    """
+    """Return the error of an answer that is none; ``usual``: what an address without a path stands for."""
     words = content.strip()
     body = "" if not words or words[:1] == b"<" else f": {shortened(words.decode('utf-8', 'replace'))}"
     text = f"HTTP status {status} {reason} for {path or '/'}{body}"
@@ -280,11 +271,7 @@ def status_error(status: int, reason: str, path: str, content: bytes, usual: str
 
 
 def redirected(address: Address, location: str | None, status: int) -> Address:
-    """Return the address to which a server sends, which is on the same host.
-
-    Raises:
-        Refused: It is on another host, without TLS where the first has it, or no address.
-    """
+    """Return the address to which a server sends, which is on the same host."""
     here = f"{'https' if address.secure else 'http'}://{address.where}{address.path or '/'}"
     there = urljoin(here, location or "")
     try:

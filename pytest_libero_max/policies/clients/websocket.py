@@ -63,11 +63,7 @@ class Socket:
                 raise StaleConnection(f"the connection was lost ({error})") from error
 
     def receive(self, awaited: str = "") -> bytes | str:
-        """Return the next message.
-
-        Args:
-            awaited: Words for a greeting; another protocol is recognised while it does not come.
-        """
+        """Return the next message; while an awaited greeting is missing, another protocol is recognised."""
         if not awaited:
             return self._received("no answer came")
         opened, protocol = self._open_connection().socket, self._address.protocol

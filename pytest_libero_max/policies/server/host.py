@@ -65,10 +65,6 @@ class Host:
 
     Each answer is a function of its request alone and does not depend on other clients; only the arithmetic
     of a batch may differ in its last digits.
-
-    Raises:
-        AdapterError: The policy reads the simulator, has a memory that it cannot copy, or cannot answer
-            several queries together.
     """
 
     def __init__(
@@ -155,11 +151,7 @@ class Host:
                 self._memories.leave(named)
 
     def ask(self, request: InferenceRequest) -> InferenceResult:
-        """Wait for the answer.
-
-        Raises:
-            LiberoMaxError: The policy raised, its actions cannot be played, or the memory is not here.
-        """
+        """Wait for the answer."""
         if request.place is not None and hasattr(self._connection, "clients"):
             self._connection.clients.add(request.place.client)
         return self._queue.ask(request)

@@ -188,11 +188,7 @@ def talk(connection: ServerConnection, host: Host) -> None:
 
 
 def quaternion(axis_angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(4,) x, y, z, w of an axis times its angle in rad; w < 0 where the angle exceeds pi.
-
-    Raises:
-        ServerError: The angle is too large to be a number.
-    """
+    """(4,) x, y, z, w of an axis times its angle in rad; w < 0 where the angle exceeds pi."""
     with np.errstate(over="ignore"):
         angle = float(np.linalg.norm(axis_angle))
     if not math.isfinite(angle):

@@ -74,11 +74,7 @@ class Step:
     """None or one."""
 
     def __call__(self, value: Any) -> Any:
-        """Apply it.
-
-        Raises:
-            AdapterError: It does not fit the value; names the step.
-        """
+        """Apply it."""
         try:
             return self.apply(value, *self.arguments)
         except AdapterError as error:
@@ -92,14 +88,7 @@ class Step:
 
 
 def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str) -> tuple[Step, ...]:
-    """Read the steps of a profile: names, or tables of one name and its argument.
-
-    Args:
-        values: ``["rotate_180", {"resize_with_pad": 224}]``.
-
-    Raises:
-        AdapterError: Something else; suggests the closest name.
-    """
+    """Read the steps of a profile: names, or tables of one name and its argument."""
     if not isinstance(values, list):
         raise AdapterError.seen(
             where, values, f", but must be a list of steps. Known: {', '.join(sorted(known))}."

@@ -107,17 +107,17 @@ def _events(key: str) -> dict[str, str]:
     return {event.replace("_", " "): _signed(change) for event, change in row.items()}
 
 
+def _rates(title: str, row: Mapping[str, float], prefix: str = "") -> dict[str, str]:
+    return {
+        f"{title} Base": _plain(row[f"{prefix}base"]),
+        f"{title} Dynamic": _plain(row[f"{prefix}dynamic"]),
+        f"{title} change": _signed(row[f"{prefix}gap"]),
+    }
+
+
 def _sources(key: str) -> dict[str, str]:
     row = _facts()["source_subsets"]["rows"][key]
-    return {
-        f"{source} {title}": shown(row[source][name])
-        for source in ("plus", "pro")
-        for title, name, shown in (
-            ("Base", "base", _plain),
-            ("Dynamic", "dynamic", _plain),
-            ("change", "gap", _signed),
-        )
-    }
+    return _rates("plus", row["plus"]) | _rates("pro", row["pro"])
 
 
 def _suites(key: str) -> dict[str, str]:
@@ -140,15 +140,7 @@ def _severity(key: str) -> dict[str, str]:
 
 def _lite(key: str) -> dict[str, str]:
     row = _facts()["lite_validation"]["rows"][key]
-    return {
-        f"{track} {title}": shown(row[f"{track.lower()}_{name}"])
-        for track in ("Max", "Lite")
-        for title, name, shown in (
-            ("Base", "base", _plain),
-            ("Dynamic", "dynamic", _plain),
-            ("change", "gap", _signed),
-        )
-    }
+    return _rates("Max", row, "max_") | _rates("Lite", row, "lite_")
 
 
 def _policies(key: str) -> dict[str, str]:

@@ -57,16 +57,6 @@ def test_events_that_cannot_be_scaled_are_named_with_a_cure(run: Run) -> None:
     run("-m", rest, "--libero-max-strength=0.5").assert_outcomes(passed=12, deselected=4)
 
 
-def test_a_plain_run_says_nothing_of_strengths_and_studies(
-    run: Run, results: Results, pytester: pytest.Pytester
-) -> None:
-    run("--libero-max-limit=1")
-    records, report = results()
-    assert header(pytester) == {"prefix": "fork", "noise_floor": None}
-    assert "strength" not in records[0]["fingerprints"]
-    assert report["study"] is None
-
-
 def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
     run: Run, results: Results, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -116,17 +106,6 @@ def test_repeats_stay_one_pair_a_case(run: Run, results: Results, pytester: pyte
     assert (report["pairs"]["planned"], report["overall"]["outcomes"]["persistent_failure"]) == (2, 2)
 
 
-def test_the_cadence_study_plays_its_settings(run: Run, results: Results, pytester: pytest.Pytester) -> None:
-    done = run("--libero-max-limit=2", "--libero-max-study=cadence:8,2,4")
-    done.assert_outcomes(passed=2)
-    done.stdout.fnmatch_lines(["Study: Query cadence", "H=8 Q=2 *", "H=8 Q=4 (own) *", "H=8 Q=8 *"])
-    records, report = results()
-    names = ["base", "dynamic", "base_q8", "dynamic_q8", "base_q2", "dynamic_q2"]
-    assert [list(record["arms"]) for record in records] == [names] * 2
-    assert [setting["query_interval"] for setting in report["study"]["settings"]] == [2, 4, 8]
-    assert header(pytester)["study"] == {"name": "cadence", "settings": "8,2,4"}
-
-
 def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agree_on_it(
     run: Run, results: Results, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -139,10 +118,9 @@ def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agr
     run("--libero-max-limit=2", "--libero-max-latency=4steps", "--libero-max-resume").assert_outcomes(
         deselected=2
     )
-    for other in ("--libero-max-latency=4steps,sync", "--libero-max-prefix=fork"):
-        again = run("--libero-max-limit=2", "--libero-max-resume", other)
-        assert again.ret == pytest.ExitCode.USAGE_ERROR
-        again.stdout.fnmatch_lines(["*protocol.latency: '4steps', *"])
+    again = run("--libero-max-limit=2", "--libero-max-resume", "--libero-max-latency=4steps,sync")
+    assert again.ret == pytest.ExitCode.USAGE_ERROR
+    again.stdout.fnmatch_lines(["*protocol.latency: '4steps', *"])
     run("--libero-max-limit=2", "--libero-max-output=plain")
     assert main(["shards", "merge", "libero-max-results", "plain", "--output", "joined"]) != 0
     assert "protocol.latency: None, '4steps'" in capsys.readouterr().err
@@ -204,9 +182,13 @@ def test_the_latency_study_plays_its_delays(run: Run, results: Results, pytester
     ]
     assert settings[0]["held"] == 0.0 < settings[1]["held"] < settings[2]["held"]
     assert header(pytester)["study"] == {"name": "latency", "settings": "8,2,2sync"}
-    run("--libero-max-limit=2", "--libero-max-output=plain")
-    for record, plain in zip(records, results("plain")[0], strict=True):
-        assert {name: record["arms"][name] for name in ("base", "dynamic")} == plain["arms"]
+    run("--libero-max-limit=2")
+    assert header(pytester) == {"prefix": "fork", "noise_floor": None}
+    plain, report = results()
+    assert "strength" not in plain[0]["fingerprints"]
+    assert report["study"] is None
+    for record, other in zip(records, plain, strict=True):
+        assert {name: record["arms"][name] for name in ("base", "dynamic")} == other["arms"]
 
 
 @pytest.mark.parametrize(

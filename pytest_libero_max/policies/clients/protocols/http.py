@@ -177,14 +177,7 @@ class HttpProtocol(ServerProtocol):
 
 
 def unpacked(content: bytes, encoding: str | None) -> bytes:
-    """Return a body without its compression.
-
-    Args:
-        encoding: Header ``Content-Encoding``; gzip is recognised without it.
-
-    Raises:
-        ServerError: It is compressed in another way, damaged, or too large.
-    """
+    """Return a body without its compression; gzip is recognised without its header as well."""
     word = (encoding or "identity").strip().lower()
     if word == "identity" and content[:2] != _GZIP:
         return content
