@@ -59,8 +59,10 @@ def _draw(path: Path, substrate: Any) -> None:
 
     if path.stem == "scenes":
         scene_sheets.write_scenes(path)
+    elif path.stem == "plus":
+        scene_sheets.write_plus(path, substrate)
     else:
-        {"plus": scene_sheets.write_plus, "pro": scene_sheets.write_pro}[path.stem](path, substrate)
+        scene_sheets.write_pro(path, substrate)
 
 
 KIND = SubstrateKind(
