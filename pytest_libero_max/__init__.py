@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.gates import evaluate_gate, parse_gate
     from pytest_libero_max.report.measures import Measured
     from pytest_libero_max.report.readers import PairOutcome, ReadResults, ResultsReader
-    from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+    from pytest_libero_max.report.sections import PlayedPairs, ReportSection
     from pytest_libero_max.report.stopping_rule import StoppingRule
     from pytest_libero_max.runs.plan import PlannedPair
     from pytest_libero_max.runs.store import read_pairs
@@ -193,7 +193,7 @@ _TO_EXTEND = {
     "pairing.probes.probe": ("Probe",),
     "studies.study": ("Study",),
     "report.stopping_rule": ("StoppingRule",),
-    "report.report_section": ("ReportSection", "PlayedPairs"),
+    "report.sections": ("ReportSection", "PlayedPairs"),
     "report.measures": ("Measured",),
     "report.readers": ("ResultsReader", "ReadResults", "PairOutcome"),
     "runs.plan": ("PlannedPair",),

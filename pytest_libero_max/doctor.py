@@ -39,11 +39,7 @@ class Finding:
 
 
 def diagnose(options: SubstrateOptions | None = None) -> list[Finding]:
-    """Look at packages, rendering, memory, disk and genuine installations. Nothing of LIBERO is imported.
-
-    Args:
-        options: Installations to check; by default those of ``import libero``.
-    """
+    """Look at packages, rendering, memory, disk and genuine installations. Nothing of LIBERO is imported."""
     options = options or SubstrateOptions()
     return [*_packages(), *_rendering(), *_compiled(), *_resources(), *_installations(options)]
 

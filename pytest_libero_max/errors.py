@@ -225,10 +225,6 @@ def install_extra(name: str) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a sentence or two with the closest known word and, where they are few, all the others.
 
-    Args:
-        name: The name as written.
-        known: Every valid spelling.
-
     Returns:
         All known words where there are no more than ``MOST_NAMED``; otherwise the closest of them and their
         number. Empty where none is known.
@@ -253,12 +249,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def counted(count: float, noun: str, plural: str = "") -> str:
-    """Return a number with its noun, for example ``1 run`` and ``2 runs``.
-
-    Args:
-        count: The number.
-        noun: For one.
-        plural: For other numbers; by default the noun with an s.
-    """
+    """Return a number with its noun, for example ``1 run`` and ``2 runs``."""
     number = f"{count:g}" if isinstance(count, float) else count
     return f"{number} {noun if count == 1 else plural or f'{noun}s'}"

@@ -70,8 +70,6 @@ class PairedRun:
         cases: A track, the path of a manifest, or a manifest.
         limit: At most so many cases of it, spread evenly; None: all.
         only: Ids of the cases to play, as reports and manifests write them; none: all.
-        substrate: Name of the substrate.
-        options: Its options.
         traces: Pairs whose traces are kept, from which ``libero-max film`` makes films: ``none``,
             ``regressions``, ``changed`` (Base and Dynamic end differently) or ``all``.
 
@@ -133,7 +131,6 @@ class PairedRun:
 
         Args:
             case: One of :attr:`cases`.
-            arm: Name of one of its arms.
             place: Number of the set of worlds; environments that are played at once have different ones.
 
         Raises:
@@ -331,10 +328,6 @@ class LiberoLoop:
     The first steps after :meth:`reset` are taken for the loop's own waiting steps and not executed: the world
     has settled already. As in LIBERO, ``done`` is True where the task is completed and not where time is up;
     what is given after that is not executed.
-
-    Args:
-        env: The arm.
-        waiting_steps: Number of waiting steps of the loop.
     """
 
     def __init__(self, env: ArmOfRun, waiting_steps: int = SETTLE_STEPS) -> None:
@@ -373,15 +366,7 @@ class LiberoLoop:
 
 
 class _CasesOfLoop(RunCases):
-    """The cases that arguments choose: a manifest may be none of a file.
-
-    Args:
-        settings: Of the run.
-        manifest: All cases.
-        names: Of them, in the provenance.
-        limit: Most cases that are played; None: all.
-        only: Ids of the cases to play; none: all.
-    """
+    """The cases that arguments choose: a manifest may be none of a file."""
 
     def __init__(
         self,

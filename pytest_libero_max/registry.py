@@ -191,11 +191,7 @@ def references(package: str, objects: Callable[[], Mapping[str, str]]) -> Own:
 
 
 def listed_in(reference: str, attribute: str = "name") -> Own:
-    """Return the things that a module lists, named by an attribute of theirs.
-
-    Args:
-        reference: ``MODULE:NAME`` of the list, which is imported on first use.
-    """
+    """Return the things that a module lists, named by an attribute of theirs."""
     return lambda: given(attribute, *_named(reference))()
 
 
@@ -205,9 +201,7 @@ def classes_in(
     """Return the class of each module of a folder, called like the module.
 
     Args:
-        package: Its dotted name, for example ``pytest_libero_max.events.kinds``.
         base: The class that each extends, or ``MODULE:NAME`` of one that is imported late.
-        first: Names that come first, in this order.
         skip: Modules without such a class.
     """
 
@@ -231,11 +225,7 @@ def class_in(module: str, base: type[Any] | str) -> Any:
 
 
 def modules_in(package: str) -> tuple[str, ...]:
-    """Names of the modules in a package's folder, sorted; none of them is imported.
-
-    Args:
-        package: Its dotted name, for example ``pytest_libero_max.events.kinds``.
-    """
+    """Names of the modules in a package's folder, sorted; none of them is imported."""
     spec = importlib.util.find_spec(package)
     folders = spec.submodule_search_locations if spec is not None else None
     return tuple(sorted(module.name for module in pkgutil.iter_modules(folders or [])))

@@ -89,7 +89,6 @@ def events(
     """Events of every kind, with setup and trigger, for a world with these entities.
 
     Args:
-        draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
         names: Names of events; by default all that are registered and drawn.
         distances_m: Trigger distances; by default the benchmark's. A large one fires at the first step.
@@ -119,7 +118,6 @@ def cases(
     """Cases of unmodified tasks, playable in any world with these entities and ten initial states.
 
     Args:
-        draw: Given by Hypothesis.
         entities: The world's entities; by default those of the tiny world.
         events: Strategy of the events; by default :func:`events` of the entities.
         suites: Suites; they decide the step budget.
@@ -147,7 +145,6 @@ def varied_cases(draw: st.DrawFn, source: Literal["plus", "pro"] | None = None) 
     """Cases that the benchmark could hold: a source variation, an event that its scene can host.
 
     Args:
-        draw: Given by Hypothesis.
         source: Only on this source's variations.
     """
     from pytest_libero_max.events.configurations import PRO_STATES, Cell, Configuration
@@ -260,7 +257,6 @@ def scripted_policies(
     """Deterministic policies with any H and Q, with or without memory.
 
     Args:
-        draw: Given by Hypothesis.
         max_horizon: Largest H.
         memory: True if it remembers (and offers ``snapshot`` and ``restore``); None draws both.
         cameras: The images it asks for; none by default, so that nothing is rendered.

@@ -1,4 +1,7 @@
-"""Steps of adapters: pure functions on the images, states and actions on the way to a model and back."""
+"""Steps of adapters: pure functions on the images, states and actions on the way to a model and back.
+
+Each raises an :class:`AdapterError` for a value that it does not fit.
+"""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ def test_a_complete_installation_is_named(tmp_path: Path, monkeypatch: pytest.Mo
 def test_missing_modules_come_with_their_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "importable", lambda name: False)
     texts = [str(finding) for finding in diagnose(SubstrateOptions((checkout(tmp_path),)))]
-    assert "missing module bddl: `pip install --no-deps bddl==1.0.1`" in texts
-    assert any("easydict" in text and "`pip install easydict future" in text for text in texts)
+    assert any(text.endswith("bddl: `pip install --no-deps bddl==1.0.1`") for text in texts)
+    assert any("easydict" in text and "install easydict future" in text for text in texts)
 
 
 def test_the_command_fails_where_something_is_missing(

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.policies.loading import forget_adapter
 from tests.documented_commands import NOT_YET, ROOT, Documented, documented, fault_of, unproved
 from tests.plugin.conftest import REACHER, short_sessions, tiny_manifest
-from tests.policies.forgetting import forget_adapter
 
 __all__ = ["short_sessions"]  # a fixture
 

@@ -14,11 +14,10 @@ import pytest_libero_max
 from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.pairing.runner import play_pair
-from pytest_libero_max.policies.loading import load_policy
+from pytest_libero_max.policies.loading import forget_adapter, load_policy
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.documented_commands import files_of_pages
 from tests.pairing.actors import make_case, shorten
-from tests.policies.forgetting import forget_adapter
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("docs", "pytest_libero_max", "cases", "fixtures", "reports", "tests", ".github")

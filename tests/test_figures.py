@@ -14,7 +14,7 @@ from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.store import read_pairs
 from pytest_libero_max.stats.paired_difference import paired_difference
-from pytest_libero_max.stats.verdicts import WORDS
+from pytest_libero_max.stats.significance import WORDS
 from pytest_libero_max.substrates.libero.lacking import lacking_own
 
 ROOT = Path(__file__).parents[1]

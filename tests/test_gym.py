@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,6 +31,7 @@ from pytest_libero_max.substrates.registry import open_substrate
 from pytest_libero_max.worlds.contract import Observation
 
 from .pairing.actors import Approaching, make_case
+from .plugin.conftest import tiny_manifest
 from .short_episodes import shorten_here
 
 pytest.importorskip("gymnasium", reason="the extra gym")
@@ -81,7 +83,7 @@ def test_a_loop_of_ones_own_writes_the_records_of_the_runner(
     run = PairedRun(tmp_path, policy.spec, CASES, substrate="tiny")
     with pytest.raises(ProtocolError, match="Play Base first"):
         run.env(run.cases[0], DYNAMIC).reset()
-    with pytest.raises(ProtocolError, match=r"no arm 'dynamik'\. Did you mean 'dynamic'"):
+    with pytest.raises(ProtocolError, match=r"'dynamik'\. .*'dynamic'"):
         run.env(run.cases[0], "dynamik")
     for arm in (BASE, DYNAMIC):
         for case in run.cases:
@@ -107,7 +109,7 @@ def test_a_run_is_resumed_with_its_own_policy_alone_and_a_refusal_leaves_the_fol
         play(run.env(run.cases[0], arm), policy)
     run.close()
     other = replace(policy.spec, query_interval=2)
-    with pytest.raises(OptionError, match=r"policy\.query_interval: 4, 2.*another output folder"):
+    with pytest.raises(OptionError, match=r"policy\.query_interval: 4, 2.*another output"):
         PairedRun(tmp_path, other, CASES, substrate="tiny")
     require_free(tmp_path)
     before = (tmp_path / "pairs.jsonl").read_bytes()
@@ -139,7 +141,7 @@ def test_a_case_is_selected_by_either_of_its_ids(tmp_path: Path) -> None:
         stored = read_pairs(tmp_path / str(number)).run
         assert [pair.case_id for pair in stored.planned] == [wanted.case_id]
         assert stored.provenance["selection"]["asked"] == [f"only={name}"]
-    with pytest.raises(OptionError, match=r"camera_shif. is not in tiny\. "):
+    with pytest.raises(OptionError, match=r"camera_shif. is not in"):
         PairedRun(tmp_path / "wrong", policy, CASES, substrate="tiny", only=["case-camera_shif"])
 
 
@@ -149,18 +151,18 @@ def test_a_run_of_another_loop_is_filmed_from_its_traces_and_says_where_its_pair
     policy = load_policy("random")
     policy.spec = type(policy.spec)("mine", cameras=("agentview",))
     shorten_here(monkeypatch, 12)
-    with pytest.raises(
-        OptionError, match=r"traces='every', but must be one of none, regressions, changed, all"
-    ):
+    with pytest.raises(OptionError, match=r"traces='every'.*regressions, changed"):
         PairedRun(tmp_path, policy.spec, "smoke", traces="every")
+    manifest = tmp_path / "tiny.json"
+    manifest.write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     for name in ("none", "all"):
-        run = PairedRun(tmp_path / name, policy.spec, "smoke", limit=1, traces=name)
+        run = PairedRun(tmp_path / name, policy.spec, str(manifest), 1, "tiny", traces=name)
         for arm in run.arms(run.cases[0]):
             play(run.env(run.cases[0], arm), policy)
     capsys.readouterr()
-    assert main(["film", str(tmp_path / "none"), "--select=all"]) == 1
-    assert 'Play the run again with PairedRun(..., traces="all").' in capsys.readouterr().err
-    assert main(["film", str(tmp_path / "all"), "--select=all", "--size=64"]) == 0
+    assert main(["film", str(tmp_path / "none"), "--select=all", f"--cases={manifest}"]) == 1
+    assert 'with PairedRun(..., traces="all").' in capsys.readouterr().err
+    assert main(["film", str(tmp_path / "all"), "--select=all", "--size=64", f"--cases={manifest}"]) == 0
     assert len(list((tmp_path / "all" / "films").iterdir())) == 1
     assert main(["report", str(tmp_path / "all")]) == 0
     capsys.readouterr()
@@ -191,9 +193,7 @@ def test_answers_in_the_prefix_are_compared_and_not_executed(tmp_path: Path) -> 
         assert dynamic.differing == (2,)
         stored = read_pairs(tmp_path / str(repeatable))
         assert len(stored.records) == (not repeatable)
-        assert ["at 1 step of the executed prefix, at step 2" in each.message for each in stored.errors] == (
-            [True] * repeatable
-        )
+        assert ["prefix, at step 2" in each.message for each in stored.errors] == ([True] * repeatable)
 
 
 def test_the_places_of_a_batch_keep_the_scene_that_they_play_and_no_other(tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_a_vector_of_cases_and_two_environments_in_one_world(tmp_path: Path) -> 
     one, other = (run.env(case) for case in CASES.cases[:2])
     one.reset()
     other.reset()
-    with pytest.raises(ProtocolError, match="another environment has been reset"):
+    with pytest.raises(ProtocolError, match="another environment has"):
         one.step(np.zeros(7))
     run.close()
 

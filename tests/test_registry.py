@@ -67,15 +67,13 @@ def test_names_are_known_before_anything_is_imported(install: Install) -> None:
 
 
 def test_an_unknown_name_suggests_the_closest() -> None:
-    with pytest.raises(
-        ChangeError, match=r"word='frist' is not a word\. Did you mean 'first'\? Known: first, second"
-    ):
+    with pytest.raises(ChangeError, match=r"word='frist' .*'first'\?"):
         registry()["frist"]
 
 
 def test_an_entry_that_breaks_the_rule_says_which(install: Install) -> None:
     install("odd_words", "alpha = odd_words:alpha", module="alpha = 3")
-    with pytest.raises(ChangeError, match="alpha is 3, but must be a text"):
+    with pytest.raises(ChangeError, match="3, but must be a"):
         registry()["alpha"]
 
 
@@ -83,7 +81,7 @@ def test_a_name_is_offered_once(install: Install) -> None:
     install("their_words", "first = their_words:word", module="word = 'x'")
     with pytest.raises(
         ChangeError,
-        match=r"'first' is offered twice, by pytest-libero-max and by their_words .*Uninstall one of them",
+        match="pytest-libero-max and by their_words",
     ):
         list(registry())
 
@@ -91,7 +89,7 @@ def test_a_name_is_offered_once(install: Install) -> None:
 def test_two_packages_cannot_offer_the_same_name(install: Install) -> None:
     for name in ("one_package", "other_package"):
         install(name, f"alpha = {name}:word", module="word = 'x'")
-    with pytest.raises(ChangeError, match=r"'alpha' is offered twice, by .*_package and by .*_package"):
+    with pytest.raises(ChangeError, match=r"by .*_package and by .*_package"):
         list(registry())
 
 

@@ -111,7 +111,7 @@ def test_what_a_report_says_does_not_depend_on_how_it_is_written() -> None:
     """Documents and what they are computed from import no writer: writers read them."""
     folder = PACKAGE / "report"
     computed = {
-        *(folder / f"{name}.py" for name in ("build", "sections", "run_tables", "run_texts", "gate_rows")),
+        *(folder / f"{name}.py" for name in ("build", "sections", "run_tables", "run_texts")),
         *folder.rglob("*_document.py"),
         *(folder / "studies").glob("*.py"),
     }

@@ -25,8 +25,7 @@ from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.store import StoredRun, read_pairs
 from pytest_libero_max.stats.blocks import Rate
-from pytest_libero_max.stats.measured import rate_of, table_change_of
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import rate_of, table_change_of, tabulate
 from pytest_libero_max.stats.ratios import Ratio
 from tests.scripts.interaction import interaction
 

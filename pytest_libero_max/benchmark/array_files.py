@@ -19,10 +19,6 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
 
     Args:
         wanted: Endings of the names that are read; None for all.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It is no archive, is damaged, or unpacks to more than :data:`.documents.MOST_BYTES`.
     """
     content = path.read_bytes()
     try:
@@ -38,22 +34,13 @@ def read_members(path: Path, wanted: tuple[str, ...] | None = None) -> dict[str,
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an ``.npz`` file by name.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: It is no such file, is damaged, or holds Python objects.
-    """
+    """Return the arrays of an ``.npz`` file by name, or raise OSError or ValueError."""
     members = read_members(path)
     return {name.removesuffix(".npy"): array_of(content) for name, content in members.items()}
 
 
 def array_of(content: bytes) -> NDArray[Any]:
-    """Return the array of the content of an ``.npy`` file.
-
-    Raises:
-        ValueError: It is no such file, is damaged, or holds Python objects.
-    """
+    """Return the array of the content of an ``.npy`` file, or raise ValueError."""
     file = io.BytesIO(content)
     try:
         # Not numpy.load, which reserves memory for the size that the header claims before it reads.

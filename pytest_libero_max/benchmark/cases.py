@@ -246,11 +246,7 @@ class _Case(_Spelled, frozen=True):
 
 
 def parse_case(record: Any, where: str = "case") -> Case:
-    """Check one case of a manifest.
-
-    Raises:
-        ManifestError: It breaks the format.
-    """
+    """Check one case of a manifest, or raise ManifestError."""
     named = record.get("case_id") if isinstance(record, dict) else None
     where = f"case {named!r}" if isinstance(named, str) and named else where
     spelled: _Case = checked(record, _Case, f"{where}: ", ManifestError)

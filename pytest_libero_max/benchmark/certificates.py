@@ -36,11 +36,7 @@ class Certificate(Struct, frozen=True):
 
 
 def read_certificates(folder: Path) -> dict[str, Certificate]:
-    """Return the expert's results on the cases that it has played, by id.
-
-    Raises:
-        ManifestError: The table is missing or is not the one that was frozen.
-    """
+    """Return the expert's results on the cases that it has played, by id, or raise ManifestError."""
     return {
         name: Certificate(cast(Ending, ending), _number(trigger), _number(steps))
         for name, ending, trigger, steps in read_table(folder / CERTIFICATES)

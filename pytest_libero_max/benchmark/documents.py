@@ -45,11 +45,7 @@ def printable(text: str) -> str:
 
 
 def read_content(path: Path) -> bytes:
-    """Return the bytes of a file, unpacked where its name ends in ``.gz``.
-
-    Raises:
-        OSError: It cannot be read, is no regular file, or is damaged.
-    """
+    """Return the bytes of a file, unpacked where its name ends in ``.gz``, or raise OSError."""
     require_regular(path)
     content = path.read_bytes()
     if path.suffix != ".gz":
@@ -70,20 +66,12 @@ def text_of(content: bytes) -> str:
     """Return the text of a file that a person may have written: UTF-8, without the byte-order mark.
 
     Some editors begin a file with that mark, which neither JSON nor TOML knows.
-
-    Raises:
-        UnicodeDecodeError: It is not UTF-8.
     """
     return content.decode("utf-8-sig")
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a file that a person may have written; its lines end in ``\\n``.
-
-    Raises:
-        OSError: It cannot be read.
-        UnicodeDecodeError: It is not UTF-8.
-    """
+    """Return the text of a file that a person may have written; its lines end in ``\\n``."""
     return path.read_text(encoding="utf-8-sig")
 
 
@@ -92,21 +80,13 @@ def _spelled(letter: str) -> str:
 
 
 def require_regular(path: Path) -> None:
-    """Check that a path is not that of a device or a pipe, which may never end.
-
-    Raises:
-        OSError: It is one, or there is nothing.
-    """
+    """Check that a path is not that of a device or a pipe, which may never end, or raise OSError."""
     if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
         raise OSError(f"{path} is no regular file")
 
 
 def refuse_constant(name: str) -> float:
-    """Refuse ``NaN`` and ``Infinity``, as ``parse_constant`` of :func:`json.loads`.
-
-    Raises:
-        ValueError: Always.
-    """
+    """Refuse ``NaN`` and ``Infinity``, as ``parse_constant`` of :func:`json.loads`."""
     raise ValueError(f"{name} is not JSON")
 
 
@@ -120,9 +100,6 @@ def cut_torn_line(path: Path) -> bool:
 
     Returns:
         True if there was one.
-
-    Raises:
-        OSError: The file cannot be read or written.
     """
     content = path.read_bytes()
     whole = content.rfind(b"\n") + 1

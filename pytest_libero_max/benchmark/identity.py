@@ -42,7 +42,6 @@ class Draw:
     """A fresh draw of cases, whose names and seeds nobody knew before its seed was revealed."""
 
     name: str
-    """For example ``2026Q4``."""
     seed: str
     """The revealed seed, any text."""
 

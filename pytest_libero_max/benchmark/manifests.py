@@ -61,11 +61,7 @@ class Manifest:
 
     @classmethod
     def of(cls, benchmark_id: str, cases: Iterable[Case], version: str = "1.0.0") -> Manifest:
-        """Return a manifest of cases that are scored by the goals of their tasks.
-
-        Args:
-            benchmark_id: Its name in reports.
-        """
+        """Return a manifest of cases that are scored by the goals of their tasks."""
         protocol: Json = {
             "arms": ["control", "intervention"],
             "query_interval": 16,
@@ -120,11 +116,7 @@ def load_manifest(path: Path) -> Manifest:
 
 
 def decode_manifest(content: bytes, path: Path) -> Manifest:
-    """Check the unpacked content of a manifest; see :func:`load_manifest`.
-
-    Raises:
-        ManifestError: It is not JSON, or breaks the format.
-    """
+    """Check the unpacked content of a manifest; see :func:`load_manifest`; raises ManifestError."""
     try:
         text = text_of(content)
     except UnicodeDecodeError as error:
@@ -159,11 +151,7 @@ def _unreadable(path: Path, error: Exception) -> ManifestError:
 
 
 def parse_manifest(document: Any) -> Manifest:
-    """Check a decoded manifest.
-
-    Raises:
-        ManifestError: It breaks the format or contradicts itself.
-    """
+    """Check a decoded manifest, or raise ManifestError."""
     require_fields(document, _Top, "manifest", ManifestError)
     if document.get("manifest_format", FORMAT_2) != FORMAT_2:
         raise ManifestError.seen(

@@ -37,11 +37,7 @@ class Order:
 
     @classmethod
     def parse(cls, text: str) -> Order:
-        """Read ``sorted``, ``blocks:SEED`` or ``shuffled:SEED``.
-
-        Raises:
-            ValueError: It is none of them.
-        """
+        """Read ``sorted``, ``blocks:SEED`` or ``shuffled:SEED``, or raise ValueError."""
         name, _, seed = text.partition(":")
         if text == SORTED_NAME:
             return cls()

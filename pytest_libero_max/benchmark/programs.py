@@ -94,11 +94,7 @@ class Program:
         return canonical_digest(self.to_dict())
 
     def fits(self, **case: str) -> bool:
-        """Return True if the program makes sense in a case, as far as the program says it.
-
-        Args:
-            case: What patterns are of: the case's ``event``, ``operation``, ``suite`` and ``entity``.
-        """
+        """Return True if the program makes sense in a case, as far as the program says it."""
         return all(_matches(case[key], patterns) for key, patterns in self.only.items()) and not any(
             _matches(case[key], patterns) for key, patterns in self.without.items()
         )
@@ -179,14 +175,7 @@ def program_names() -> tuple[str, ...]:
 
 
 def find_program(text: str, folder: Path = Path()) -> Program:
-    """Return a program of this package, or one from a file.
-
-    Args:
-        text: The name of one of this package, or the path of a file.
-
-    Raises:
-        OptionError: It is neither, or the file breaks the format.
-    """
+    """Return a program of this package, or one from a file, or raise OptionError."""
     if text in program_names():
         return replace(load_program(FOLDER / f"{text}.json"), source=text)
     path = folder / Path(text).expanduser()
@@ -201,21 +190,12 @@ def find_program(text: str, folder: Path = Path()) -> Program:
 
 
 def load_program(path: Path) -> Program:
-    """Read a program from a JSON or TOML file.
-
-    Raises:
-        OptionError: The file cannot be read, is neither, or breaks the format; names it.
-    """
+    """Read a program from a JSON or TOML file, or raise OptionError."""
     return replace(read_document(path, "program", parse_program), source=str(path))
 
 
 def read_document(path: Path, noun: str, parse: Callable[[Any], T]) -> T:
     """Return what a JSON or TOML file spells.
-
-    Args:
-        path: Its path; the format follows from ``.toml``.
-        noun: What it holds, for messages.
-        parse: Turns its value into that.
 
     Raises:
         OptionError: The file cannot be read, is of neither format, or breaks a rule; names it.
@@ -323,11 +303,7 @@ def _check_arm(value: Json, where: str) -> str:
 
 
 def check_entry(value: Any, where: str) -> Json:
-    """Return the entry of a schedule as an object of the right form.
-
-    Raises:
-        ManifestError: It has another form.
-    """
+    """Return the entry of a schedule as an object of the right form, or raise ManifestError."""
     kind = _Reversal if isinstance(value, dict) and "reverts" in value else _Happening
     entry: Json = value
     checked(entry, kind, where, ManifestError)

@@ -6,9 +6,9 @@ Numbers published for a released manifest hold only for the same file, byte for 
 from __future__ import annotations
 
 import hashlib
+import json
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,6 @@ class ReleasedFile:
 
     file: str
     benchmark_id: str
-    """Its own id."""
     version: str
     """Its ``benchmark_version``; their Lite of 400 cases had the name and version of that of 800."""
     cases: int
@@ -28,89 +27,9 @@ class ReleasedFile:
         return f"the authors' {self.file} {self.version}"
 
 
-_MAX = ("libero_max_8000.json", "libero-max-8000", 8000)
-_HARD = ("libero_max_pro_hard_2400.json", "libero-max-pro-hard-2400", 2400)
-_COMPARISON = ("libero_max_pro_model_comparison_800.json", "libero-max-pro-model-comparison-800", 800)
-_INTENT = ("intent_96.json", "libero-max-intent-96", 96)
-_LITE = ("libero_max_lite.json", "libero-max-lite", 800)
-
-_FILES = MappingProxyType(
-    {
-        "3.0.0": (
-            (*_MAX, "d26c38517b08709645a44b7fcf572f47eca056f7d01f1a7f5555dacf159dd1ed"),
-            (*_HARD, "c1bae5ca9082ef1936c245596f351f6d26d2fd242427686e965882fe3e7b8781"),
-            (*_COMPARISON, "82e9ce023a1f329d48e93aa398ee42e2e1c33ef468cfd9f5034a4246fae03534"),
-            (*_INTENT, "21a13c0588e1489732315aaff10925a0165898998cf3c330673b943fb1096ffb"),
-            (*_LITE, "0f2b7fc879e91f1ab85156f005adbb708c68966c631603f179f8153f4f2e22f7"),
-            (
-                "libero_max_lite_800.json",
-                "libero-max-lite-800",
-                800,
-                "6240b0f73f93db263e5c9606870a6bc008ccbb735ed6d92d76b442e14d03dbdd",
-            ),
-        ),
-        "3.0.0 of 400 cases": (
-            (
-                "libero_max_lite.json",
-                "libero-max-lite",
-                400,
-                "a27250e163aef96f5188b8a93d73f970284720ead0002e4235854f1d6f2e1588",
-            ),
-        ),
-        "3.0.0-candidate": (
-            (*_MAX, "5125847a8070bc478f149ff41bc8cbdb13b3b138b9ac596ba51ec1a6814f807a"),
-            (*_MAX, "fd73840bc0d39fc9e3cb1ea357c4d9cc37c42070d9a8e0dd757302c283a3bab4"),
-            (*_MAX, "758b27fbdaf7dbee06a5daf7ab29d7e8f1e41d7482db10c8df2f034c0d2fa231"),
-            (*_MAX, "ef3b24a2f56d70e34c26217255bce31af04ac7fc2d9dc9bcd2012dca1d1226cf"),
-            (*_HARD, "974c406a0c5bacfbf7ad07d6cf884a0e1f06c7509660b3a05dc6b59d320966aa"),
-            (*_HARD, "0695b901ad6993b303fc1383f146fccf1630f19d3f45f048e8d20ce5b2696580"),
-            (*_HARD, "e6453c2daeb838ae850708091150c67fc072e2fe265fd9bd33f67158cbc6c6f7"),
-            (*_HARD, "9bdeebb20a9553f6a20efbc73c6d3ce872e2b30fbcab1bf23a0d26e20418590f"),
-            (*_COMPARISON, "2393ad916318b5dab82d716c89bbbc03aca4893bb3204b1be63f78c53f6d301f"),
-            (*_COMPARISON, "75ff9705ba7ca2f27ab52231bd7688d5cfda67e04d8b9559d7b42c705d5fe9ed"),
-        ),
-        "2.0.0": (
-            (
-                "libero_max_5600.json",
-                "libero-max-5600",
-                5600,
-                "290ae46e9b31441f02d0d971556ef34ff76efffa038f7bb073f7db13b48c6d4c",
-            ),
-            (*_INTENT, "19f55f3f8975d3433df034c6c4178e69000b2dd041cc5cf1240273231e53c57b"),
-        ),
-        "1.0.0": (
-            (
-                "full.json",
-                "libero-max-v1-full",
-                4005,
-                "309c987e7cf6b60537dfbbc61c658d39f4acb907b41892ac242b112c31e0e1a5",
-            ),
-            (
-                "core.json",
-                "libero-max-v1-core",
-                1335,
-                "ac49a3136c5e02a2f731f0b412cc6cb1b9a526ceb635c1c76e60fd563f0eef38",
-            ),
-            (
-                "ablation_core.json",
-                "libero-max-v1-physical-ablation-core",
-                180,
-                "eea6a0112b96cf7bab16bb5e3eec0c046886a5f0f16ccde3b19466ae4d381c1f",
-            ),
-            (
-                "intent_core.json",
-                "libero-max-v1-intent-core",
-                96,
-                "a3a21c223f63b5785f56d75e01fffc2b655d8b9418d6b049b55b78c8552f78f7",
-            ),
-        ),
-    }
-)
-
 RELEASED = tuple(
-    ReleasedFile(file, benchmark_id, version, cases, sha256)
-    for version, files in _FILES.items()
-    for file, benchmark_id, cases, sha256 in files
+    ReleasedFile(**values)
+    for values in json.loads(Path(__file__).with_name("releases.json").read_text(encoding="utf-8"))
 )
 """Newest first. Not all can be played: see :data:`NOT_PLAYED`."""
 
@@ -137,7 +56,6 @@ def recognise(content: bytes, path: Path, benchmark_id: str | None = None) -> Re
     """Return the released file that a manifest is, or is like; None for another manifest.
 
     Args:
-        content: The manifest's bytes, unpacked.
         path: The file; a name like that of a released one, with or without ``.gz``, makes it like that one.
         benchmark_id: Its own id; that of a released one is recognised as well.
     """

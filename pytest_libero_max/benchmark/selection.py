@@ -47,13 +47,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
     def choose(
         cls, case_ids: Iterable[str], of: int, asked: Sequence[str], shard: tuple[int, int] | None = None
     ) -> Selection:
-        """Return the selection of some cases.
-
-        Args:
-            case_ids: Ids of the chosen cases, in any order.
-            asked: The user's selection, apart from the shard.
-            shard: Number and count, for example ``(1, 4)``.
-        """
+        """Return the selection of some cases."""
         ids = sorted(case_ids)
         shards = None if shard is None or shard[1] == 1 else Shards(shard[1], (shard[0],))
         return cls(tuple(asked), len(ids), of, canonical_digest(ids), shards, merged=False)
@@ -69,11 +63,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
         return self.shards.missing if self.shards is not None and self.merged else ()
 
     def require(self, case_ids: Iterable[str]) -> None:
-        """Check that these are the chosen cases.
-
-        Raises:
-            ReportError: They are others.
-        """
+        """Check that these are the chosen cases, or raise ReportError."""
         ids = sorted(case_ids)
         if len(ids) != self.chosen or canonical_digest(ids) != self.digest:
             raise ReportError(
@@ -82,11 +72,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
             )
 
     def text(self, case_set: str) -> str:
-        """Return a text such as ``24 of 800 cases of track lite (selection: -k camera_shift)``.
-
-        Args:
-            case_set: The track or manifest, for example ``track lite``.
-        """
+        """Return a text such as ``24 of 800 cases of track lite (selection: -k camera_shift)``."""
         if self.whole:
             return f"{case_set}, all {counted(self.of, 'case')}"
         asked = list(self.asked)
@@ -102,11 +88,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def from_dict(cls, values: Any) -> Selection:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: It has another form.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         selection: Selection = checked(values, cls, "selection", ReportError)
         if selection.chosen > selection.of:
             raise ReportError.seen("selection", values, f", but of {counted(selection.of, 'case')}.")
@@ -114,12 +96,7 @@ class Selection(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def merged_selection(selections: Sequence[Selection], case_ids: Iterable[str]) -> Selection:
-    """Return the selection of several runs of one case set together.
-
-    Raises:
-        ReportError: They are parts of case sets of different sizes, of different divisions into shards, or
-            shards of different selections.
-    """
+    """Return the selection of several runs of one case set together, or raise ReportError."""
     first = selections[0]
     for other in selections:
         if other.of != first.of:

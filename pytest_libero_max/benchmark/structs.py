@@ -129,11 +129,7 @@ def decode_json(content: bytes | str, cure: str) -> Any:
 
 
 def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
-    """Decode a struct from JSON.
-
-    Raises:
-        ReportError: It is not JSON, a field is missing or unknown, or holds a value that it cannot hold.
-    """
+    """Decode a struct from JSON, or raise ReportError."""
     try:
         decoded: AnyStruct = _decoder(kind).decode(content)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -142,11 +138,7 @@ def decode(content: bytes, kind: type[AnyStruct]) -> AnyStruct:
 
 
 def convert(values: Any, kind: type[AnyStruct]) -> AnyStruct:
-    """Return plain JSON values as a struct.
-
-    Raises:
-        ReportError: A field is missing or unknown, or holds a value that it cannot hold.
-    """
+    """Return plain JSON values as a struct, or raise ReportError."""
     try:
         return msgspec.convert(values, kind)
     except (msgspec.ValidationError, RecursionError) as error:
@@ -252,10 +244,6 @@ def struct_of(kind: Any) -> type[Struct]:
     """Return the fields of a dataclass as a struct, which msgspec checks in one call.
 
     A field has the name that manifests give it, by the mapping ``spelling`` of the class where it has one.
-
-    Raises:
-        NameError: The type of a field is imported for type checkers alone; import it at run time.
-        TypeError: msgspec cannot check a field's type.
     """
     return _struct_of(kind)
 
@@ -266,24 +254,9 @@ def _struct_of(kind: Any) -> type[Struct]:
     declared: list[Any] = []
     for item in fields(kind):
         hint = hints[item.name]
-        if _crashes_msgspec(hint):
-            raise TypeError(
-                f"{kind.__name__}.{item.name}: {hint} joins a type that has a rule and a tuple of fixed "
-                "length, at which msgspec crashes. Write Annotated[tuple[X, ...], "
-                "Meta(min_length=2, max_length=2)]."
-            )
         default = () if item.default is MISSING else (item.default,)
         declared.append((spelling.get(item.name, item.name), hint, *default))
     return msgspec.defstruct(kind.__name__, declared, forbid_unknown_fields=True, kw_only=True)
-
-
-def _crashes_msgspec(hint: Any) -> bool:
-    """Return True if converting to a type ends the process (msgspec 0.22)."""
-    parts = [part for part in get_args(hint) if part is not NoneType]
-    joined = get_origin(hint) in (Union, UnionType) and len(parts) > 1
-    fixed = any(get_origin(part) is tuple and Ellipsis not in get_args(part) for part in parts)
-    ruled = any(get_origin(part) is Annotated for part in parts)
-    return (joined and fixed and ruled) or any(map(_crashes_msgspec, parts))
 
 
 def _plain_type(kind: Any) -> Any:

@@ -110,7 +110,6 @@ def named_values(
     """Parse values by name, with commas between.
 
     Args:
-        text: The text.
         mark: Stands between name and value.
         parsers: Parsers of the values, by name.
         known: The names, where they are those of a registry.

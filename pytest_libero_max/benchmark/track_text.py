@@ -13,11 +13,7 @@ from pytest_libero_max.errors import counted
 
 
 def track_lines(folder: Path) -> list[str]:
-    """Return the tracks of a folder, each with its number of cases by source.
-
-    Raises:
-        ManifestError: A file is missing or is not the one that was frozen.
-    """
+    """Return the tracks of a folder, each with its number of cases by source, or raise ManifestError."""
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     lines = [f"Version {tracks[own_tracks(folder)[0]].version}.", "", "## Tracks", ""]
     lines += ["| track | cases | Plus | PRO | unmodified | events | digest |"]

@@ -46,15 +46,7 @@ def name_in(below: str, name: str, folder: Path = FOLDER) -> str:
 
 
 def track_path(name: str, folder: Path = FOLDER) -> Path:
-    """Return the manifest of a track.
-
-    Args:
-        name: One of :func:`all_track_names`.
-
-    Raises:
-        OptionError: There is no such track; suggests the closest.
-        ManifestError: There are no tracks at all.
-    """
+    """Return the manifest of a track, or raise OptionError or ManifestError."""
     require_tracks(folder)
     known = all_track_names(folder)
     if name not in known:
@@ -64,11 +56,7 @@ def track_path(name: str, folder: Path = FOLDER) -> Path:
 
 
 def require_tracks(folder: Path) -> None:
-    """Check that a folder has tracks.
-
-    Raises:
-        ManifestError: It has none.
-    """
+    """Check that a folder has tracks, or raise ManifestError."""
     if not track_names(folder):
         cure = "The installation is incomplete: install the package again."
         if folder not in (FOLDER, FOLDER / GENUINE):
@@ -115,21 +103,12 @@ def is_manifest_path(name: str) -> bool:
 
 
 def load_cases(name: str) -> Manifest:
-    """Read a track by its name, or a manifest by its path.
-
-    Raises:
-        OptionError: There is no such track.
-        ManifestError: The file cannot be read, or a track's differs from its checksum.
-    """
+    """Read a track by its name, or a manifest by its path, or raise OptionError or ManifestError."""
     return load_manifest(Path(name)) if is_manifest_path(name) else load_track(name)
 
 
 def frozen_content(path: Path) -> bytes:
-    """Return the content of a file, compared with its checksum.
-
-    Raises:
-        ManifestError: They differ, or there is none.
-    """
+    """Return the content of a file, compared with its checksum, or raise ManifestError."""
     content = content_of(path)
     expected = read_checksums(path.parent).get(path.name.removesuffix(".gz"), "nothing of it")
     if hashlib.sha256(content).hexdigest() != expected:
@@ -141,20 +120,12 @@ def frozen_content(path: Path) -> bytes:
 
 
 def read_table(path: Path) -> list[list[str]]:
-    """Return the rows of a frozen table, without its head.
-
-    Raises:
-        ManifestError: It is missing or is not the one that was frozen.
-    """
+    """Return the rows of a frozen table, without its head, or raise ManifestError."""
     return [line.split("\t") for line in frozen_content(path).decode().splitlines()[1:]]
 
 
 def content_of(path: Path) -> bytes:
-    """Return the bytes of a file, unpacked where it is compressed.
-
-    Raises:
-        ManifestError: It cannot be read or is damaged.
-    """
+    """Return the bytes of a file, unpacked where it is compressed, or raise ManifestError."""
     try:
         return read_content(path)
     except OSError as error:

@@ -16,7 +16,7 @@ from importlib.metadata import version
 from typing import Any
 
 from pytest_libero_max.benchmark.documents import printable
-from pytest_libero_max.cli.commands import FORMERLY, GROUPS, CommandPlace, add_place
+from pytest_libero_max.cli.commands import GROUPS, CommandPlace, add_place
 from pytest_libero_max.cli.completion import complete
 from pytest_libero_max.errors import LiberoMaxError
 
@@ -29,9 +29,6 @@ INTERRUPTED = 130
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command.
-
-    Args:
-        arguments: Words after ``libero-max``; those of the process by default.
 
     Returns:
         The exit status: that of the command, 0 for most; 1 with a message on standard error;
@@ -86,23 +83,11 @@ def _named_as_here(text: str, options: argparse.Namespace) -> str:
 class _Parser(argparse.ArgumentParser):
     """A parser that adds commands when they are given or listed, suggests them, and lists them by group."""
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse the words of a command; an option of before is answered with the one that says the same."""
-        options, rest = self.parse_known_args(args, namespace)
-        if rest:
-            self.error(f"unrecognized arguments: {' '.join(rest)}{_spelled_now(rest, options)}")
-        return options
-
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(action, CommandPlace):
             action.require(value)
-        if isinstance(action, argparse._SubParsersAction) and value not in action.choices:
-            formerly = FORMERLY.get(f"{self.prog} {value}".partition(" ")[2])
-            hint = f"It is now libero-max {formerly}" if formerly else None
-            if isinstance(action, CommandPlace):
-                hint = hint or action.hint(value)
-            if hint:
-                raise argparse.ArgumentError(None, f"there is no command {value!r}. {hint}")
+            if value not in action.choices:
+                raise argparse.ArgumentError(None, f"there is no command {value!r}. {action.hint(value)}")
         super()._check_value(action, value)
 
     def format_help(self) -> str:
@@ -110,18 +95,6 @@ class _Parser(argparse.ArgumentParser):
             place.require_all()
             self.epilog = "\n".join(_listed(self.prog, place))
         return super().format_help()
-
-
-def _spelled_now(words: Sequence[str], options: argparse.Namespace) -> str:
-    """Return what says the same as options of before, where a command has the one that they became."""
-    from pytest_libero_max.evaluation.settings import GONE
-
-    for word in words:
-        name = word.removeprefix("--").partition("=")[0]
-        spelled = GONE.get(name, "") if word.startswith("--") else ""
-        if spelled and hasattr(options, spelled.partition("=")[0].replace("-", "_")):
-            return f". --{name} is spelled --{spelled}"
-    return ""
 
 
 def parser() -> argparse.ArgumentParser:

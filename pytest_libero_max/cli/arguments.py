@@ -30,11 +30,9 @@ def option(
     """Add an option with a value to a command.
 
     Args:
-        command: The command, or a group of options of it.
         flag: The flag and the name of its value, as the help prints them: ``--jobs N``.
         help: The text of the help; the default is added unless it names one.
         many: True if it may be repeated; its value is then a list.
-        how: As for ``add_argument``: ``type``, ``default``, ``choices`` and the like.
     """
     name, _, metavar = flag.partition(" ")
     if how.get("default") is not None and "efault" not in help:

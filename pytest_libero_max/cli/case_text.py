@@ -30,12 +30,7 @@ _ENDINGS: Mapping[Ending, str] = {
 
 
 def case_lines(case: Case, certificates: Mapping[str, Certificate]) -> list[str]:
-    """Return the lines of a case: description, event, command to play it alone, object in the manifest.
-
-    Args:
-        case: The case.
-        certificates: Those of the frozen cases, by id; empty where the case is none of them.
-    """
+    """Return the lines of a case: description, event, command to play it alone, object in the manifest."""
     kind = EVENTS[case.event.name]
     setup = ", ".join(change["operation"] for change in case.event.setup)
     return [
@@ -77,10 +72,6 @@ def event_pictures(world: World, case: Case, size: int) -> dict[str, tuple[Image
 
     Returns:
         Two (size, size, 3) uint8 images by camera, upright.
-
-    Raises:
-        ChangeError: The event does not fit this world.
-        SimulatorError: The renderer does not answer.
     """
     cameras = world.robot.cameras
     before = world.observe(cameras, size)
@@ -93,21 +84,6 @@ def write_event_pictures(folder: Path, world: World, case: Case, size: int) -> l
     """Write ``<item id>--<camera>-before.png`` and ``-after.png`` for each camera.
 
     Nobody plays: the hand goes to the trigger entity on a fixed way.
-
-    Args:
-        folder: Made if missing.
-        world: The world of the case.
-        case: The case.
-        size: Side of a picture, pixels.
-
-    Returns:
-        The paths of the files.
-
-    Raises:
-        OptionError: One of them exists, or the hand does not come near the trigger entity.
-        ReportError: They cannot be written.
-        ChangeError: The event does not fit this world.
-        SimulatorError: The simulation broke, or the renderer does not answer.
     """
     paths = {
         (camera, when): folder / f"{case.item_id}--{camera}-{when}.png"

@@ -25,7 +25,6 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.registry import Registry
 
 Add: TypeAlias = Callable[["CommandPlace"], None]
-"""Function of a module that adds its command to the parser."""
 
 GROUPS = {
     "Start here": ("init", "doctor", "check", "list"),
@@ -45,42 +44,13 @@ GROUPS = {
 _PARTS = {
     "list": (
         "What there is",
-        {
-            "tracks": "cases",
-            "cases": "cases",
-            "events": "events",
-            "programs": "programs",
-            "profiles": "profiles",
-            "published": "published",
-            "words": "words",
-        },
+        dict.fromkeys(("tracks", "cases", "events", "programs", "profiles", "published", "words"), "lists"),
     ),
     "plan": ("What a run takes and what it can show", {"pairs": "power", "gates": "power"}),
     "shards": ("A run in several parts, on several machines", {"slurm": "slurm", "merge": "merge"}),
     "publish": ("Results for others", {"pack": "publish", "verify": "publish"}),
 }
 """The commands of this package that hold others: what these have in common, and the module of each."""
-
-FORMERLY = {
-    "show": "list cases",
-    "power": "plan pairs, or plan gates",
-    "verify": "dev verify, or publish verify",
-    "verify-run": "publish verify",
-    "launch": "shards slurm",
-    "poses": "lab rerun",
-    "watch": "runs --follow",
-    "trend": "compare --over-time",
-    "export": "report --export",
-    "plan.": "plan time RUN",
-    "publish.": "publish pack RUN FOLDER",
-    "bench-scenes": "dev bench scenes",
-    "bench-images": "dev bench device",
-    "bench-device": "dev bench device",
-    "bench-genuine": "dev bench genuine",
-    "dev bench images": "dev bench device",
-    "dev bench serving": "dev bench device",
-}
-"""New names of commands; of a group, with its dot, what it did itself. Those in a group are found there."""
 
 
 def _own() -> Mapping[str, Callable[[], object]]:
@@ -156,19 +126,13 @@ class CommandPlace(_Action):
 
     def hint(self, name: str) -> str:
         """Return the group of a command that does not belong here, or the name that was probably meant."""
-        closest = did_you_mean(name, self.names())
-        if self.prefix:
-            alone = FORMERLY.get(self.prefix)
-            return f"{closest} Without a part it was what is now libero-max {alone}" if alone else closest
         grouped = [key.replace(".", " ") for key in COMMANDS if key.endswith(f".{name}")]
-        return f"It is now libero-max {grouped[0]}" if grouped else closest
+        if grouped and not self.prefix:
+            return f"It is libero-max {grouped[0]}."
+        return did_you_mean(name, self.names())
 
     def require(self, name: str) -> None:
-        """Add a command if it belongs here.
-
-        Raises:
-            OptionError: Its package is broken.
-        """
+        """Add a command if it belongs here, or raise OptionError."""
         if name not in self.waiting():
             return
         COMMANDS[f"{self.prefix}{name}"](self)
@@ -187,12 +151,7 @@ class CommandPlace(_Action):
                 self.add_parser(name, help=str(error).rstrip(".").replace("%", "%%"))
 
     def add_group(self, name: str, help: str) -> None:
-        """Add a command that holds the commands whose entry points begin with its name and a dot.
-
-        Args:
-            name: Its name.
-            help: What its commands have in common; their names are added.
-        """
+        """Add a command that holds the commands whose entry points begin with its name and a dot."""
         begin = f"{self.prefix}{name}."
         names = [key.removeprefix(begin) for key in COMMANDS if key.startswith(begin)]
         group = self.add_parser(
@@ -206,11 +165,7 @@ class CommandPlace(_Action):
         place.prefix = begin
 
     def listed(self, names: Iterable[str] | None = None) -> Iterator[tuple[str, str]]:
-        """Yield commands with their help.
-
-        Args:
-            names: Those to list; all by default.
-        """
+        """Yield commands with their help."""
         helps = {str(choice.dest): " ".join((choice.help or "").split()) for choice in self._choices_actions}
         return ((name, helps[name]) for name in (self.choices if names is None else names))
 

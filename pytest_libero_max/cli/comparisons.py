@@ -29,7 +29,6 @@ class Comparison(NamedTuple):
     add_options: Callable[[argparse.ArgumentParser], object]
     compare: Callable[[argparse.Namespace], bool]
     options: Sequence[str]
-    """Options that belong to it."""
     takes: Sequence[str]
     """Those of :data:`OF_COMPARE` that it reads."""
 
@@ -49,11 +48,7 @@ COMPARISONS: Registry[Comparison] = Registry(
 
 
 def asked_comparison(options: argparse.Namespace) -> Comparison | None:
-    """Return the way that the options ask for; None for the usual one.
-
-    Raises:
-        OptionError: They ask for two, or for what belongs to another.
-    """
+    """Return the way that the options ask for; None for the usual one; raises OptionError."""
     names = [name for name in COMPARISONS if _is_given(options, name)]
     for name, way in COMPARISONS.items():
         for option in way.options:

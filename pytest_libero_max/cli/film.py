@@ -62,7 +62,6 @@ def add_pairs(command: argparse.ArgumentParser, folder: str) -> None:
     """Add the arguments for the pairs to play again, their pictures, and the place of the files.
 
     Args:
-        command: The command.
         folder: Name of the folder for its files, in the folder of the run.
     """
     command.add_argument("run_folder", type=Path, metavar="RUN", help="The output folder of the run")
@@ -122,16 +121,7 @@ def write_each(
     *,
     for_people: bool = False,
 ) -> int:
-    """Play the chosen pairs again and write a file for each; return 1 if one was refused, else 0.
-
-    Args:
-        options: See :func:`add_pairs`.
-        name: Of the folder for the files, in that of the run.
-        path_of: Path of the file of a pair, in a folder.
-        writer: Writer of the file for a run with this provenance.
-        then: Line to print where there are files in the folder of the run.
-        for_people: True to draw the images that look best, False to draw those of the run.
-    """
+    """Play the chosen pairs again and write a file for each; return 1 if one was refused, else 0."""
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     use_one_blas_thread()  # as in a run: the last bits depend on it

@@ -29,8 +29,8 @@ def _gate(options: argparse.Namespace) -> int:
     from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
     from pytest_libero_max.report.gate_results import decide_on, require_usable, shards_of
+    from pytest_libero_max.report.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.run_texts import incomplete_text
-    from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.media import show_command
     from pytest_libero_max.runs.outside import outside_text

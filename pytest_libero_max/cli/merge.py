@@ -44,11 +44,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _declared(provenance: Json, asked: Sequence[Gate]) -> tuple[Gate, ...]:
-    """Return the gates that the shards were given.
-
-    Raises:
-        OptionError: One names a run, which is opened only if the user names it as well.
-    """
+    """Return the gates that the shards were given."""
     from pytest_libero_max.report.gates import parse_gates
 
     given = {gate.text for gate in asked}
@@ -65,14 +61,12 @@ def _declared(provenance: Json, asked: Sequence[Gate]) -> tuple[Gate, ...]:
 
 
 def _merge(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.broken import to_look_at
+    from pytest_libero_max.cli.report import run_summary
     from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
     from pytest_libero_max.report.gate_results import decide, require_usable
+    from pytest_libero_max.report.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.gates import parse_gates
-    from pytest_libero_max.report.writers.gate_text import gate_lines, not_passed_text
     from pytest_libero_max.report.writers.report_files import write_reports
-    from pytest_libero_max.report.writers.summary import summary_lines
-    from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
     from pytest_libero_max.runs.merge import finished, merge_folders
 
     folders, left_out = finished(options.folders) if options.finished else (options.folders, [])
@@ -81,10 +75,7 @@ def _merge(options: argparse.Namespace) -> int:
     gates = (*_declared(run.provenance, asked), *asked)
     verdicts = decide(gates, options.output, here)
     report, paths = write_reports(options.output, gates=verdicts)
-    films = {item: str(options.output / film) for item, film in films_in(options.output).items()}
-    named = to_look_at(report, MOST_FILMS)
-    show = show_command(options.output, str(options.output), named, report.provenance)
-    say_coloured([*left_out, *summary_lines(report, [str(path) for path in paths], films, show)])
+    say_coloured([*left_out, *run_summary(options.output, report, paths)])
     if report.pairs.complete:
         require_usable(gates, run.planned, run.planned, options.output, here)
     failed = not_passed_text(verdicts)

@@ -80,7 +80,7 @@ def _expected(options: argparse.Namespace) -> tuple[Expectation, ...]:
 
 
 def _pairs(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.writers.gate_plan_text import advice_lines
+    from pytest_libero_max.report.gate_plan import advice_lines
     from pytest_libero_max.report.writers.power_text import power_lines
 
     expected = _expected(options)
@@ -97,8 +97,8 @@ def _gates(options: argparse.Namespace) -> None:
 
 def _gate_plans(options: argparse.Namespace, expected: Expectation) -> Iterator[list[str]]:
     from pytest_libero_max.benchmark.tracks import load_track
+    from pytest_libero_max.report.gate_plan import gate_plan_lines
     from pytest_libero_max.report.gates import parse_gates
-    from pytest_libero_max.report.writers.gate_plan_text import gate_plan_lines
     from pytest_libero_max.runs.plan import PlannedPair
 
     planned = options.pairs or tuple(map(PlannedPair.of, load_track(options.track or "smoke")))

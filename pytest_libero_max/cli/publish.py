@@ -74,8 +74,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _publish(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.about import About
-    from pytest_libero_max.report.publication import publish
+    from pytest_libero_max.report.publication import About, publish
 
     about = None
     if options.authors or options.model:
@@ -88,8 +87,7 @@ def _publish(options: argparse.Namespace) -> None:
 
 
 def _verify_run(options: argparse.Namespace) -> int:
-    from pytest_libero_max.report.publication import checked
-    from pytest_libero_max.report.verified_runs import note_check, read_checks
+    from pytest_libero_max.report.publication import checked, note_check, read_checks
     from pytest_libero_max.runs.outside import outside_text
     from pytest_libero_max.runs.replay_command import is_outside
     from pytest_libero_max.runs.run_verification import CANNOT_JUDGE, FRESH, verification_lines, verified
@@ -137,11 +135,7 @@ def _verify_run(options: argparse.Namespace) -> int:
 
 
 def _places(provenance: Json, options: argparse.Namespace) -> Places:
-    """Return what is taken from this machine to play the pairs of a run.
-
-    Raises:
-        OptionError: The run names something that only an option may name.
-    """
+    """Return what is taken from this machine to play the pairs of a run."""
     from pytest_libero_max.policies.clients.address import is_served
     from pytest_libero_max.policies.profile import profile_names
     from pytest_libero_max.policies.references import absolute_reference

@@ -61,13 +61,13 @@ def add_command(commands: Commands) -> None:
 def _export_named(text: str) -> tuple[str, Path]:
     name, equals, file = text.partition("=")
     if not equals or not file:
-        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example ctrf=ctrf.json")
+        raise argparse.ArgumentTypeError(f"{text!r}, but must be FORMAT=FILE, for example tensorboard=logs")
     return name, Path(file)
 
 
 def _export(options: argparse.Namespace) -> None:
     from pytest_libero_max.cli.ini_file import gates_of
-    from pytest_libero_max.report.exports import ExportedRun, export
+    from pytest_libero_max.report.exports import ExportedRun
     from pytest_libero_max.report.gate_results import decide_on
     from pytest_libero_max.report.writers.report_files import report_of
     from pytest_libero_max.runs.store import read_pairs
@@ -77,7 +77,7 @@ def _export(options: argparse.Namespace) -> None:
     verdicts = decide_on(gates, stored, report_of(stored), start) if gates else ()
     run = ExportedRun(options.folder, stored, verdicts)
     for format_name, place in options.export:
-        print(f"Written: {', '.join(map(str, export(format_name, run, place)))}")
+        print(f"Written: {', '.join(map(str, EXPORTS[format_name](run, place)))}")
 
 
 def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path], tuple[GateResult, ...]]:
@@ -92,12 +92,19 @@ def rewrite(folder: Path, asked: Sequence[str] = ()) -> tuple[Report, list[Path]
     return report, paths, verdicts
 
 
-def _refuse_options_of_results(options: argparse.Namespace) -> None:
-    """Refuse what is for results of other runners alone.
+def run_summary(folder: Path, report: Report, paths: Sequence[Path]) -> list[str]:
+    """Return the summary of a run in a folder, with its films and the files that were written."""
+    from pytest_libero_max.report.broken import to_look_at
+    from pytest_libero_max.report.writers.summary import summary_lines
+    from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
 
-    Raises:
-        OptionError: It is given.
-    """
+    films = {item: str(folder / film) for item, film in films_in(folder).items()}
+    show = show_command(folder, str(folder), to_look_at(report, MOST_FILMS), report.provenance)
+    return summary_lines(report, [str(path) for path in paths], films, show)
+
+
+def _refuse_options_of_results(options: argparse.Namespace) -> None:
+    """Refuse what is for results of other runners alone."""
     from pytest_libero_max.errors import OptionError
 
     for name in ("cases", "beside"):
@@ -112,13 +119,13 @@ def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
     """Write the report of results that another runner wrote."""
     from pytest_libero_max.cli.ini_file import gates_of
     from pytest_libero_max.report.formats import interval_text, points
+    from pytest_libero_max.report.gate_text import gate_lines
     from pytest_libero_max.report.read_results import (
         contrast_with,
         decide_results,
         report_of_results,
         write_results,
     )
-    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.summary import summary_lines
     from pytest_libero_max.runs.outcomes import read_outcomes
 
@@ -145,16 +152,12 @@ def _report_results(options: argparse.Namespace, reader: ResultsReader) -> None:
 
 
 def _report(options: argparse.Namespace) -> None:
-    from pytest_libero_max.report.broken import to_look_at
+    from pytest_libero_max.report.gate_text import gate_lines
     from pytest_libero_max.report.readers import reader_of
     from pytest_libero_max.report.run_tables import csv_text, latex_text
-    from pytest_libero_max.report.studies.study_tables import study_csv
     from pytest_libero_max.report.writers import raster
     from pytest_libero_max.report.writers.badge import BADGE_NAME, badge_json
-    from pytest_libero_max.report.writers.gate_text import gate_lines
     from pytest_libero_max.report.writers.report_files import write_figures, write_text
-    from pytest_libero_max.report.writers.summary import summary_lines
-    from pytest_libero_max.runs.media import MOST_FILMS, films_in, show_command
 
     if options.export:
         _export(options)
@@ -168,18 +171,13 @@ def _report(options: argparse.Namespace) -> None:
         paths += write_figures(report, options.folder)
     if options.tables:
         tables = {"report.csv": csv_text(report), "report.tex": latex_text(report)}
-        if report.study is not None:
-            tables["study.csv"] = study_csv(report.study)
         for name, text in tables.items():
             write_text(options.folder / name, text)
         paths += [options.folder / name for name in tables]
     if options.badge:
         write_text(options.folder / BADGE_NAME, badge_json(report))
         paths.append(options.folder / BADGE_NAME)
-    films = {item: str(options.folder / film) for item, film in films_in(options.folder).items()}
-    named = to_look_at(report, MOST_FILMS)
-    show = show_command(options.folder, str(options.folder), named, report.provenance)
-    say_coloured(summary_lines(report, [str(path) for path in paths], films, show))
+    say_coloured(run_summary(options.folder, report, paths))
     if verdicts:
         say_coloured(gate_lines(verdicts))
     if options.figures and not raster.available():

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,9 +54,7 @@ def add_command(commands: Commands) -> None:
 
 def _runs(options: argparse.Namespace) -> int:
     if options.follow:
-        from pytest_libero_max.cli.following import follow
-
-        return follow(options.folders or [Path()], options.interval, once=options.once)
+        return _follow(options.folders or [Path()], options.interval, once=options.once)
     if options.once:
         raise OptionError("--once says how runs are followed. Give --follow as well.")
     if len(options.folders) > 1:
@@ -77,7 +78,7 @@ def _list(folder: Path = Path()) -> int:
             unreadable.append(f"cannot be read: {error}")
     lines = aligned([_HEAD, *(row for _, row in sorted(found))]) if found else []
     if any(_FLOOR in cell for _, row in found for cell in row):
-        from pytest_libero_max.report.group_tables import FLOOR_NOTE
+        from pytest_libero_max.report.groups import FLOOR_NOTE
 
         lines.append(FLOOR_NOTE)
     say([*lines, *unreadable] or [f"There is no run below {folder}."])
@@ -91,12 +92,7 @@ def _run_folders(folder: Path) -> set[Path]:
 
 
 def _row(name: str, seen: Seen) -> tuple[str, ...]:
-    """Return the cells of a run.
-
-    Args:
-        name: Path of the run below the folder that is listed.
-        seen: Its status.
-    """
+    """Return the cells of a run."""
     began = _began(seen)[:16].replace("T", " ")
     cases = seen.run.provenance["case_set"]["name"]
     return (name, seen.run.provenance["policy"]["reference"], cases, *_rates(seen), _status(seen), began)
@@ -110,7 +106,7 @@ def _began(seen: Seen) -> str:
 def _rates(seen: Seen) -> tuple[str, str, str]:
     from pytest_libero_max.report.formats import percent, points
     from pytest_libero_max.runs.outcomes import read_outcomes
-    from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+    from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE
 
     if seen.state != "ended" or not seen.complete or not seen.progress.done:
         return ("", "", "")
@@ -130,3 +126,55 @@ def _status(seen: Seen) -> str:
     if seen.stopped is not None:
         return f"stopped, {count}"
     return f"complete, {counted(seen.progress.done, 'pair')}" if seen.complete else f"incomplete, {count}"
+
+
+def _follow(folders: Sequence[Path], interval_s: float, *, once: bool) -> int:
+    """Show how far runs are until they end, and return the exit status."""
+    from pytest_libero_max.runs.live_text import LiveText, understands_sequences
+    from pytest_libero_max.runs.progress import Pace
+    from pytest_libero_max.runs.status import Follower
+
+    followers = [Follower(folder) for folder in folders]
+    seen = [follower.look() for follower in followers]
+    if not once:
+        live = LiveText(sys.stdout) if understands_sequences(sys.stdout) else None
+        pace = Pace(time.monotonic())
+        if live is None and any(map(_goes_on, seen)):
+            say(_lines(seen))
+        try:
+            while any(map(_goes_on, seen)):
+                if live is not None:
+                    live.draw(_lines(seen))
+                elif pace.due(time.monotonic()):
+                    say([_lines(seen)[-1] if len(seen) > 1 else _line(seen[0])])
+                time.sleep(interval_s)
+                seen = [follower.look() for follower in followers]
+        finally:
+            if live is not None:
+                live.erase()
+    say(_lines(seen))
+    return max(map(_exit_status, seen))
+
+
+def _goes_on(seen: Seen) -> bool:
+    return seen.state in ("running", "unknown")
+
+
+def _lines(runs: Sequence[Seen]) -> list[str]:
+    from pytest_libero_max.runs.status import overview
+
+    return runs[0].lines(time.time()) if len(runs) == 1 else overview(runs, time.time())
+
+
+def _line(seen: Seen) -> str:
+    from pytest_libero_max.runs.progress import progress_text
+
+    return "; ".join([progress_text(seen.progress, time.time()), *seen.waiting_lines])
+
+
+def _exit_status(seen: Seen) -> int:
+    from pytest_libero_max.report.exit_status import INCOMPLETE
+
+    if seen.state == "killed" or (seen.state == "ended" and not seen.complete):
+        return INCOMPLETE
+    return 0

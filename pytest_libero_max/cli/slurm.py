@@ -133,15 +133,6 @@ def slurm_script(
 ) -> str:
     """Return a script for bash that submits an array of shards, and the job that merges them.
 
-    Args:
-        arguments: Of pytest.
-        shards: Number of shards.
-        output: Folder of the runs; absolute.
-        at_once: Shards that are played at the same time; None for no limit.
-        workers: Workers of each shard.
-        before: Lines of shell that each job begins with.
-        sbatch: More options of sbatch for the shards.
-
     Raises:
         OptionError: A word has several lines, or an argument of pytest cannot be used.
     """

@@ -30,7 +30,6 @@ class Work:
         """Show the progress.
 
         Args:
-            text: One line.
             last: True where a part of the work is done: the line stays.
         """
         if last:

@@ -1,4 +1,4 @@
-"""A module of this room in a process of its own, with an empty home."""
+"""A function of this room in another process, with an empty home. Arguments: MODULE FUNCTION TEXT FILE."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,45 +16,30 @@ from pytest_libero_max.runs.fresh_place import fresh_place
 
 _FILE = "result.json"
 
-_HASH_SEED = "20"
-"""Seed of the hashes of the process, which differ from those of this one."""
-
-_SECOND_HASH_SEED = "21"
-"""The same, where this process has the first."""
+_HASH_SEEDS = ("20", "21")
+"""Seeds of the hashes of the process, of which it gets the one that this process has not."""
 
 
 def result_elsewhere(
-    module: str,
-    argument: str,
+    function: Callable[[str], Any],
+    text: str,
     timeout_s: float,
     *,
     expected: str,
     cure: str,
     environment: Mapping[str, str] | None = None,
 ) -> Any | Finding:
-    """Run a module with an argument and a file to write, and return what it wrote as JSON.
+    """Return what a function makes of a text in another process, through JSON; a finding where it fails.
 
-    It has other hashes of texts than this process, and its import path, for modules beside tests or in the
-    working folder.
-
-    Args:
-        module: Its dotted name.
-        argument: Its first argument.
-        timeout_s: Longest time of the process, s.
-        expected: The rule, where the process fails.
-        cure: Likewise.
-        environment: Variables that the process has besides.
-
-    Returns:
-        The result, or a finding where there is none.
+    The process has other hashes of texts than this one, and its import path, for modules beside tests or in
+    the working folder.
     """
     with fresh_place() as (folder, fresh):
-        shared = os.environ.get("PYTHONHASHSEED") == _HASH_SEED
-        fresh["PYTHONHASHSEED"] = _SECOND_HASH_SEED if shared else _HASH_SEED
+        fresh["PYTHONHASHSEED"] = _HASH_SEEDS[os.environ.get("PYTHONHASHSEED") == _HASH_SEEDS[0]]
         fresh["PYTHONPATH"] = os.pathsep.join(str(Path(path).absolute()) for path in sys.path)
         try:
             ended = subprocess.run(
-                [sys.executable, "-m", module, argument, _FILE],
+                [sys.executable, "-m", __name__, function.__module__, function.__name__, text, _FILE],
                 cwd=folder,
                 env=fresh | dict(environment or {}),
                 capture_output=True,
@@ -64,9 +50,12 @@ def result_elsewhere(
             return unexamined(f"the fresh process did not end within {timeout_s:.0f} s")
         if ended.returncode:
             last = (ended.stderr.strip().splitlines() or ["no message"])[-1]
-            return broken(
-                f"a fresh process with an empty home ended with status {ended.returncode}: {last}",
-                expected,
-                cure,
-            )
+            status = f"a fresh process with an empty home ended with status {ended.returncode}"
+            return broken(f"{status}: {last}", expected, cure)
         return json.loads((folder / _FILE).read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    module, name, text, file = sys.argv[1:]
+    result = getattr(import_module(module), name)(text)
+    Path(file).write_text(json.dumps(result), encoding="utf-8")

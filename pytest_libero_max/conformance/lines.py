@@ -14,10 +14,13 @@ STRICT = "--strict"
 """Option of ``libero-max check`` that counts as wrong what breaks a rule of level ``should``."""
 
 
+Word = Literal["ok", "wrong", "note", "skip"]
+
+
 class CheckLine(NamedTuple):
     """A finding as ``libero-max check`` prints it."""
 
-    word: Literal["ok", "wrong", "note", "skip"]
+    word: Word
     text: str
     doubtful: bool
     """True for a note that ``--strict`` counts as wrong."""
@@ -30,23 +33,15 @@ def check_lines(outcomes: Sequence[Outcome], *, strict: bool = False) -> list[Ch
     """Return a line for each finding; one for those that say the same of the same part."""
     lines: dict[str, CheckLine] = {}
     for outcome in outcomes:
+        level, name = outcome.rule.level, outcome.rule.id.partition("/")[2]
+        broken: Word = "wrong" if level == "must" or (strict and level == "should") else "note"
+        words: dict[str, Word] = {"kept": "ok", "unexamined": "skip", "broken": broken}
         for finding in outcome.findings:
-            word = _word_of(outcome, finding, strict=strict)
-            doubtful = word == "note" and outcome.rule.level == "should"
-            line = CheckLine(word, f"{_name(outcome, finding)}: {_text(finding)}", doubtful)
-            lines.setdefault(f"{finding.part} {_text(finding)}", line)
+            word, text = words[finding.state], _text(finding)
+            part = f", {finding.part}" if finding.part else ""
+            line = CheckLine(word, f"{name}{part}: {text}", word == "note" and level == "should")
+            lines.setdefault(f"{finding.part} {text}", line)
     return [*lines.values()]
-
-
-def _word_of(outcome: Outcome, finding: Finding, *, strict: bool) -> Literal["ok", "wrong", "note", "skip"]:
-    if finding.state != "broken":
-        return "ok" if finding.state == "kept" else "skip"
-    return "wrong" if outcome.rule.level == "must" or (strict and outcome.rule.level == "should") else "note"
-
-
-def _name(outcome: Outcome, finding: Finding) -> str:
-    name = outcome.rule.id.partition("/")[2]
-    return f"{name}, {finding.part}" if finding.part else name
 
 
 def _text(finding: Finding) -> str:
@@ -57,13 +52,7 @@ def _text(finding: Finding) -> str:
 
 
 def message(outcome: Outcome, subject: str, options: Sequence[str] = ()) -> str:
-    """Return everything that a reader needs of a broken rule: observed, expected, cure, command.
-
-    Args:
-        outcome: Of the rule.
-        subject: Kind and name.
-        options: Of pytest, with which it is examined besides.
-    """
+    """Return everything that a reader needs of a broken rule: observed, expected, cure, command."""
     return "\n".join(_message(outcome, subject, options))
 
 

@@ -22,15 +22,10 @@ class PythonName:
     module: str
     """Importable name, or path of a file that ends in ``.py``."""
     function: str
-    """Name of the function in it."""
 
     @classmethod
     def read(cls, kind: str, text: str) -> PythonName:
-        """Return the name in a text.
-
-        Raises:
-            ValueError: It names no function.
-        """
+        """Return the name in a text."""
         module, _, function = text.rpartition(":")
         if not module or not function.isidentifier():
             raise ValueError(
@@ -40,11 +35,7 @@ class PythonName:
         return cls(kind, module, function)
 
     def check(self) -> None:
-        """Check that the module is there, without executing it.
-
-        Raises:
-            OptionError: It is not.
-        """
+        """Check that the module is there, without executing it."""
         if not (Path(self.module).is_file() if self._is_file else find_spec(self.module)):
             raise OptionError.seen(
                 self.kind,
@@ -53,11 +44,7 @@ class PythonName:
             )
 
     def load(self) -> Any:
-        """Import the module, and return its function.
-
-        Raises:
-            OptionError: The module cannot be imported, or has no such function.
-        """
+        """Import the module, and return its function."""
         try:
             module = _executed(Path(self.module)) if self._is_file else importlib.import_module(self.module)
         except (Exception, SystemExit) as error:  # a module of others may raise anything

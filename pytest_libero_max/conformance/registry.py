@@ -12,31 +12,19 @@ from pytest_libero_max.registry import Registry, given
 _MODULES = (
     "policy.contract",
     "policy.actions",
-    "policy.chunk",
     "policy.determinism",
-    "policy.memory",
     "policy.inputs",
-    "policy.images",
     "server.contract",
     "server.clients",
-    "server.requests",
     "loop.episodes",
-    "loop.observations",
     "loop.actions",
-    "loop.pair",
     "substrate.contract",
     "substrate.states",
-    "substrate.images",
     "environment.contract",
     "environment.starts",
     "environment.images",
-    "environment.clock",
     "environment.actions",
-    "environment.states",
-    "environment.task",
-    "environment.repeats",
 )
-"""Modules with rules, in the order in which rules are examined."""
 
 
 def _own() -> Mapping[str, Callable[[], object]]:
@@ -56,7 +44,6 @@ def _accept(name: str, value: object) -> Rule:
 RULES: Registry[Rule] = Registry(
     "rule", "pytest_libero_max.rules", _own, _accept, OptionError, attribute="id"
 )
-"""Every rule by its id."""
 
 
 def rules_for(kind: str) -> tuple[Rule, ...]:

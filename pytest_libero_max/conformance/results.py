@@ -1,14 +1,17 @@
-"""The results of an examination, as the document that is stored and shown."""
+"""The results of an examination as a stored document, and the rules that a file expects to be broken."""
 
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Final, Literal
 
+from pytest_libero_max.benchmark.documents import read_text
 from pytest_libero_max.benchmark.structs import (
     AnyText,
     Count,
@@ -18,8 +21,8 @@ from pytest_libero_max.benchmark.structs import (
     decode,
     to_builtins,
 )
-from pytest_libero_max.conformance.expected import Expected
 from pytest_libero_max.conformance.rules import Outcome
+from pytest_libero_max.errors import OptionError
 
 CONFORMANCE_VERSION: Final = 1
 """Version of the document's form."""
@@ -116,14 +119,7 @@ class Conformance(Document, frozen=True, kw_only=True):
 def conformance(
     subject: str, results: Mapping[str, RuleResult], all_rules: Iterable[str], substrate: str | None = None
 ) -> Conformance:
-    """Return the document of the results of a subject's rules, by id.
-
-    Args:
-        subject: Kind and name.
-        results: Those that were examined.
-        all_rules: Ids of all rules of its kind, in order.
-        substrate: Of the scene that a policy was shown.
-    """
+    """Return the document of the results of a subject's rules, by id."""
     ids = list(all_rules)
     rules = [results[id] for id in ids if id in results]
     counts = dict.fromkeys(("kept", "broken must", "broken should", "broken note", "unexamined"), 0)
@@ -151,9 +147,40 @@ def conformance_json(document: Conformance) -> str:
 
 
 def read_conformance(text: str) -> Conformance:
-    """Return a stored document.
-
-    Raises:
-        ReportError: It is none.
-    """
+    """Return a stored document."""
     return decode(text.encode(), Conformance)
+
+
+_EXAMPLE = '["policy/images/rotated"]\nreason = "trained on images as delivered"\nlink = "https://..."'
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Why a rule is expected to be broken."""
+
+    reason: str
+    link: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.reason} ({self.link})" if self.link else self.reason
+
+
+def read_expected(path: Path) -> Mapping[str, Expected]:
+    """Read a TOML file with a table for each rule, by its id."""
+    try:
+        tables = tomllib.loads(read_text(path))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise OptionError(
+            f"xfails={str(path)!r} cannot be read: {error}. Write a TOML file:\n{_EXAMPLE}"
+        ) from None
+    return {id: _entry(path, id, table) for id, table in tables.items()}
+
+
+def _entry(path: Path, id: str, table: object) -> Expected:
+    texts = isinstance(table, dict) and all(isinstance(value, str) for value in table.values())
+    if not texts or not table.get("reason") or table.keys() - {"reason", "link"}:  # type: ignore[attr-defined]
+        raise OptionError(
+            f"xfails={str(path)!r} has {id!r} = {table!r}, but each rule has a reason and may have a link, "
+            f"texts both. For example:\n{_EXAMPLE}"
+        )
+    return Expected(**table)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cache, partial
 from inspect import cleandoc
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from pytest_libero_max.errors import LiberoMaxError
 
@@ -15,6 +15,8 @@ Level = Literal["must", "should", "note"]
 most subjects and intended in few. ``note``: it may be intended, and deserves attention."""
 
 State = Literal["kept", "broken", "unexamined"]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,26 @@ def unexamined(reason: str, cure: str = "", part: str = "") -> Finding:
     return Finding("unexamined", reason, cure=cure, part=part)
 
 
+def judged(holds: bool, observed: str, expected: str, cure: str, part: str = "") -> Finding:
+    """Return the finding of an observation, which keeps the rule or breaks it."""
+    return kept(observed, part=part) if holds else broken(observed, expected, cure, part)
+
+
+class Measurements:
+    """Measurements of a subject, each taken once for all rules that need it."""
+
+    def once(self, measure: Callable[[Any], T]) -> T:
+        """Return what a function makes of this subject; it is called once."""
+        measured: dict[Callable[[Any], Any], Any] = self.__dict__.setdefault("_measured", {})
+        if measure not in measured:
+            measured[measure] = measure(self)
+        result: T = measured[measure]
+        return result
+
+
+Findings = Finding | Iterable[Finding]
+
+
 @dataclass(frozen=True)
 class Rule:
     """One property that subjects of a kind are to have."""
@@ -46,8 +68,9 @@ class Rule:
     id: str
     """``KIND/AREA/NAME``, for example ``policy/images/rotated``; stable."""
     level: Level
-    check: Callable[[Any], Iterable[Finding]]
-    """Examines a subject of its kind. An error of this package that it raises breaks the rule."""
+    check: Callable[[Any], Findings]
+    """Examines a subject of its kind: returns a finding, or yields several. An error of this package that it
+    raises breaks the rule."""
     needs: str = ""
     """Id of the rule without which this one cannot be examined; empty for none."""
 
@@ -70,7 +93,7 @@ class Rule:
         return cleandoc(self.check.__doc__ or "").partition("\n\n")[0].replace("\n", " ").rstrip(".")
 
 
-def rule(id: str, level: Level, *, needs: str = "") -> Callable[[Callable[..., Iterable[Finding]]], Rule]:
+def rule(id: str, level: Level, *, needs: str = "") -> Callable[[Callable[..., Findings]], Rule]:
     """Make a function that examines a subject a :class:`Rule`; its docstring's first line states the rule."""
     return lambda check: Rule(id, level, check, needs)
 
@@ -101,12 +124,7 @@ class Outcome:
 
 
 class Examination:
-    """Examines rules of one subject, each once.
-
-    Args:
-        open: Returns the subject; called at most once, when the first rule is examined.
-        rules: In the order of :meth:`outcomes`.
-    """
+    """Examines rules of one subject, each once."""
 
     def __init__(self, open: Callable[[], object], rules: Iterable[Rule]) -> None:
         self._open = cache(open)
@@ -127,7 +145,8 @@ class Examination:
         if rule.needs and (reason := self._missing(rule.needs)):
             return (unexamined(reason, "Repair that first, and examine again."),)
         try:
-            return tuple(rule.check(self._open()))
+            found = rule.check(self._open())
+            return (found,) if isinstance(found, Finding) else tuple(found)
         except LiberoMaxError as error:
             return (broken(str(error).rstrip("."), rule.title, "Repair this first, and examine again."),)
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 from pytest_libero_max.conformance.environment.declared import FactoryName
@@ -21,6 +21,15 @@ KINDS = {
 }
 """Kinds of subjects, and what follows the colon."""
 
+_OPENERS = {
+    "policy": ("policy", "open_policy"),
+    "server": ("server", "open_at"),
+    "substrate": ("substrate", "open_subject"),
+    "env": ("environment", "open_environment"),
+    "loop": ("loop", "open_loop"),
+}
+"""Room of each kind, and the function that opens a subject; imported when one is examined."""
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -31,11 +40,7 @@ class Subject:
 
     @classmethod
     def read(cls, text: str) -> Subject:
-        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy.
-
-        Raises:
-            ValueError: It names nothing, no function, or a substrate that there is not.
-        """
+        """Return the subject of a text, ``KIND:NAME`` or the reference of a policy."""
         kind, colon, name = text.partition(":")
         subject = cls(kind, name.strip()) if colon and kind in KINDS else cls("policy", text.strip())
         if not subject.name:
@@ -52,11 +57,7 @@ class Subject:
         return f"{self.kind}:{self.name}"
 
     def check(self, profile: str | None = None) -> None:
-        """Check that there is such a subject, without loading anything.
-
-        Raises:
-            LiberoMaxError: It leads nowhere.
-        """
+        """Check that there is such a subject, without loading anything."""
         if self.kind == "policy":
             from pytest_libero_max.policies.loading import check_reference
 
@@ -79,50 +80,9 @@ def examination(
     profile: str | None = None,
     substrate: str = "embedded",
 ) -> Examination:
-    """Return the examination of a subject by all rules of its kind; nothing is opened yet.
-
-    Args:
-        subject: To examine.
-        horizon: Of a policy, also behind a server; None for the one that it declares.
-        query_interval: Likewise.
-        profile: Of a policy behind a server.
-        substrate: Substrate of the scene that a policy is shown.
-    """
-    opens: Callable[[], Any]
-    if subject.kind == "policy":
-        from pytest_libero_max.conformance.policy.subject import open_policy
-
-        def opens() -> object:
-            return open_policy(
-                subject.name,
-                horizon=horizon,
-                query_interval=query_interval,
-                profile=profile,
-                substrate=substrate,
-            )
-
-    elif subject.kind == "server":
-        from pytest_libero_max.conformance.server.subject import open_at
-
-        def opens() -> object:
-            return open_at(subject.name, profile, substrate, horizon, query_interval)
-
-    elif subject.kind == "loop":
-        from pytest_libero_max.conformance.loop.subject import open_loop
-
-        def opens() -> object:
-            return open_loop(subject.name)
-
-    elif subject.kind == "env":
-        from pytest_libero_max.conformance.environment.subject import open_environment
-
-        def opens() -> object:
-            return open_environment(subject.name)
-
-    else:
-        from pytest_libero_max.conformance.substrate.subject import open_subject
-
-        def opens() -> object:
-            return open_subject(subject.name)
-
-    return Examination(opens, rules_for(subject.kind))
+    """Return the examination of a subject by all rules of its kind; nothing is opened yet."""
+    module, name = _OPENERS[subject.kind]
+    options = {"horizon": horizon, "query_interval": query_interval, "profile": profile}
+    asked: dict[str, Any] = options | {"substrate": substrate} if subject.kind in ("policy", "server") else {}
+    opener = getattr(import_module(f"{__package__}.{module}.subject"), name)
+    return Examination(lambda: opener(subject.name, **asked), rules_for(subject.kind))

@@ -23,8 +23,6 @@ def supported_track(name: str | None, substrate: str, options: SubstrateOptions)
 
     Args:
         name: Track that was asked for; None for the first default of the substrate of which every case plays.
-        substrate: Name of the substrate.
-        options: Of the substrate.
     """
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
@@ -36,12 +34,7 @@ def supported_track(name: str | None, substrate: str, options: SubstrateOptions)
 
 
 def require_support(case_set: str, cases: Sequence[Case], substrate: str, options: SubstrateOptions) -> None:
-    """Refuse cases that cannot play on the substrate.
-
-    Raises:
-        OptionError: Some of them lack something; names it, their number, and the track that fits.
-        SubstrateError: A genuine installation is missing.
-    """
+    """Refuse cases that cannot play on the substrate: raises OptionError or SubstrateError."""
     from pytest_libero_max.substrates.registry import SUBSTRATES
 
     found = SUBSTRATES[substrate].unplayable(options, cases)

@@ -6,7 +6,7 @@ import logging
 import re
 import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -30,9 +30,9 @@ from pytest_libero_max.evaluation.workers import CasePlayer, Job, Workers, for_w
 from pytest_libero_max.pairing.record import RECORD_PHASE, PairError, PairRecord
 from pytest_libero_max.runs.damaged_lines import damage_said
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.runs.progress import Pace, PairCounts, Progress, progress_text
+from pytest_libero_max.runs.progress import Pace, progress_text
 from pytest_libero_max.runs.setting import Option
-from pytest_libero_max.runs.status import note_of
+from pytest_libero_max.runs.status import ProgressNotes
 from pytest_libero_max.runs.store import PairStore
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Evaluation:
     @property
     def numbers(self) -> dict[str, float]:
         """The main numbers under flat names, for experiment trackers."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         return main_numbers(self.report)
 
@@ -241,55 +241,27 @@ class _Run:
 
 
 class _Progress:
-    """Progress of a run in the log, and as a note in its folder for whoever watches it.
-
-    Attributes:
-        also: Called with each stored pair as well.
-    """
+    """Progress of a run in the log, and as a note in its folder."""
 
     def __init__(self, cases: RunCases) -> None:
-        self._cases, self._counts = cases, PairCounts()
+        self._cases, self._notes, self._pace = cases, ProgressNotes(), Pace(time.monotonic())
+        self.began = self._notes.play
         self.also: Callable[[PairRecord | PairError], None] = lambda pair: None
-        self._store: PairStore | None = None
-        self._playing: dict[str, float] = {}
-        self._before, self._began = 0, time.time()
-        self._pace = Pace(time.monotonic())
+        """Called with each stored pair as well."""
 
-    def begin(self, store: PairStore, settled: Iterable[PairRecord | PairError]) -> None:
+    def begin(self, store: PairStore, settled: Sequence[PairRecord | PairError]) -> None:
         """Begin to tell."""
-        self._store = store
-        self._counts.planned = [PlannedPair.of(case) for case in self._cases.chosen]
-        for pair in settled:
-            self._counts.add(pair)
-            self._before += isinstance(pair, PairRecord)
-        LOG.info("%s pairs, %s measured before, into %s", len(self._counts.planned), self._before, store.path)
-
-    def began(self, name: str) -> None:
-        """Note that a pair begins."""
-        self._playing[name] = time.time()
-        self._note()
+        self._notes.begin(store, [PlannedPair.of(case) for case in self._cases.chosen], settled)
+        LOG.info("%s pairs, %s settled before, into %s", len(self._cases.chosen), len(settled), store.path)
 
     def stored(self, pair: PairRecord | PairError) -> None:
         """Count a stored pair."""
         self.also(pair)
-        self._counts.add(pair)
-        self._playing.pop(pair.item_id, None)
+        self._notes.stored(pair)
         if isinstance(pair, PairError):
             LOG.warning("%s was not measured: %s: %s", pair.item_id, pair.kind, pair.message)
         if self._pace.due(time.monotonic()):
-            now = time.time()
-            playing = {name: now - begun for name, begun in self._playing.items()}
-            seconds = now - self._began
-            LOG.info(
-                progress_text(
-                    Progress(self._counts.to_play, self._counts, self._before, seconds, playing), now
-                )
-            )
-        self._note()
-
-    def _note(self) -> None:
-        if self._store is not None:
-            self._store.note(note_of(self._began, time.time(), self._before, self._playing))
+            LOG.info(progress_text(self._notes.progress, time.time()))
 
 
 def _source(asked: dict[str, Any]) -> PolicySource:
@@ -301,11 +273,7 @@ def _source(asked: dict[str, Any]) -> PolicySource:
 
 
 def _settings(asked: dict[str, Any]) -> Settings:
-    """Return settings from arguments.
-
-    Raises:
-        OptionError: One is unknown, is none of a run's, or has a value of another form.
-    """
+    """Return settings from arguments."""
     options = {option.field: option for option in OPTIONS if not option.session}
     for name in asked:
         if name not in options:

@@ -30,7 +30,6 @@ from pytest_libero_max.errors import (
 from pytest_libero_max.evaluation.case_support import require_support
 from pytest_libero_max.evaluation.policy_source import PolicySource
 from pytest_libero_max.evaluation.resolving import about
-from pytest_libero_max.evaluation.resource_checks import require_disk_space
 from pytest_libero_max.evaluation.run_cases import RunCases, markers_of
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.evaluation.stopping import Stop
@@ -40,7 +39,6 @@ from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE, ended_as_declared
 from pytest_libero_max.report.report_document import ChangedPair
 from pytest_libero_max.runs import provenance
-from pytest_libero_max.runs.kept_fingerprint import kept
 from pytest_libero_max.runs.lock import require_free
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.replay_command import replay_command
@@ -71,27 +69,9 @@ class RunKeeper:
     """Keeps a run, from before its first pair to its reports.
 
     Args:
-        settings: Of the run.
-        cases: Its cases.
-        source: Of its policy.
-        stop: Of the run.
         start: Folder that paths of other runs in gates start from.
         by_hand: True if the user has chosen the pairs by name, so that one that cannot play is an error of
             its own.
-        on_stored: Called with each pair once it is stored, before the stopping rule is asked.
-
-    Attributes:
-        cases: The cases of the run, by item id.
-        substrate: The substrate, for the provenance.
-        before: A resumed run as it was read; None for a new one, and once it goes on.
-        settled: Item ids of the pairs of a resumed run that are not played again: measured, or refused.
-        settled_before: Numbers of those that were measured and refused.
-        changed: Pairs whose outcomes differ, with their causes.
-        adapter_errors: Number of pairs by the message of an error of the policy.
-        store: Of the pairs; None before :meth:`plan`.
-        report: As computed at the end; None before.
-        verdicts: Of the gates, likewise.
-        problems: What could not be read, decided or written.
 
     Raises:
         LiberoMaxError: The policy, the cases or the substrate cannot be played here, or the run to resume
@@ -115,9 +95,9 @@ class RunKeeper:
         # Taken before any policy is loaded, which could alter them in this process.
         self._budgets = {name: case.budget for name, case in self.cases.items()}
         self._start, self._on_stored = start, on_stored
-        self.before: StoredRun | None = None
-        self.settled: tuple[str, ...] = ()
-        self.settled_before = 0, 0
+        self.before: StoredRun | None = None  # a resumed run as it was read, until it goes on
+        self.settled: tuple[str, ...] = ()  # item ids of the pairs of a resumed run that are not played again
+        self.settled_before = 0, 0  # numbers of those that were measured and refused
         self.changed: list[ChangedPair] = []
         self.adapter_errors: Counter[str] = Counter()
         self._settled_now: dict[str, bool] = {}  # by item id; False for a fault
@@ -160,11 +140,7 @@ class RunKeeper:
         return datetime.fromisoformat(begun).timestamp() if begun else time.time()
 
     def read_before(self) -> None:
-        """Read the run that is to be resumed, if there is one.
-
-        Raises:
-            LiberoMaxError: It cannot be resumed.
-        """
+        """Read the run that is to be resumed, if there is one, or raise LiberoMaxError."""
         require_free(self.settings.output)
         cases = {case.case_id: case for case in self.cases.values()}
         self.before = read_to_resume(self.settings.output, cases)
@@ -178,14 +154,10 @@ class RunKeeper:
 
         Returns:
             The remark of the stopping rule, if it has one.
-
-        Raises:
-            LiberoMaxError: The folder cannot be written to, or a gate or the rule cannot be used.
         """
         settings = self.settings
         require_writable(settings.output)
         require_free(settings.output)
-        require_disk_space(settings.output, len(self.cases))
         if settings.gate:
             from pytest_libero_max.report.gate_results import require_usable, require_watched
 
@@ -217,17 +189,10 @@ class RunKeeper:
         """Begin the run.
 
         Args:
-            planned: The cases that are played, or were before.
-            selection: Which part of the case set they are.
-            command: The command line, for the provenance.
             folder: Folder whose git state the provenance names.
 
         Returns:
             The pairs that are settled already.
-
-        Raises:
-            LiberoMaxError: The cases cannot be played like this, the gates can decide nothing on them, or the
-                folder holds another run.
         """
         settings = self.settings
         require_playable(planned, settings.strength, settings.study, settings.latency)
@@ -275,7 +240,6 @@ class RunKeeper:
             protocol=settings.recorded("protocol"),
             command=command,
             folder=folder,
-            fingerprint=kept(self.substrate),
         )
 
     # What arrives.
@@ -386,12 +350,7 @@ class RunKeeper:
     def write(
         self, amend: Callable[[Report], Report] | None = None, earlier: Comparison | None = None
     ) -> list[Path]:
-        """Write the reports from what is on disk, and return the files to look at.
-
-        Args:
-            amend: Returns the report with sections of the user's own.
-            earlier: The comparison of an earlier run with this one, for the page; None for none.
-        """
+        """Write the reports from what is on disk, and return the files to look at."""
         from pytest_libero_max.report.writers.report_files import write_reports
 
         self.records = ()  # so that memory holds them once
@@ -401,7 +360,7 @@ class RunKeeper:
 
     def ending(self) -> tuple[int, str] | None:
         """Return exit status and line of a run that is incomplete, or whose gates do not hold."""
-        from pytest_libero_max.report.writers.gate_text import not_passed_text
+        from pytest_libero_max.report.gate_text import not_passed_text
 
         pairs = None if self.report is None else self.report.pairs
         if self.problems or pairs is None:

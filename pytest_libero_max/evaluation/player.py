@@ -17,7 +17,6 @@ from pytest_libero_max.evaluation.processes.pair_process import Playing
 from pytest_libero_max.evaluation.run_cases import markers_of
 from pytest_libero_max.pairing.record import FILES, POLICY_PHASE, RESET_FILES, PairError, PairRecord
 from pytest_libero_max.pairing.record_rules import SERVER
-from pytest_libero_max.runs.costs import PAIR, WORLD
 from pytest_libero_max.runs.media import TRACES_NAME
 
 if TYPE_CHECKING:
@@ -31,6 +30,12 @@ Result = TypeVar("Result")
 
 BROKEN_POLICY = "the policy cannot be played"
 """Reason of a stop: every other pair would end in the same way."""
+
+PAIR = "pair_s"
+"""Among the timings of a pair: all of it and the building of its scene, but not the loading of the policy."""
+
+WORLD = "world_s"
+"""Among the timings of a pair: the building of its scene; almost nothing where it is built already."""
 
 AGAIN_AFTER = 8
 """Pairs that a process has played when it plays its first one again, once."""
@@ -55,7 +60,6 @@ class PlayedPair:
     """A measured pair."""
 
     record: PairRecord
-    """Its record."""
     note: str | None
     """Failures beside it, for example of a trace; None for none."""
 
@@ -65,7 +69,6 @@ class FailedPair:
     """A pair that could not be measured."""
 
     error: PairError
-    """Its error."""
     limit: bool
     """True if a limit of the process ended it, which cannot be trusted any more."""
 
@@ -94,12 +97,7 @@ class _First:
 
 
 class PairPlayer:
-    """Plays pairs of a run in this process.
-
-    Args:
-        source: Of the policy, with the settings of the run; asked for its identity once it can be played.
-        with_second_base: Item ids of the cases whose Base is played twice.
-    """
+    """Plays pairs of a run in this process."""
 
     def __init__(self, source: PolicySource, with_second_base: Collection[str]) -> None:
         self._source, self._settings = source, source.settings
@@ -113,11 +111,6 @@ class PairPlayer:
 
     def play(self, case: Case, sources: Sources, process: Playing) -> PlayedPair:
         """Play a pair.
-
-        Args:
-            case: The case.
-            sources: Of policy and worlds.
-            process: This process, which knows the phase of what is raised.
 
         Raises:
             Unsupported: The policy does not play this suite.
@@ -145,9 +138,6 @@ class PairPlayer:
         """After some pairs play the first one again: it comes out otherwise if the policy remembers them.
 
         Base alone is played again: half of the time, and the other arms share its beginning and its policy.
-
-        Raises:
-            RefusalError: It came out otherwise than before.
         """
         if not policy.spec.repeatable:
             return
@@ -209,11 +199,7 @@ class PairPlayer:
     def _played_by(
         self, arms: tuple[Arm, ...], case: Case, world: World, process: Playing
     ) -> tuple[Arm, ...]:
-        """Load the policies that arms name; return the arms whose policy plays the suite of the case.
-
-        Raises:
-            AdapterError: One cannot be loaded, or wants a camera that the world lacks.
-        """
+        """Load the policies that arms name; return the arms whose policy plays the suite of the case."""
         from pytest_libero_max.policies.check import check_cameras
         from pytest_libero_max.policies.loading import installed_policy, load_policy
 
@@ -303,11 +289,7 @@ class PairPlayer:
         return []
 
     def _require_declared_spec(self, policy: Policy) -> None:
-        """Check that the policy's spec is that of before its first pair.
-
-        Raises:
-            RefusalError: Its spec has changed.
-        """
+        """Check that the policy's spec is that of before its first pair."""
         from pytest_libero_max.policies.check import require_spec
 
         if self._declared is None or self._declared[0] is not policy:

@@ -65,15 +65,7 @@ class PolicySource:
         return adapter_digest(settings.reference, settings.profile, settings.revision)
 
     def load(self, seat: int, run_begun_s: float | None) -> Policy:
-        """Return the policy, as the settings wrap it.
-
-        Args:
-            seat: Number of this process among those that play.
-            run_begun_s: When the run began, seconds since the epoch; None for now.
-
-        Raises:
-            AdapterError: It cannot be loaded.
-        """
+        """Return the policy, as the settings wrap it."""
         from pytest_libero_max.policies.adapter_digest import files_read
         from pytest_libero_max.policies.check import ends_the_session
         from pytest_libero_max.policies.clients.waiting import note_in
@@ -142,11 +134,7 @@ class GivenPolicy(PolicySource):
         return isinstance(self.thing, type) or not hasattr(self.thing, "predict")
 
     def check(self) -> None:
-        """Check that it can be a policy.
-
-        Raises:
-            AdapterError: It is neither a policy nor callable.
-        """
+        """Check that it can be a policy, or raise AdapterError."""
         if self.is_made and not callable(self.thing):
             raise AdapterError(
                 f"policy={self.thing!r} is no policy. Give an object with spec, reset and predict, a class "
@@ -179,7 +167,7 @@ class GivenPolicy(PolicySource):
         settings = self.settings
         policy = check_policy(self.thing() if self.is_made else self.thing, settings.reference)
         self._policy, self._spec = policy, policy.spec
-        override(policy, settings.reference, settings.horizon, settings.query_interval)
+        override(policy, settings.horizon, settings.query_interval)
         return wrapped(policy, settings)
 
     def release(self, policy: Policy) -> None:
@@ -193,7 +181,6 @@ def check_policies_of_arms(settings: Settings, *references: str) -> None:
     """Check the policies that arms of the study name, without loading anything.
 
     Args:
-        settings: The settings.
         references: Of the other policies that play in the same processes.
 
     Raises:

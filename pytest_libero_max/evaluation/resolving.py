@@ -57,11 +57,6 @@ def resolve(values: Mapping[str, Any], here: Path, given: Collection[str] = ()) 
     return replace(settings, track=_track(settings, values["track"]))
 
 
-def path_from(here: Path, text: str | Path) -> Path:
-    """Return a path as given; reports write the home folder as ``~``, and their commands are to work."""
-    return Path(here, Path(text).expanduser())
-
-
 def _output(text: str, here: Path, *, resume: bool) -> Path:
     """Return the output folder."""
     if text == "auto":
@@ -71,12 +66,13 @@ def _output(text: str, here: Path, *, resume: bool) -> Path:
     return path_from(here, text)
 
 
-def _check_timing(values: Mapping[str, Any]) -> None:
-    """Check the options about when a policy is asked.
+def path_from(here: Path, text: str | Path) -> Path:
+    """Return a path as given; reports write the home folder as ``~``, and their commands are to work."""
+    return Path(here, Path(text).expanduser())
 
-    Raises:
-        OptionError: They contradict each other.
-    """
+
+def _check_timing(values: Mapping[str, Any]) -> None:
+    """Check the options about when a policy is asked."""
     if values["latency"] != NO_LATENCY and "adaptive" in values["wrap"]:
         raise OptionError(
             f"--libero-max-latency={values['latency']} is of a policy that is asked every Q steps, but "
@@ -97,11 +93,7 @@ _SUBSTRATE_OPTIONS = {"libero": "installations", "libero-assets": "assets"}
 
 
 def _check_substrate_options(given: Collection[str], substrate: str) -> None:
-    """Check that the substrate reads the options that are given for it.
-
-    Raises:
-        OptionError: It does not.
-    """
+    """Check that the substrate reads the options that are given for it."""
     for name, filled in _SUBSTRATE_OPTIONS.items():
         if name.replace("-", "_") in given and filled not in SUBSTRATES[substrate].reads:
             readers = [kind.name for kind in SUBSTRATES.values() if filled in kind.reads]
@@ -120,11 +112,7 @@ def _track(settings: Settings, name: str | None) -> str:
 
 
 def _study(values: dict[str, Any], here: Path) -> Study | None:
-    """Return the study that is asked for; the track becomes that of the study where none is named.
-
-    Raises:
-        OptionError: Its settings are missing or of another form, or contradict another option.
-    """
+    """Return the study that is asked for; the track becomes that of the study where none is named."""
     if values["study"] is None:
         return None
     study = find_study(values["study"], here)
@@ -147,11 +135,7 @@ def _study(values: dict[str, Any], here: Path) -> Study | None:
 
 
 def _require_fixed_cadence(values: Mapping[str, Any], option: str) -> None:
-    """Check that nothing but the arms of a study or program decides when a policy is asked.
-
-    Raises:
-        OptionError: A wrapper does.
-    """
+    """Check that nothing but the arms of a study or program decides when a policy is asked."""
     if "adaptive" in values["wrap"]:
         raise OptionError(
             f"--libero-max-{option} varies when the policy is asked or answers, but "
@@ -161,14 +145,7 @@ def _require_fixed_cadence(values: Mapping[str, Any], option: str) -> None:
 
 
 def _latency(value: Latency | str | None, here: Path, hz: int) -> Latency:
-    """Return the time that a query takes; ``recorded:RUN`` reads it from the records of a run.
-
-    Args:
-        hz: Control steps in a second.
-
-    Raises:
-        OptionError: They cannot be read.
-    """
+    """Return the time that a query takes; ``recorded:RUN`` reads it from the records of a run."""
     if not isinstance(value, str):
         return value or NO_LATENCY
     from pytest_libero_max.runs.query_times import recorded_latency
@@ -194,11 +171,7 @@ def _checked_latency(text: str, hz: int) -> Latency:
 
 
 def _program(values: Mapping[str, Any], here: Path) -> Program | None:
-    """Return the program that is named.
-
-    Raises:
-        OptionError: It cannot be read, or a study is asked for as well.
-    """
+    """Return the program that is named."""
     if values["program"] is None:
         return None
     from pytest_libero_max.benchmark.programs import find_program

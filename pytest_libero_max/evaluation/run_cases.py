@@ -59,7 +59,7 @@ class RunCases:
     @cached_property
     def chosen(self) -> tuple[Case, ...]:
         """Cases of the run, in the order of play."""
-        from pytest_libero_max.benchmark.sharding import shard
+        from pytest_libero_max.benchmark.sampling import shard
 
         settings, cases = self._settings, self.of_all_shards
         if settings.shard is not None:

@@ -6,16 +6,29 @@ Those that may change a result are declared in :class:`~pytest_libero_max.runs.p
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.benchmark.order import Order
-from pytest_libero_max.benchmark.text_values import count, gibibytes, known_in, order, positive, suites, text
+from pytest_libero_max.benchmark.text_values import (
+    amount,
+    count,
+    gibibytes,
+    known_in,
+    named_values,
+    order,
+    positive,
+    seconds,
+    suites,
+    text,
+)
 from pytest_libero_max.conformance.subjects import Subject
-from pytest_libero_max.evaluation import option_values as read
+from pytest_libero_max.evaluation.array_jobs import shard_of_job
 from pytest_libero_max.evaluation.processes.time_limits import Limits
-from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS
+from pytest_libero_max.runs.media import MOST_FILMS, SELECTIONS, selection_named
 from pytest_libero_max.runs.protocol import ProtocolSettings
 from pytest_libero_max.runs.setting import options_of, setting, switch
 from pytest_libero_max.substrates.contract import ChosenSubstrate, SubstrateOptions
@@ -26,6 +39,86 @@ if TYPE_CHECKING:
     from pytest_libero_max.report.stopping_rule import NamedRule
 
 DEFAULT_OUTPUT = "libero-max-results"
+
+
+def limits(text: str) -> Limits:
+    """Parse time limits by what they are of, with commas between."""
+    return Limits(**named_values(text, ":", dict.fromkeys(("query", "step", "pair"), seconds)))
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """A Ray cluster that plays pairs."""
+
+    address: str
+    actors: int | None = None
+    """Number of actors that play at once; None for as many as have room."""
+    cpus: float = 1.0
+    gpus: float = 0.0
+    ship: bool = False
+    """True if the working folder is sent to its nodes."""
+
+
+def cluster(value: str) -> Cluster:
+    """Parse the address of a Ray cluster with what its actors take."""
+    address, *words = map(str.strip, value.split(","))
+    ship = "ship" in words
+    named = ",".join(word for word in words if word != "ship")
+    rest = named_values(named, "=", {"actors": positive, "cpus": amount, "gpus": amount}) if named else {}
+    parsed = Cluster(text(address), **rest, ship=ship)
+    if parsed.actors is None and not parsed.cpus and not parsed.gpus:
+        raise ValueError("with cpus=0 nothing says how many actors have room; add actors=N")
+    return parsed
+
+
+@dataclass(frozen=True)
+class Films:
+    """Pairs to film."""
+
+    which: str
+    most: int | None = None
+    """Most regressions and most gains; None for the usual number."""
+
+    def __str__(self) -> str:
+        return self.which if self.most is None else f"{self.which}:{self.most}"
+
+
+def films(text: str) -> Films:
+    """Parse a selection of pairs to film, with the most of them behind a colon."""
+    which, colon, most = text.partition(":")
+    return Films(selection_in(SELECTIONS)(which), positive(most) if colon else None)
+
+
+def shard(text: str) -> tuple[int, int]:
+    """Parse the number and count of a part, both from 1."""
+    if text == "env":
+        return shard_of_job(os.environ)
+    index, slash, count = text.partition("/")
+    if not (slash and index.isascii() and index.isdigit() and count.isascii() and count.isdigit()):
+        raise ValueError("expected I/N, for example 1/4, or env")
+    if not 1 <= int(index) <= int(count):
+        raise ValueError("expected I/N with 1 <= I <= N")
+    return int(index), int(count)
+
+
+def stopping_rule(text: str) -> NamedRule:
+    """Parse a stopping rule with its arguments."""
+    from pytest_libero_max.report.stopping_rule import parse_rule
+
+    return parse_rule(text)
+
+
+def gate(text: str) -> Gate:
+    """Parse a condition on the report."""
+    from pytest_libero_max.report.gates import parse_gate
+
+    return parse_gate(text)
+
+
+def selection_in(known: Collection[str]) -> Callable[[str], str]:
+    """Return a parser of the name of a selection of pairs, in either number of *regression*."""
+    parse = known_in(known)
+    return lambda text: parse(selection_named(text))
 
 
 @dataclass(frozen=True)
@@ -92,7 +185,7 @@ class Settings(ProtocolSettings):
         "Play the I-th of N parts of the cases, or with env the part of this job of an array (Slurm, "
         "Kubernetes, AWS Batch, PBS, LSF, Grid Engine; LIBERO_MAX_SHARDS is N where the scheduler does not "
         "say it); join the runs with libero-max shards merge",
-        read.shard,
+        shard,
         group="machines",
     )
     order: Order = setting(
@@ -108,11 +201,11 @@ class Settings(ProtocolSettings):
         "RULE",
         "Stop the run by a rule over the pairs measured so far, in the order of play: errors:N (N pairs could"
         " not be measured), first_regression, certain (no remaining outcome can change a gate), "
-        "strata:LEVEL (a change in some event of some suite is shown at this level), "
         "anytime:LEVEL (at this level, a sequential test has decided the gates, or without gates has found a "
-        "change), worse_than:RUN (Dynamic is shown to be worse than that of an earlier run), or a rule of "
+        "change), strata:LEVEL (a change in some event of some suite is shown at this level), worse_than:RUN "
+        "(Dynamic is shown to be worse than that of an earlier run), or a rule of "
         "another package, NAME or NAME:ARGUMENTS (default: none)",
-        read.stopping_rule,
+        stopping_rule,
     )
     substrate: ChosenSubstrate = setting(
         "NAME[:semantics=...,instruction=...,variations=...,images=...]",
@@ -142,23 +235,23 @@ class Settings(ProtocolSettings):
     strict: str | None = setting(
         "WHAT",
         "Also fail the pairs that are a regression (Base succeeds, Dynamic does not)",
-        read.selection_in(("regressions",)),
+        selection_in(("regressions",)),
         session=True,
     )
     traces: str = setting(
         "WHICH",
         "Keep step-by-step traces of these pairs in the output folder, from which libero-max film makes "
         "films: none, regressions, changed (Base and Dynamic end differently) or all",
-        read.selection_in(SELECTIONS),
+        selection_in(SELECTIONS),
         default="none",
     )
-    film: read.Films = setting(
+    film: Films = setting(
         "WHICH[:PAIRS]",
         "Film these pairs when all are measured, into films in the output folder: none, regressions, "
         "changed (Base and Dynamic end differently) or all; at most PAIRS regressions and so many gains, at "
         f"first one of each cause and event. PAIRS is {MOST_FILMS} unless given, and with all no limit",
-        read.films,
-        default=read.Films("none"),
+        films,
+        default=Films("none"),
         session=True,
     )
     progress: str = setting(
@@ -185,7 +278,7 @@ class Settings(ProtocolSettings):
         "Fail the run unless this holds of the report, for example 'dynamic_sr >= 0.6'; may be repeated. "
         "Then the pairs are played by a worker, also without -n; gates of a shard are decided by "
         "libero-max shards merge",
-        read.gate,
+        gate,
         many=True,
     )
     timeout: Limits = setting(
@@ -193,7 +286,7 @@ class Settings(ProtocolSettings):
         "Wall-clock limits, s, one or more of: query, one call of the policy; step, one step, reset or image "
         "of the simulator; pair, a pair with all its arms, without the loading of the policy. What takes "
         "longer makes its pair an error, never a failed episode (default: none)",
-        read.limits,
+        limits,
         group="machines",
     )
     retries: int = setting(
@@ -215,14 +308,14 @@ class Settings(ProtocolSettings):
         gibibytes,
         group="machines",
     )
-    ray: read.Cluster | None = setting(
+    ray: Cluster | None = setting(
         "ADDRESS[,actors=N,cpus=N,gpus=N,ship]",
         "Play the pairs on a Ray cluster: HOST:PORT, ray://HOST:PORT, or auto for the cluster that this "
         "machine belongs to; needs the extra ray. Behind it: actors that play at once (default: as many as "
         "have room, also when nodes join or leave), CPUs and GPUs that each takes (default: 1 and 0; 0.25 "
         "where four policies share a GPU), and ship, which sends the folder in which pytest is called to "
         "nodes that do not share it",
-        read.cluster,
+        cluster,
         session=True,
         group="machines",
     )

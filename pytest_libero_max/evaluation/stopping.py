@@ -15,14 +15,10 @@ if TYPE_CHECKING:
 
 
 class Stop:
-    """Asks the stopping rule after each pair. After a stop no pair is begun; those in flight are stored.
-
-    Attributes:
-        broken: True after :meth:`stop`: something broke, and no rule asked for the end.
-    """
+    """Asks the stopping rule after each pair. After a stop no pair is begun; those in flight are stored."""
 
     def __init__(self, settings: Settings) -> None:
-        self.broken = False
+        self.broken = False  # True after :meth:`stop`, where no rule asked for the end
         self._settings = settings
         self._stopped: Stopped | None = None
         self._planned = 0
@@ -37,7 +33,6 @@ class Stop:
         """Begin to ask the stopping rule.
 
         Args:
-            run: The plan, in the order of play.
             settled: Pairs of a resumed run that are not played again. Its rule may find that nothing is to be
                 played.
         """

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.worlds.contract import World
 
 _PATIENCE_S = 8.0
-"""Time for a worker to close its policy and end in order, s."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +45,12 @@ class Job:
     """What a process needs to play pairs of a run."""
 
     source: PolicySource
-    """Of the policy, with the settings of the run."""
     begun_s: float
     """When the run began, seconds since the epoch."""
     workers: int = 1
-    """Number of processes that play."""
 
     def require_sendable(self) -> None:
-        """Check that other processes can load the policy.
-
-        Raises:
-            OptionError: It is an object of this program, or what makes it cannot be sent.
-        """
+        """Check that other processes can load the policy, or raise OptionError."""
         source = self.source
         if not isinstance(source, GivenPolicy):
             return
@@ -84,13 +77,7 @@ class Job:
 
 
 class OwnSources:
-    """Policy and worlds of a process that plays pairs by itself; opened when the first pair needs them.
-
-    Args:
-        source: Of the policy.
-        begun_s: When the run began, seconds since the epoch.
-        seat: Number of this process among those that play.
-    """
+    """Policy and worlds of a process that plays pairs by itself; opened when the first pair needs them."""
 
     def __init__(self, source: PolicySource, begun_s: float, seat: int) -> None:
         self._source, self._begun_s, self._seat = source, begun_s, seat
@@ -126,14 +113,7 @@ class OwnSources:
 
 
 class CasePlayer:
-    """Plays pairs with sources of its own, and returns what became of each as JSON values.
-
-    Args:
-        job: Of the run.
-        second: Item ids of the cases whose Base is played twice.
-        process: This process.
-        seat: Its number.
-    """
+    """Plays pairs with sources of its own, and returns what became of each as JSON values."""
 
     def __init__(self, job: Job, second: Iterable[str], process: Playing, seat: int = 0) -> None:
         source = job.source
@@ -141,11 +121,7 @@ class CasePlayer:
         self._player = PairPlayer(source, frozenset(second))
 
     def play(self, case: Case) -> Json:
-        """Return ``record`` and ``note``, ``error`` and ``stop``, or ``skip``.
-
-        Raises:
-            KeyboardInterrupt: The user has interrupted it.
-        """
+        """Return ``record`` and ``note``, ``error`` and ``stop``, or ``skip``."""
         try:
             with self._process.pair():
                 played = self._player.play(case, self._sources, self._process)
@@ -168,28 +144,16 @@ class _Worker:
     """A worker, seen from the process that owns the run."""
 
     number: int
-    """Its number, from 0."""
     process: SpawnProcess
-    """The process."""
     connection: Connection
-    """To it."""
     log: Path
-    """Its crash log."""
     pair: Case | None = None
     """The case that it plays; None while it starts and while it is idle."""
     ready: bool = False
-    """True once it has begun."""
 
 
 class Workers:
-    """The workers of a run.
-
-    Args:
-        job: Of the run.
-        keeper: Of the run.
-        receive: Called with the item id of a pair and the answer about it.
-        began: Called with the item id of a pair that begins.
-    """
+    """The workers of a run."""
 
     def __init__(
         self,
@@ -348,10 +312,6 @@ def for_workers(source: PolicySource) -> PolicySource:
 
 
 def result_in(answer: Json) -> Any:
-    """Return the record or error in an answer; None where the pair is not supported.
-
-    Raises:
-        ReportError: It is neither.
-    """
+    """Return the record or error in an answer; None where the pair is not supported; raises ReportError."""
     values = answer.get("record") or answer.get("error")
     return None if values is None else result_from_dict(values)

@@ -12,17 +12,4 @@ The two experts read MuJoCo's model and data, and the goal and the handles that 
 :class:`~pytest_libero_max.worlds.privileged.ExpertWorld` offers. They never write to the world, never
 look at images, never learn which event will happen or when, draw no random numbers, and keep nothing between
 episodes: the same state of the world gives the same actions, bit for bit.
-
-=====================  ===========================================================================
-``expert``             which goal comes next, and the route to it; the policy
-``stale_expert``       the same route, planned once at the first query; the policy
-``noop``, ``random``   policies that do not read the world
-``scene_view``         the hand, the parts that can be held and everything else as boxes
-``grasp``              where to take hold of an object from above
-``pick_and_place``     the route of an object from where it is to where it must be
-``regrasp``            putting a mug down so that its handle can be reached
-``articulation``       opening and closing drawers and doors, and turning knobs
-``retreat``            moving the hand away from a part or object after use
-``motion``             waypoints, and the actions that follow them
-=====================  ===========================================================================
 """

@@ -19,6 +19,7 @@ from pytest_libero_max.experts.pick_and_place import (
     CLOSING_STEPS,
     OPENING_STEPS,
     travel,
+    waypoint_at,
 )
 from pytest_libero_max.experts.scene_view import (
     DRAWER_OPEN_M,
@@ -102,24 +103,30 @@ def _pull_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
     grasp = Grasp(part.position, _nearest_angle(heading), _PULL_TILT, heading)
     pulled = part.position + part.motion * way
     end = (
-        _waypoint(grasp, pulled, CLOSED, 0.004),
-        _waypoint(grasp, pulled, OPEN, math.inf, OPENING_STEPS),
-        _waypoint(grasp, pulled - 0.1 * grasp.axis, OPEN, 0.01),
+        waypoint_at(grasp, pulled, CLOSED, 0.004),
+        waypoint_at(grasp, pulled, OPEN, math.inf, OPENING_STEPS),
+        waypoint_at(grasp, pulled - 0.1 * grasp.axis, OPEN, 0.01),
     )
     if _is_at(hand, part) and _SHUT_M < hand.opening < _HELD_M:
         return end
-    close = _waypoint(grasp, part.position, CLOSED, math.inf, CLOSING_STEPS)
+    close = waypoint_at(grasp, part.position, CLOSED, math.inf, CLOSING_STEPS)
     if _is_at(hand, part) and abs(hand.tilt - _PULL_TILT) < 0.2 and hand.opening > _SHUT_M:
         return (close, *end)
     run_up = part.position - _RUN_UP_M * grasp.axis
-    there = _waypoint(grasp, part.position, OPEN, 0.004)
+    there = waypoint_at(grasp, part.position, OPEN, 0.004)
     off = hand.position - part.position
     ahead = -float(off @ grasp.axis)
     lined_up = float(np.linalg.norm(off + ahead * grasp.axis)) < 0.012 and abs(hand.tilt - _PULL_TILT) < 0.15
     if lined_up and -0.01 < ahead < _RUN_UP_M + 0.02 and hand.opening > 0.05:
         return (there, close, *end)
     before = Grasp(run_up, grasp.angle, grasp.tilt, heading)
-    return (*_approach(hand, scene, before, OPEN), _waypoint(grasp, run_up, OPEN, 0.006), there, close, *end)
+    return (
+        *_approach(hand, scene, before, OPEN),
+        waypoint_at(grasp, run_up, OPEN, 0.006),
+        there,
+        close,
+        *end,
+    )
 
 
 def _push_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
@@ -127,23 +134,22 @@ def _push_drawer(hand: Hand, scene: Boxes, part: Part, way: float) -> Route:
     heading = math.atan2(-part.out[1], -part.out[0])
     tip = part.position + 0.006 * part.out
     grasp = Grasp(tip, _nearest_angle(heading + math.pi / 2), _PUSH_TILT, heading)
-    push = _waypoint(grasp, tip + part.motion * way, CLOSED, 0.002)
+    push = waypoint_at(grasp, tip + part.motion * way, CLOSED, 0.002)
     before = Grasp(tip + _TOUCH_M * part.out, grasp.angle, grasp.tilt, heading)
     off = hand.position - tip
     ahead = float(off @ part.out)
     lined_up = np.linalg.norm(off - ahead * part.out) < 0.02 and abs(hand.tilt - _PUSH_TILT) < 0.25
     if lined_up and ahead > -0.02 and hand.opening < 0.02:
         return (push,)
-    return (*_approach(hand, scene, before, CLOSED), _waypoint(before, before.position, CLOSED, 0.006), push)
+    return (
+        *_approach(hand, scene, before, CLOSED),
+        waypoint_at(before, before.position, CLOSED, 0.006),
+        push,
+    )
 
 
 def push_door(world: ExpertWorld, part: Part, target: float, hand: Hand) -> Route:
-    """Push a door along its arc: closed fingers go down beside its upper edge and follow it.
-
-    Args:
-        part: The handle of the door, which tells its outside from its inside.
-        target: Joint position to which to push it, rad.
-    """
+    """Push a door along its arc: closed fingers go down beside its upper edge and follow it."""
     model, data = world.model, world.data
     joint = data.joint(part.joint)
     q, anchor = float(joint.qpos[0]), joint.xanchor[:2].copy()
@@ -194,7 +200,3 @@ def _approach(hand: Hand, scene: Boxes, grasp: Grasp, grip: float) -> Route:
     if np.linalg.norm((hand.position - grasp.position)[:2]) < _SAME_SPOT_M:
         height = max(hand.position[2], grasp.position[2])
     return travel(hand, grasp, max(height, grasp.position[2]), grip)
-
-
-def _waypoint(grasp: Grasp, position: Array, grip: float, tolerance_m: float, wait: int = 0) -> Waypoint:
-    return Waypoint(position, grasp.angle, grip, tolerance_m, wait, grasp.tilt, grasp.heading)

@@ -7,6 +7,7 @@ moved, needs no special treatment: the next route starts from the situation as i
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 
 import numpy as np
@@ -16,16 +17,17 @@ from pytest_libero_max.experts.articulation import articulate, open_door
 from pytest_libero_max.experts.motion import OPEN, Route, Waypoint, follow
 from pytest_libero_max.experts.pick_and_place import pick_and_place
 from pytest_libero_max.experts.regrasp import with_regrasp
-from pytest_libero_max.experts.retreat import retreat
 from pytest_libero_max.experts.scene_view import (
     DRAWER_NEARLY_OPEN_M,
     Hand,
     drawer_joint,
     is_holding_subject,
+    obstacles,
     owner_of,
     privileged_world,
     read_hand,
     read_part,
+    read_parts,
     view_scene,
 )
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
@@ -36,6 +38,11 @@ Array = NDArray[np.float64]
 
 _BEFORE_M, _BESIDE_M = 0.25, 0.2  # of the handle of a closed drawer: what stands there ends up under it
 _ORDER = MappingProxyType({"turnoff": 0, "turnon": 0, "open": 1, "in": 2, "on": 2, "close": 3})
+_TILTED_RAD = 0.3
+_NEAR_M = 0.03
+_BACK_M = 0.1
+_OPENING_STEPS = 6
+_BETWEEN_FINGERS_M = (0.045, 0.03, 0.03)  # half sizes of the space between open fingers, in the hand's frame
 
 
 class ExpertPolicy:
@@ -44,11 +51,7 @@ class ExpertPolicy:
     spec = PolicySpec("expert", horizon=10, query_interval=5, privileged=True)
 
     def reset(self, episode: Episode) -> None:
-        """Keep the world to read.
-
-        Raises:
-            AdapterError: The world does not tell its goal.
-        """
+        """Keep the world to read."""
         self._world = privileged_world(episode, self.spec)
 
     def predict(self, observation: Observation, query: Query) -> Array:
@@ -110,6 +113,42 @@ def plan_subgoal(world: ExpertWorld, fact: Fact, hand: Hand) -> Route:
     view = with_regrasp(view_scene(world, fact, hand))
     door = () if view.held else open_door(world, owner_of(world, fact.place), hand)
     return (*door, *pick_and_place(view))
+
+
+def retreat(world: ExpertWorld, fact: Fact, hand: Hand) -> Route:
+    """Open the fingers and draw back along them, if the hand is tilted and still at a part or an obstacle.
+
+    A hand that points straight down needs no retreat: every route begins upwards. Entities that belong to the
+    next subgoal are no obstacles.
+    """
+    if hand.tilt <= _TILTED_RAD or not (_at_a_part(world, fact, hand) or _at_an_obstacle(world, fact, hand)):
+        return ()
+    back = hand.position - _BACK_M * hand.approach
+    leave = Waypoint(back, hand.angle, OPEN, exact=hand.turn)
+    if hand.opening > 0.05:
+        return (leave,)
+    return (Waypoint(hand.position, hand.angle, OPEN, math.inf, _OPENING_STEPS, exact=hand.turn), leave)
+
+
+def _at_a_part(world: ExpertWorld, fact: Fact, hand: Hand) -> bool:
+    """Return True if a handle or knob that the subgoal does not use is between the fingers."""
+    joints = world.joints(fact.subject) if fact.place is None else ()
+    axes = hand.turn.as_matrix()
+    for part in read_parts(world):
+        if part.joint in joints or (fact.place is not None and part.entity == fact.subject):
+            continue
+        off = axes.T @ (part.position - hand.position)
+        if all(abs(way) < half for way, half in zip(off, _BETWEEN_FINGERS_M, strict=True)):
+            return True
+    return False
+
+
+def _at_an_obstacle(world: ExpertWorld, fact: Fact, hand: Hand) -> bool:
+    """Return True if the fingertips are near anything but the object that is to be brought."""
+    if fact.place is None:
+        return False
+    tip = hand.position + 0.02 * hand.approach
+    return bool(obstacles(world, fact.subject).distance(tip[None])[0] < _NEAR_M)
 
 
 VERSION = 1

@@ -156,8 +156,7 @@ def _crowding_of(view: View, grasp: Grasp, end: Grasp) -> float:
 def crowding(view: View, grasp: Grasp, taking: bool) -> float:
     """Return the number of points of the hand that would be inside other things; near ones count in part.
 
-    Args:
-        taking: True if the space between the fingers counts too, as it does where nothing is held yet.
+    The space between the fingers counts too where nothing is held yet (``taking``).
     """
     turn = hand_orientation(grasp.angle, grasp.tilt, grasp.heading).as_matrix()
     points = grasp.position + _hand_points(taking) @ turn.T
@@ -168,11 +167,7 @@ def crowding(view: View, grasp: Grasp, taking: bool) -> float:
 
 @cache
 def _hand_points(between: bool) -> Array:
-    """(n, 3) m: points of the open hand at a grasp and behind it, in the frame of the hand.
-
-    Args:
-        between: True to add points between the fingers.
-    """
+    """(n, 3) m: points of the open hand at a grasp and behind it, in the frame of the hand."""
     finger = [(x, y, z) for x in (0.040, 0.052, 0.064) for y in (-0.01, 0.01) for z in (-0.009, 0.01, 0.03)]
     palm = [(x, y, 0.032) for x in np.linspace(0.0, 0.104, 7) for y in (-0.021, 0.0, 0.021)]
     back = [(x, y, 0.1) for x in np.linspace(0.0, 0.104, 7) for y in (-0.032, 0.032)]

@@ -76,14 +76,7 @@ Route = tuple[Waypoint, ...]
 
 
 def follow(hand: Hand, route: Route, steps: int) -> tuple[Array, list[Route]]:
-    """Actions that move the hand along a route.
-
-    Args:
-        route: At least one waypoint; the last one is held to the end.
-
-    Returns:
-        (steps, 7) actions, and the rest of the route after each of them.
-    """
+    """Return the (steps, 7) actions along a route, the last waypoint of which is held, and the rest of it."""
     move_d, speed_d, move_v, speed_v = _response(hand.coupling)
     reply = _WEIGHT[:, None] * speed_d * _LIMIT
     answer = np.linalg.solve(reply.T @ reply + _DAMPING_OF_INVERSE * np.eye(6), reply.T) * _WEIGHT
@@ -117,12 +110,7 @@ def _quaternion(turn: Rotation) -> Quaternion:
 
 
 def _response(coupling: Array) -> tuple[Array, Array, Array, Array]:
-    """Effect of one control step on the hand, as four (6, 6) matrices.
-
-    Returns:
-        The way and the speed for each unit of the goal, then the way and the speed for each unit of the speed
-        before (m, then rad).
-    """
+    """Way and speed (m, then rad) by one control step, of each unit of the goal, then of the speed before."""
     zero, one = np.zeros((6, 6)), np.eye(6)
     pull, brake = _STIFFNESS * coupling, _DAMPING * coupling
     flow = expm(np.block([[zero, one, zero], [-pull, -brake, pull], [zero, zero, zero]]) * _PERIOD_S)

@@ -50,8 +50,8 @@ def _wrist(hand: Hand, tilt: float, heading: float) -> float:
 def _pick(view: View, grasp: Grasp) -> Route:
     """Go up, over the target, down to it, and close the fingers."""
     hand, goal = view.hand, grasp.position
-    close = _waypoint(grasp, goal, CLOSED, math.inf, CLOSING_STEPS)
-    down = _waypoint(grasp, goal, OPEN, 0.003)
+    close = waypoint_at(grasp, goal, CLOSED, math.inf, CLOSING_STEPS)
+    down = waypoint_at(grasp, goal, OPEN, 0.003)
     if np.allclose(hand.position, goal, rtol=0, atol=0.005) and hand.opening > _SHUT_M:
         return (close,)
     if hand.opening > _OPEN_M and _in_funnel(hand, grasp):
@@ -64,7 +64,7 @@ def _pick(view: View, grasp: Grasp) -> Route:
     if grasp.tilt:
         run_up = goal - 0.09 * grasp.axis
         above = Grasp(run_up, grasp.angle, grasp.tilt, grasp.heading)
-        return (*travel(hand, above, height, OPEN), _waypoint(grasp, run_up, OPEN), down, close)
+        return (*travel(hand, above, height, OPEN), waypoint_at(grasp, run_up, OPEN), down, close)
     return (*travel(hand, grasp, height, OPEN), down, close)
 
 
@@ -85,16 +85,16 @@ def _place(view: View, grasp: Grasp) -> Route:
     """Go up with the target, over the goal, down, open the fingers, and draw back."""
     hand, start, end = view.hand, grasp.position, release_pose(view, grasp)
     hanging = start[2] - view.target.low
-    down = _waypoint(end, end.position, CLOSED, 0.008)
-    release = _waypoint(end, end.position, OPEN, math.inf, OPENING_STEPS)
-    leave = _waypoint(end, end.position - 0.1 * end.axis, OPEN)
+    down = waypoint_at(end, end.position, CLOSED, 0.008)
+    release = waypoint_at(end, end.position, OPEN, math.inf, OPENING_STEPS)
+    leave = waypoint_at(end, end.position - 0.1 * end.axis, OPEN)
     way = float(np.linalg.norm((end.position - start)[:2]))
     if view.entry_heading is not None and grasp.tilt:
         return (*_insert(view, grasp, end), down, release, leave)
     if view.held and way < _DRIFT_M and abs(view.turn) < 0.1 and start[2] > end.position[2] - 0.01:
         if start[2] < end.position[2] + _STUCK_M and _stuck(hand):
-            here = _waypoint(grasp, start, OPEN, math.inf, OPENING_STEPS)
-            return (here, _waypoint(grasp, start - 0.1 * grasp.axis, OPEN))
+            here = waypoint_at(grasp, start, OPEN, math.inf, OPENING_STEPS)
+            return (here, waypoint_at(grasp, start - 0.1 * grasp.axis, OPEN))
         return (down, release, leave)
     height = max(boxes.height_along(start, end.position, BERTH_M) for boxes in (view.others, view.receptacle))
     height = max(height + CLEARANCE_M + max(hanging, FINGERTIP_M), start[2] + (0.0 if view.held else _LIFT_M))
@@ -113,26 +113,27 @@ def _insert(view: View, grasp: Grasp, end: Grasp) -> Route:
     off = grasp.position - level
     ahead = float(off @ into)
     if view.held and ahead > -_RUN_UP_M and np.linalg.norm(off - ahead * into) < 0.02:
-        return (_waypoint(end, level, CLOSED),)
+        return (waypoint_at(end, level, CLOSED),)
     before = level - _RUN_UP_M * into
     up = np.array([*grasp.position[:2], max(grasp.position[2], before[2])])
-    in_there = (_waypoint(end, before, CLOSED, 0.01), _waypoint(end, level, CLOSED))
+    in_there = (waypoint_at(end, before, CLOSED, 0.01), waypoint_at(end, level, CLOSED))
     way = before - grasp.position
     over = view.others.height_along(view.position, view.position + way, _WIDTH_M)
     over += CLEARANCE_M + grasp.position[2] - view.target.low
     if over < before[2] or np.linalg.norm(way[:2]) < _NEARBY_M:
-        return (_waypoint(grasp, up, CLOSED, 0.015), *in_there)
+        return (waypoint_at(grasp, up, CLOSED, 0.015), *in_there)
     up[2] = max(up[2], over)
     return (
-        _waypoint(grasp, up, CLOSED, 0.015),
-        _waypoint(end, np.array([*before[:2], over]), CLOSED, 0.01),
+        waypoint_at(grasp, up, CLOSED, 0.015),
+        waypoint_at(end, np.array([*before[:2], over]), CLOSED, 0.01),
         *in_there,
     )
 
 
-def _waypoint(
+def waypoint_at(
     grasp: Grasp, position: Array, grip: float, tolerance_m: float = 0.005, wait: int = 0
 ) -> Waypoint:
+    """Return a waypoint at a position with the orientation of a grasp."""
     return Waypoint(position, grasp.angle, grip, tolerance_m, wait, grasp.tilt, grasp.heading)
 
 
@@ -140,10 +141,10 @@ def travel(start: Hand | Grasp, end: Grasp, height: float, grip: float) -> Route
     """Go up to a height in m, unless already there, and at that height to above the end."""
     # Half a turn could go either way: it must go through the middle of the wrist's range.
     angle = end.angle if abs(end.angle - start.angle) < _HALF_TURN_RAD else WRIST_MIDDLE_RAD
-    over = _waypoint(replace(end, angle=angle), np.array([*end.position[:2], height]), grip, 0.01)
+    over = waypoint_at(replace(end, angle=angle), np.array([*end.position[:2], height]), grip, 0.01)
     if start.position[2] > height - 0.02:
         return (over,)
     up = np.array([*start.position[:2], height])
     if isinstance(start, Grasp):
-        return (_waypoint(start, up, grip, 0.02), over)
+        return (waypoint_at(start, up, grip, 0.02), over)
     return (Waypoint(up, start.angle if start.tilt < 0.2 else end.angle, grip, 0.02), over)

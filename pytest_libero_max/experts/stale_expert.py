@@ -22,11 +22,7 @@ class StaleExpertPolicy:
     spec = PolicySpec("stale-expert", horizon=10, query_interval=5, privileged=True)
 
     def reset(self, episode: Episode) -> None:
-        """Forget the route, and keep the world to read.
-
-        Raises:
-            AdapterError: The world does not tell its goal.
-        """
+        """Forget the route, and keep the world to read."""
         self._world = privileged_world(episode, self.spec)
         self._route: Route = ()
 

@@ -55,12 +55,7 @@ class Label:
 
 
 def labels(record: PairRecord, name: str, step: int, shared_until: int) -> list[Label]:
-    """Return the words in the picture of an arm after a number of policy steps.
-
-    Args:
-        step: Policy steps, of the film; an arm may have ended before.
-        shared_until: Policy steps that all arms of the film share.
-    """
+    """Return the words in the picture of an arm after a number of policy steps."""
     arm = record.arms[name]
     steps = arm.steps
     result: list[Label] = []
@@ -102,7 +97,6 @@ def film_frames(
     While nothing new is to be seen, a frame stays for up to a second.
 
     Args:
-        size: Side of the pictures in ``ticks``, pixels.
         caption: Kind of the pictures, where they are not those of the world's cameras; then each has its
             name below.
     """
@@ -171,7 +165,6 @@ class _Canvas:
         return labels(self._record, name, step, self._shared), since is None, blink
 
     def draw(self, tick: Tick) -> Image:
-        """Return the frame of a moment, which was followed."""
         cameras = next(iter(tick.views.values())).images
         top = len(self._title) * self._line_px + 6
         pictures = self._line_px + 4 + len(cameras) * (self._size + _GAP_PX)
@@ -253,7 +246,6 @@ class _Canvas:
         return min((steps for steps in since if 0 <= steps < arm.control_hz), default=None)
 
     def _draw_strip(self, pen: ImageDraw.ImageDraw, top: int, height: int, step: int) -> None:
-        """Distance to the trigger entity and gripper opening over the steps of the film."""
         line = self._line_px
         left, right = 8, self._width - 8
         distances = _Plot(
@@ -388,7 +380,6 @@ def _written(words: str, size_px: int) -> Picture.Image:
 
 @lru_cache(maxsize=4096)
 def _length(words: str, size_px: int) -> int:
-    """Width of some words in pixels."""
     return int(_font(size_px).getlength(words))
 
 

@@ -41,8 +41,6 @@ def write_film(path: Path, frames: Iterable[tuple[int, Image]], hz: int, overwri
         path: Ends in ``.mp4`` or ``.webp``, which says the format.
         frames: The policy step from which each is shown, and (H, W, 3) uint8, all of one size with even
             sides; at least one.
-        hz: Policy steps in a second.
-        overwrite: True if a file that is there already may be replaced.
 
     Raises:
         ReportError: The file exists, cannot be written, or needs the extra ``film``.

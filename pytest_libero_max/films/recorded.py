@@ -9,13 +9,7 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.keywords import matches
-from pytest_libero_max.errors import (
-    LiberoMaxError,
-    OptionError,
-    ProtocolError,
-    ReportError,
-    did_you_mean,
-)
+from pytest_libero_max.errors import LiberoMaxError, OptionError, ProtocolError, ReportError, did_you_mean
 from pytest_libero_max.films.drawing import film_frames
 from pytest_libero_max.films.encoding import available_format, write_film
 from pytest_libero_max.films.policy_view import Shown, caption, policy_look
@@ -45,7 +39,6 @@ def film_path(folder: Path, record: PairRecord, kind: str | None = None, view: s
 
     Args:
         kind: ``mp4`` or ``webp``; None for the format that can be written here.
-        view: One of :data:`.media.VIEWS`.
     """
     return folder / film_name(record.item_id, distinct_arms(record), f".{kind or available_format()}", view)
 
@@ -55,11 +48,9 @@ class Drawn:
     """How a recorded pair is drawn."""
 
     size: int = SIZE_PX
-    """Side of a picture, pixels."""
     every: int = EVERY
     """Show only every so many steps; a film keeps its speed."""
     overwrite: bool = False
-    """True if a file that is there already may be replaced."""
     on_step: Callable[[int], None] = lambda step: None
     """Called with the policy steps of each picture before it is drawn."""
 
@@ -82,9 +73,6 @@ def film_pair(
     """Play a recorded pair again and write its film, or nothing at all.
 
     Args:
-        path: See :func:`film_path`.
-        world: Its world; it is left anywhere.
-        how: Size and the like.
         shown: Conversion to the policy's images, to film these at its queries. None: film the cameras.
 
     Raises:
@@ -118,11 +106,7 @@ class RecordedRun:
         return outside_text(self.stored.run.provenance)
 
     def traces(self, record: PairRecord) -> dict[str, ArmTrace]:
-        """Return the traces of a pair.
-
-        Raises:
-            ReportError: The run kept none of it, or they cannot be read.
-        """
+        """Return the traces of a pair."""
         path = require_inside(self.folder, self.folder / TRACES_NAME / trace_name(record.item_id))
         if not path.exists():
             raise ReportError(
@@ -136,15 +120,6 @@ class RecordedRun:
 
         Args:
             use: Plays it again; is given its case, its world and the traces of its arms.
-
-        Raises:
-            ProtocolError: The replay does not reach the recorded digests; names the differences in versions.
-            ReportError: The record contradicts its case; or a needed file is missing, or a file is there
-                already or cannot be written.
-            AdapterError: The policy's view cannot be made.
-            SubstrateError: The substrate cannot build the scene.
-            ChangeError: A change does not fit this world.
-            SimulatorError: The simulation broke, or the renderer does not answer.
         """
         case = self.cases.get(record.case_id)
         if case is None:
@@ -262,7 +237,6 @@ def chosen(stored: StoredRun, names: Sequence[str], which: str) -> list[PairReco
     Args:
         names: Item ids, case ids, or expressions over parts of them as for pytest's ``-k``; none: ``which``
             decides.
-        which: One of :data:`.media.FILM_SELECTIONS`.
 
     Raises:
         OptionError: A name is not that of a measured pair, nor a part of one; suggests the closest.

@@ -78,7 +78,6 @@ def play_again(
     Worlds that are the same bit for bit are drawn once. The world is left anywhere; a reset makes it new.
 
     Args:
-        look: Looks at the world; see :func:`through_cameras`.
         every: Show only every so many steps, those of events, and the last one.
         also: Policy steps after which views are made even where they are not shown.
         simulate: False to show the positions that the traces have, where they have them.
@@ -228,11 +227,7 @@ def _advance(players: list[_Player], step: int, world: World) -> None:
 
 
 def through_cameras(size: int) -> Look:
-    """Return the view of a world through its cameras. A world that looks as it did is not drawn again.
-
-    Args:
-        size: Side of an image in pixels.
-    """
+    """Return the view of a world through its cameras. A world that looks as it did is not drawn again."""
     drawn: dict[str, Appearance] = {}
 
     def look(name: str, step: int, world: World, before: View | None) -> View:

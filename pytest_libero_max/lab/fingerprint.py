@@ -1,7 +1,7 @@
 """Fingerprint of an installation: what it computes and draws on a few cases, layer by layer.
 
 Each layer has a digest, which says whether two installations agree, and numbers, which say by how much they
-do not. Timings are kept beside the layers and are part of no digest.
+do not.
 """
 
 from __future__ import annotations
@@ -9,10 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,9 +70,8 @@ def take(substrate: Substrate) -> Json:
         SubstrateError: A scene cannot be built.
     """
     cases: Json = {}
-    times: dict[str, list[float]] = {"step_ms": [], "image_ms": []}
     for case in _cases():
-        cases[case.item_id] = _layers(case, alterable(substrate.world(case)), times)
+        cases[case.item_id] = _layers(case, alterable(substrate.world(case)))
     first = next(_cases())
     parts = {"inputs": _inputs(), "queries": {first.item_id: _queries(first, substrate.world(first))}}
     found = {name: parts.get(name) or {key: case[name] for key, case in cases.items()} for name in LAYERS}
@@ -88,7 +85,6 @@ def take(substrate: Substrate) -> Json:
         "layers": {name: digest[:12] for name, digest in layers.items()},
         "versions": {"python": platform.python_version(), **substrate.fingerprint(images=True)},
         "machine": platform.machine(),
-        "timings": {name: round(statistics.median(values), 3) for name, values in times.items()},
         "cases": cases,
         **parts,
     }
@@ -109,7 +105,7 @@ def _cases() -> Iterator[Case]:
         )
 
 
-def _layers(case: Case, world: AlterableWorld, times: dict[str, list[float]]) -> Json:
+def _layers(case: Case, world: AlterableWorld) -> Json:
     """Return digest and numbers of each layer of one case; every layer begins at the reset."""
     from pytest_libero_max.changes.registry import change_from_dict
     from pytest_libero_max.events.schedules import change_of
@@ -117,9 +113,9 @@ def _layers(case: Case, world: AlterableWorld, times: dict[str, list[float]]) ->
     fields = {name: digest[:12] for name, digest in world.scene_fields().items()}
     textures = {name: fields.pop(name) for name in sorted(fields) if name.startswith("model.tex")}
     world.reset(case.init_state_index)
-    pictures = _pictures(world, times)
+    pictures = _pictures(world)
     physics = _bare_physics(on_mujoco(world))
-    path, torques = _replay(on_mujoco(world), times)
+    path, torques = _replay(on_mujoco(world))
     world.reset(case.init_state_index)
     for raw in case.event.setup:
         change_from_dict(raw).apply(world)
@@ -132,12 +128,11 @@ def _layers(case: Case, world: AlterableWorld, times: dict[str, list[float]]) ->
         "replay": _numbers(path),
         "drawing": pictures,
         "events": _numbers(list(_leaves(evidence)), canonical_digest(evidence)),
-        "event_pictures": _pictures(world, times),
+        "event_pictures": _pictures(world),
     }
 
 
 def _bare_physics(world: OnMujoco) -> NDArray[np.float64]:
-    """Joint positions after steps of MuJoCo without any control."""
     import mujoco
 
     data = mujoco.MjData(world.model)
@@ -148,15 +143,11 @@ def _bare_physics(world: OnMujoco) -> NDArray[np.float64]:
     return np.array(data.qpos)
 
 
-def _replay(
-    world: OnMujoco, times: dict[str, list[float]]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _replay(world: OnMujoco) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the path of the hand (steps, 3) under fixed actions, and the control after the first."""
     path, control = [], np.array(world.data.ctrl)
     for step, action in enumerate(_actions()):
-        start = perf_counter()
         world.step(action)
-        times["step_ms"].append(1000 * (perf_counter() - start))
         path.append(world.end_effector())
         if step == 0:
             control = np.array(world.data.ctrl)
@@ -170,11 +161,9 @@ def _actions() -> Iterator[NDArray[np.float64]]:
         yield np.array([*(byte / 127.5 - 1.0 for byte in draws), 1.0 if step >= STEPS // 2 else -1.0])
 
 
-def _pictures(world: World, times: dict[str, list[float]]) -> Json:
+def _pictures(world: World) -> Json:
     """Digest of the images of both cameras, and the mean colours of their blocks."""
-    start = perf_counter()
     shown = world.observe(CAMERAS, SIZE_PX)
-    times["image_ms"].append(1000 * (perf_counter() - start) / len(CAMERAS))
     images = np.stack([shown[f"{camera}_image"] for camera in CAMERAS])
     side = SIZE_PX // BLOCKS
     blocks = images.reshape(len(CAMERAS), BLOCKS, side, BLOCKS, side, 3).mean(axis=(2, 4))
@@ -186,7 +175,7 @@ def _inputs() -> Json:
 
     The observation is made up, so that nothing of the scenes or of the renderer is in it.
     """
-    from pytest_libero_max.policies.clients.request import Request
+    from pytest_libero_max.policies.clients.messages import Request
     from pytest_libero_max.policies.profile import load_profile, profile_names
     from pytest_libero_max.worlds.robot import PANDA
 
@@ -263,7 +252,6 @@ def _numbers(values: NDArray[np.float64] | Sequence[float], digest: str | None =
 
 
 def _leaves(value: Any) -> Iterator[float]:
-    """Yield the numbers of a JSON value in its order."""
     if isinstance(value, Mapping):
         value = list(value.values())
     if isinstance(value, list | tuple):
@@ -295,18 +283,16 @@ def read_fingerprint(path: Path) -> Json:
 
 
 def fingerprint_lines(found: Json) -> list[str]:
-    """Return a fingerprint as lines: the hash to quote, its layers, versions and timings."""
+    """Return a fingerprint as lines: the hash to quote, its layers and versions."""
     versions = ", ".join(
         f"{name} {value}"
         for name, value in found["versions"].items()
         if name in RENDERING or len(value) < 40  # no digests
     )
-    times = found["timings"]
     return [
         f"{found['substrate']} {found['hash']}",
         "  " + "  ".join(f"{name} {digest}" for name, digest in found["layers"].items()),
         f"  {counted(len(found['cases']), 'case')} of the track {TRACK}; {versions}; {found['machine']}",
-        f"  {times['step_ms']:.1f} ms a step, {times['image_ms']:.1f} ms an image (part of no digest)",
     ]
 
 
@@ -323,61 +309,46 @@ def comparison_lines(first: Json, second: Json) -> list[str]:
             f"{second['substrate']!r}, {counted(len(second['cases']), 'case')}. Take both of the same "
             "substrate."
         )
-    lines = [
-        f"{first['hash']} {'equals' if first['hash'] == second['hash'] else 'differs from'} {second['hash']}"
-    ]
+    equal = "equals" if first["hash"] == second["hash"] else "differs from"
+    lines = [f"{first['hash']} {equal} {second['hash']}"]
     for layer, unit in LAYERS.items():
         one, other = (
             found.get(layer) or {name: case[layer] for name, case in found["cases"].items()}
             for found in (first, second)
         )
-        pairs = {name: (one[name], other[name]) for name in one if name in other}
-        unequal = {name: pair for name, pair in pairs.items() if pair[0]["digest"] != pair[1]["digest"]}
+        both = {name: (one[name], other[name]) for name in one if name in other}
+        unequal = {name: pair for name, pair in both.items() if pair[0]["digest"] != pair[1]["digest"]}
         what = "profiles" if layer == "inputs" else "cases"
-        said = [_said(unequal, len(pairs), what, unit)] if unequal else []
-        said += (
-            [f"{len(one.keys() ^ other.keys())} {what} are in one alone"]
-            if one.keys() != other.keys()
-            else []
-        )
-        lines.append(f"  {layer:<15} {'; '.join(said) or 'equal'}")
-    names = [*dict.fromkeys([*first["versions"], *second["versions"]])]
-    other = [
+        parts = []
+        if unequal:
+            names = f" ({_first(sorted(unequal), 3, ', ...')})" if layer == "inputs" else ""
+            parts.append(
+                f"differs in {len(unequal)} of {len(both)} {what}{names}: {_gap(unequal.values(), unit)}"
+            )
+        if alone := one.keys() ^ other.keys():
+            parts.append(f"{len(alone)} {what} are in one alone")
+        lines.append(f"  {layer:<15} {'; '.join(parts) or 'equal'}")
+    versions = [
         f"{name} {first['versions'].get(name, 'none')} / {second['versions'].get(name, 'none')}"
-        for name in names
+        for name in dict.fromkeys([*first["versions"], *second["versions"]])
         if first["versions"].get(name) != second["versions"].get(name)
     ]
-    return [*lines, f"  versions        {'; '.join(other) or 'equal'}"]
+    return [*lines, f"  versions        {'; '.join(versions) or 'equal'}"]
 
 
-def _said(unequal: Mapping[str, tuple[Json, Json]], of: int, what: str, unit: str) -> str:
-    names = (
-        f" ({', '.join(sorted(unequal)[:3])}{', ...' if len(unequal) > 3 else ''})"
-        if what == "profiles"
-        else ""
-    )
-    return f"differs in {len(unequal)} of {of} {what}{names}: {_gap([*unequal.values()], unit)}"
+def _first(names: Sequence[str], count: int, rest: str) -> str:
+    return ", ".join(names[:count]) + (rest if len(names) > count else "")
 
 
-def _gap(unequal: Sequence[tuple[Json, Json]], unit: str) -> str:
+def _gap(unequal: Collection[tuple[Json, Json]], unit: str) -> str:
     if unit == "fields":
-        names = sorted({name for pair in unequal for name in _unlike(pair[0]["fields"], pair[1]["fields"])})
-        rest = f" and {len(names) - 6} more" if len(names) > 6 else ""
-        return f"{', '.join(names[:6])}{rest}"
-    sizes = [(len(one["values"]), len(other["values"])) for one, other in unequal]
-    if any(one != other for one, other in sizes):
+        both = [(one["fields"], other["fields"]) for one, other in unequal]
+        names = sorted({name for a, b in both for name in a.keys() | b.keys() if a.get(name) != b.get(name)})
+        return _first(names, 6, f" and {len(names) - 6} more")
+    values = [(one["values"], other["values"]) for one, other in unequal]
+    if any(len(one) != len(other) for one, other in values):
         return "they have other numbers of values"
-    gaps = [_differences(one["values"], other["values"]) for one, other in unequal]
-    most = max((float(gap.max(initial=0.0)) for gap in gaps), default=0.0)
+    most = max((abs(a - b) for one, other in values for a, b in zip(one, other, strict=True)), default=0.0)
     if most == 0.0:
         return "less than what is kept shows"
-    return f"largest difference {most:.3g}{f' {unit}' if unit else ''}"
-
-
-def _differences(one: Iterable[float], other: Iterable[float]) -> NDArray[np.float64]:
-    gap: NDArray[np.float64] = np.abs(np.array([*one]) - np.array([*other]))
-    return gap
-
-
-def _unlike(one: Mapping[str, str], other: Mapping[str, str]) -> Iterator[str]:
-    yield from (name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
+    return f"largest difference {most:.3g} {unit}".rstrip()

@@ -85,11 +85,7 @@ def as_tensor(value: NDArray[Any]) -> Any:
 
 
 def require_playable(config: Any) -> int:
-    """Refuse a policy that is not asked query by query, or not of LIBERO; return the side of its images.
-
-    Raises:
-        ValueError: Says what was found, and what is expected.
-    """
+    """Refuse a policy that is not asked query by query, or not of LIBERO; return the side of its images."""
     if config.n_obs_steps != 1:
         raise ValueError(
             f"n_obs_steps={config.n_obs_steps}, but a query holds one observation. Keep the earlier ones in "

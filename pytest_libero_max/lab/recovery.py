@@ -116,7 +116,6 @@ class _Columns:
     configuration: NDArray[np.str_]
 
     def part(self, rows: NDArray[np.bool_]) -> _Columns:
-        """Return some of the cases."""
         success = {key: values[rows] for key, values in self.success.items()}
         return _Columns(success, self.category[rows], self.configuration[rows])
 
@@ -149,7 +148,8 @@ def compare_recovery(runs: Sequence[StoredRun], restrict: bool = False) -> Recov
         )
     common = common_cases(by_mode, restrict)
     ids = [pair.case_id for pair in common.planned]
-    records = {mode: _records(run, ids) for mode, run in by_mode.items()}
+    measured = {mode: {record.case_id: record for record in run.records} for mode, run in by_mode.items()}
+    records = {mode: [found[case_id] for case_id in ids] for mode, found in measured.items()}
     first = records[NATIVE]
     _require_sensor_noise(first)
     columns = _Columns(
@@ -222,11 +222,6 @@ def _by_mode(runs: Sequence[StoredRun]) -> dict[str, StoredRun]:
     return by_mode
 
 
-def _records(run: StoredRun, ids: Sequence[str]) -> list[PairRecord]:
-    by_id = {record.case_id: record for record in run.records}
-    return [by_id[case_id] for case_id in ids]
-
-
 def _require_sensor_noise(records: Sequence[PairRecord]) -> None:
     other = sorted({record.event for record in records} - {"sensor_noise_onset"})
     if other:
@@ -244,23 +239,17 @@ def _corruption(record: PairRecord) -> str:
 
 
 def _mode(columns: _Columns, mode: str, records: Sequence[PairRecord]) -> Mode:
-    """Return the rates of a mode, its activity, and its cost."""
     n = len(columns.category)
-    rates = {arm: ratio_of(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC)}
+    base, dynamic = (ratio_of(Ratio(int(columns.success[mode, arm].sum()), n)) for arm in (BASE, DYNAMIC))
     notes = {arm: _notes(records, arm) for arm in (BASE, DYNAMIC)}
-    queries = sum(counts["queries"] for counts in notes.values() if counts)
-    seconds = sum(record.timings.get(_TIME, 0.0) for record in records)
     active = {
         arm: ratio_of(Ratio(counts["active"], counts["queries"])) if counts else None
         for arm, counts in notes.items()
     }
-    return Mode(
-        base=rates[BASE],
-        dynamic=rates[DYNAMIC],
-        active=active,
-        images=notes,
-        seconds_per_query=number(seconds / queries) if queries else None,
-    )
+    queries = sum(counts["queries"] for counts in notes.values() if counts)
+    seconds = sum(record.timings.get(_TIME, 0.0) for record in records)
+    each = number(seconds / queries) if queries else None
+    return Mode(base=base, dynamic=dynamic, active=active, images=notes, seconds_per_query=each)
 
 
 def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
@@ -271,7 +260,6 @@ def _notes(records: Sequence[PairRecord], arm: str) -> dict[str, int] | None:
 
 
 def _effects(others: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return the mode, the mode it is compared with, and the quantity of each effect."""
     rows = [
         (mode, NATIVE, quantity) for mode in reversed(others) for quantity in ("dynamic", "base", "closure")
     ]

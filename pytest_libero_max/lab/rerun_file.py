@@ -58,11 +58,7 @@ class Scene(View):
 
 
 def scenes(size: int) -> Look:
-    """Return a look that records where everything in a world is.
-
-    Args:
-        size: Side of an image in pixels.
-    """
+    """Return a look that records where everything in a world is, with images of ``size`` pixels."""
 
     def look(name: str, step: int, world: World, before: View | None) -> View:
         assert isinstance(world, OnMujoco)
@@ -90,34 +86,11 @@ def record_pair(
 ) -> None:
     """Play a recorded pair again and write it for Rerun (``.rrd``), or nothing at all.
 
-    Arguments and errors are those of :func:`.recorded.film_pair`.
-    """
-    ticks = play_again(case, world, record, traces, scenes(how.size), how.every)
-    write_recording(path, record, traces, how.tell(ticks), how.overwrite)
-
-
-def write_recording(
-    path: Path,
-    record: PairRecord,
-    traces: Mapping[str, ArmTrace],
-    ticks: Iterable[Tick],
-    overwrite: bool = False,
-) -> None:
-    """Write a recording; the folder is made if missing. One that cannot be completed leaves no file.
-
-    Args:
-        path: Ends in ``.rrd``.
-        record: The pair.
-        traces: Of its arms.
-        ticks: Seen with :func:`scenes`.
-        overwrite: True if a file that is there already may be replaced.
-
-    Raises:
-        ReportError: The file exists or cannot be written, or the extra ``rerun`` is missing.
+    Arguments and errors are those of :func:`.recorded.film_pair`; the extra ``rerun`` may be missing as well.
     """
     if importlib.util.find_spec("rerun") is None:
         raise ReportError(f"A recording of Rerun needs its library: {INSTALL}.")
-    if path.exists() and not overwrite:
+    if path.exists() and not how.overwrite:
         raise ReportError(f"{path} exists. Remove it, or allow that it is overwritten.")
     import rerun
 
@@ -128,7 +101,8 @@ def write_recording(
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = rerun.RecordingStream(_APPLICATION, recording_id=record.item_id)
         stream.save(str(partial), default_blueprint=_layout(record))
-        _Writer(stream, record, traces).write(ticks)
+        ticks = play_again(case, world, record, traces, scenes(how.size), how.every)
+        _Writer(stream, record, traces).write(how.tell(ticks))
         stream.flush()
         stream.disconnect()
         os.replace(partial, path)

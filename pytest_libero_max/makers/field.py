@@ -69,11 +69,7 @@ def read_about(path: Path) -> About:
 
 
 def read_field(text: str) -> Field:
-    """Return stored examinations.
-
-    Raises:
-        ReportError: They are none.
-    """
+    """Return stored examinations."""
     return decode(text.encode(), Field)
 
 

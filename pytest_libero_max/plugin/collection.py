@@ -219,15 +219,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def check_ids(config: pytest.Config, case_set: str) -> None:
-    """Check the pairs that the command line names one by one.
-
-    Args:
-        config: Of the session.
-        case_set: Name of the track or manifest, for messages.
-
-    Raises:
-        pytest.UsageError: One of them is not in the run; suggests the closest.
-    """
+    """Check the pairs that the command line names one by one, or raise pytest.UsageError."""
     ids = [id for arg in config.args if (id := _id_in(arg)) is not None]
     if not ids:
         return
@@ -257,7 +249,6 @@ def register_markers(config: pytest.Config, *, in_use: bool) -> None:
     """Declare the markers of the events, suites and variants, for ``--markers`` and ``--strict-markers``.
 
     Args:
-        config: Of the session.
         in_use: True in a session that plays pairs; only there are those of other packages looked for.
     """
     names = EVENTS if in_use else BENCHMARK_EVENTS

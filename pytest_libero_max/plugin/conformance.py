@@ -21,8 +21,7 @@ from pytest_libero_max.plugin.options import usage_errors
 from pytest_libero_max.substrates.registry import DEFAULT
 
 if TYPE_CHECKING:
-    from pytest_libero_max.conformance.expected import Expected
-    from pytest_libero_max.conformance.results import Conformance, RuleResult
+    from pytest_libero_max.conformance.results import Conformance, Expected, RuleResult
     from pytest_libero_max.conformance.rules import Examination, Outcome, Rule
     from pytest_libero_max.evaluation.settings import Settings
 
@@ -49,11 +48,7 @@ def aim(config: pytest.Config) -> None:
 
 
 def configure(config: pytest.Config) -> None:
-    """Check the subject, and set up what examines it and what reports of it.
-
-    Raises:
-        pytest.UsageError: The subject or the file of expected breaks cannot be used, or pairs are asked for.
-    """
+    """Check the subject, and set up what examines it and what reports of it, or raise pytest.UsageError."""
     if options.policy_on_command_line(config):
         raise pytest.UsageError(
             "--libero-max-conform examines a subject and --libero-max-policy plays pairs. Give one of them; "
@@ -75,8 +70,8 @@ class ConformanceSession:
     """Collects the rules and examines them, in each process."""
 
     def __init__(self, settings: Settings) -> None:
-        from pytest_libero_max.conformance.expected import read_expected
         from pytest_libero_max.conformance.registry import rules_for
+        from pytest_libero_max.conformance.results import read_expected
 
         assert settings.conform is not None
         self.settings = settings

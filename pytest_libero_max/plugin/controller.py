@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Generator, Iterable
 from typing import Any, NoReturn
@@ -17,7 +16,7 @@ from pytest_libero_max.errors import (
 )
 from pytest_libero_max.evaluation.keeper import RunKeeper
 from pytest_libero_max.evaluation.policy_source import PolicySource
-from pytest_libero_max.evaluation.resource_checks import memory_note
+from pytest_libero_max.machine import GIB, available_bytes
 from pytest_libero_max.pairing.record import PairError, PairRecord, is_error, result_from_dict
 from pytest_libero_max.plugin.collection import (
     asked_for,
@@ -28,6 +27,7 @@ from pytest_libero_max.plugin.collection import (
     only_lists,
     settings_of,
 )
+from pytest_libero_max.plugin.hookspec import call_user_hook
 from pytest_libero_max.plugin.junit_file import tell_junit
 from pytest_libero_max.plugin.options import gates_from, usage_errors
 from pytest_libero_max.plugin.pair_reports import keep_status, result_of
@@ -45,25 +45,18 @@ from pytest_libero_max.plugin.stash_keys import (
     SETTLED_INPUT,
     STOP_ATTRIBUTE,
 )
-from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.servers import Servers
 from pytest_libero_max.policies.contract import CHANCE_SHARE
 from pytest_libero_max.report.exit_status import INCOMPLETE
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.writers.junit import broken_properties, suite_properties
 from pytest_libero_max.runs.damaged_lines import damage_said
+from pytest_libero_max.substrates.contract import SubstrateKind
 from pytest_libero_max.substrates.registry import SUBSTRATES
 
 
 class RunController:
     """Registered on the controller of a distributed run, or on the only process of a plain one.
-
-    Attributes:
-        keeper: Of the run.
-        cases: Its cases, by item id.
-        progress: Plugin that shows the progress.
-        stop: Plugin that stops the run.
-        end: Plugin that reports at the end.
 
     Raises:
         pytest.UsageError: A pair or the adapter cannot exist as named, or a LIBERO or an OpenGL backend that
@@ -128,23 +121,8 @@ class RunController:
         """Look at the output folder, which only a session that plays may touch."""
         if only_lists(self.config):
             return
-        self._require_other_process()
         with usage_errors():
             self._remark = self.keeper.check_folder()
-
-    def _require_other_process(self) -> None:
-        """Refuse gates in the process that plays, whatever another plugin made of the options.
-
-        Raises:
-            pytest.UsageError: No worker, actor or process of its own will play the pairs.
-        """
-        settings = self.settings
-        apart = self.config.pluginmanager.has_plugin("dsession") or settings.ray is not None
-        if settings.gate and not (apart or settings.isolate or self.has_all):
-            raise pytest.UsageError(
-                "The pairs would be played in the process that decides the gates, and a policy could end it: "
-                "another plugin or -p no:dsession keeps the workers away. Add --libero-max-isolate."
-            )
 
     def pytest_report_header(self) -> list[str]:
         settings, manifest = self.settings, self.keeper.run_cases.manifest
@@ -295,21 +273,6 @@ class RunController:
             yield
         finally:  # whatever another plugin's hook has raised
             self.end.finish(session)
-            _leave_out_hypothesis_summary(self.config)
-
-
-def _leave_out_hypothesis_summary(config: pytest.Config) -> None:
-    """Unregister Hypothesis's plugin, whose summary imports Hypothesis, in a session that did not use it."""
-    plugin = config.pluginmanager.get_plugin("hypothesispytest")
-    terminal = config.pluginmanager.get_plugin("terminalreporter")
-    if plugin is None or terminal is None or "hypothesis" in sys.modules:
-        return
-    if config.getoption("--hypothesis-show-statistics", False):
-        return
-    reports = [report for group in terminal.stats.values() for report in group]
-    # Reports of tests that other processes ran carry their statistics and failing examples.
-    if not any(name.startswith("_hypothesis_") for report in reports for name in vars(report)):
-        config.pluginmanager.unregister(plugin)
 
 
 def _origin(substrate: Json) -> str:
@@ -332,3 +295,16 @@ def _servers_line(servers: Servers) -> str:
     if len(groups) == 1 and not servers.groups[0].marks:
         groups = [", ".join(servers.addresses)]
     return f"libero-max: {counted(len(servers.addresses), 'server')}: {'; '.join(groups)}"
+
+
+def memory_note(workers: int, kind: SubstrateKind) -> str | None:
+    """Return a warning where memory is too little for the workers; None where it is enough or unknown."""
+    available, each = available_bytes(), int(kind.worker_gib * GIB)
+    if available is None or available >= workers * each:
+        return None
+    fits = max(available // each, 1)
+    return (
+        f"libero-max: {available / GIB:.1f} GiB of memory are free, and {counted(workers, 'worker')} would "
+        f"take about {workers * each / GIB:.1f} GiB on the {kind.name} substrate, without the policy. "
+        f"Play with -n {fits}, or serve the policy once for all workers (libero-max serve)."
+    )

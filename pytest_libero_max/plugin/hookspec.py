@@ -6,11 +6,14 @@ hook takes any of the arguments named here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import class_name, text_of
 from pytest_libero_max.pairing.record import PairError, PairRecord
 
 
@@ -69,3 +72,24 @@ def pytest_libero_max_reported(
         folder: The output folder, with pairs, reports, traces and films.
         config: pytest's config.
     """
+
+
+def call_user_hook(
+    hook: Callable[..., object], *, may_raise: tuple[type[BaseException], ...] = (), **arguments: Any
+) -> str | None:
+    """Call a hook; ``SystemExit`` in it is an exception like others, so that gates decide the status.
+
+    Args:
+        may_raise: Exceptions that are left to the caller, beside a keyboard interrupt.
+
+    Returns:
+        The exception that it raised, in words; None if it raised none.
+    """
+    passed_on: tuple[type[BaseException], ...] = (KeyboardInterrupt, *may_raise)
+    try:
+        hook(**arguments)
+    except passed_on:
+        raise
+    except BaseException as error:  # a user's hook may raise anything, and must not cost the run
+        return f"{class_name(error)}: {text_of(error)}"
+    return None

@@ -18,11 +18,9 @@ def gate_case(text: str, result: GateResult | None, replay: Sequence[str] | None
     """Return the test case of a gate: failed where it does not hold, skipped where nothing was decided.
 
     Args:
-        text: The gate as written.
         result: Its verdict; None where this run does not decide it.
-        replay: See :func:`~pytest_libero_max.report.writers.gate_text.gate_lines`.
     """
-    from pytest_libero_max.report.writers.gate_text import gate_lines
+    from pytest_libero_max.report.gate_text import gate_lines
 
     outcome: Literal["passed", "failed", "skipped"] = "skipped"
     said = f"{text}: not decided by this run; that of a shard is decided by libero-max shards merge."

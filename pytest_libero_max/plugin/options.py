@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,6 @@ from pytest_libero_max.errors import LiberoMaxError, did_you_mean
 from pytest_libero_max.evaluation import resolving
 from pytest_libero_max.evaluation.resolving import path_from
 from pytest_libero_max.evaluation.settings import GONE, OPTIONS, Settings
-from pytest_libero_max.plugin.ini_values import in_file, native_value
 from pytest_libero_max.runs.protocol import RECORDED_RUN
 from pytest_libero_max.runs.replay_command import Places
 from pytest_libero_max.runs.setting import Group, Option
@@ -69,11 +68,7 @@ def _gone(name: str) -> str:
 
 
 def resolve(config: pytest.Config) -> Settings:
-    """Return settings from the command line and the ini file.
-
-    Raises:
-        pytest.UsageError: A value is not of its option's form, or two options contradict each other.
-    """
+    """Return settings from the command line and the ini file, or raise pytest.UsageError."""
     values = {option.field: _value(config, option) for option in OPTIONS}
     given = {option.field for option in OPTIONS if config.getoption(option.key) is not None}
     with usage_errors():
@@ -117,11 +112,7 @@ def given(config: pytest.Config, name: str) -> bool:
 
 
 def require_known_keys(config: pytest.Config) -> None:
-    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns.
-
-    Raises:
-        pytest.UsageError: One is unknown; suggests what says the same, or the closest.
-    """
+    """Check options of before, and the keys of ini file and ``-o`` that look like ours: pytest only warns."""
     known = {option.key for option in OPTIONS}
     gone = {_gone(name): f"It is spelled --libero-max-{instead}." for name, instead in GONE.items()}
     for name in GONE:
@@ -137,11 +128,7 @@ def require_known_keys(config: pytest.Config) -> None:
 
 
 def in_order(config: pytest.Config) -> bool:
-    """Return True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once.
-
-    Raises:
-        pytest.UsageError: The order or the rule is not of its option's form.
-    """
+    """Return True if pairs are to be handed out one by one, see :attr:`Settings.in_order`; known at once."""
     values = {option.name: _value(config, option) for option in OPTIONS if option.name in ("order", "stop")}
     return values["stop"] is not None or bool(values["order"] and values["order"].seed is not None)
 
@@ -212,11 +199,7 @@ def gates_from(config: pytest.Config) -> Path:
 
 
 def ini_value(config: pytest.Config, key: str) -> Any:
-    """Return one of our values from the ini file: text, a list of texts, True or False; None if not there.
-
-    Raises:
-        pytest.UsageError: It has a type that the option does not have.
-    """
+    """Return one of our values from the ini file: text, a list of texts, True or False; None if not there."""
     entry = in_file(config).get(key)
     if entry is not None and getattr(entry, "mode", "ini") == "toml":
         return native_value(_OPTION_OF[key], entry.value)
@@ -224,3 +207,58 @@ def ini_value(config: pytest.Config, key: str) -> Any:
         return config.getini(key)
     except (ValueError, pytest.UsageError) as error:  # which one depends on pytest's version
         raise pytest.UsageError(f"ini option {key}: {error}; expected true or false") from None
+
+
+def in_file(config: pytest.Config) -> Mapping[str, Any]:
+    """Return the entries of the ini file and of ``-o``, by key."""
+    entries: Mapping[str, Any] = (
+        config._inicfg if hasattr(config, "_inicfg") else config.inicfg
+    )  # until pytest 9
+    return entries
+
+
+def native_value(option: Option, value: object) -> Any:
+    """Return a value of a TOML table as another ini file writes it: text, a list of texts, True or False.
+
+    pytest reads there only the one type that is declared, and a limit, a share or a shard is a number in one
+    project and text in the next. Where an option's text has parts, a list is several of them and a table has
+    them by name: ``{cadence = [2, 4]}`` is ``cadence:2,4``.
+
+    Returns:
+        None for an empty list or table.
+
+    Raises:
+        pytest.UsageError: It has a type that the option does not have.
+    """
+    if option.switch:
+        if not isinstance(value, bool):
+            raise _unexpected(option, value, "true or false")
+        return value
+    if option.many:
+        values = value if isinstance(value, list) else [value]
+        lines = [line.strip() for entry in values for line in _single(option, entry).splitlines()]
+        return [line for line in lines if line]
+    return (_spelled(option, value, ":") or None) if option.has_parts else _single(option, value)
+
+
+def _spelled(option: Option, value: object, mark: str) -> str:
+    """Return the text of a value; ``mark`` stands between name and value, and ``=`` in a table inside."""
+    if isinstance(value, list):
+        return ",".join(_spelled(option, entry, mark) for entry in value)
+    if isinstance(value, dict):
+        return ",".join(f"{name}{mark}{_spelled(option, entry, '=')}" for name, entry in value.items())
+    return _single(option, value)
+
+
+def _single(option: Option, value: object) -> str:
+    if not isinstance(value, str | int | float) or isinstance(value, bool):
+        one = "text or a number"
+        expected = f"{one}, or a list of these" if option.many else one
+        if option.has_parts:
+            expected = f"{one}, a list of these or a table of them by name, as in {option.metavar}"
+        raise _unexpected(option, value, expected)
+    return str(value)
+
+
+def _unexpected(option: Option, value: object, expected: str) -> pytest.UsageError:
+    return pytest.UsageError(f"ini option {option.key}={value!r}: expected {expected}")

@@ -15,6 +15,7 @@ import time
 from collections.abc import Generator, Sequence
 from contextlib import suppress
 from io import UnsupportedOperation
+from pathlib import Path
 from typing import Any, TextIO
 
 import pytest
@@ -24,36 +25,24 @@ from pytest_libero_max.plugin.collection import case_of
 from pytest_libero_max.policies.clients.waiting import forget_waits, waiting_lines
 from pytest_libero_max.runs.live_text import LiveText, understands_sequences
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.runs.progress import Pace, PairCounts, Progress, progress_text
-from pytest_libero_max.runs.status import note_of
+from pytest_libero_max.runs.progress import Pace, progress_text
+from pytest_libero_max.runs.status import ProgressNotes
 from pytest_libero_max.runs.store import PairStore
 
 _WAIT_LOOK_S = 1.0
 _WAIT_LINE_S = 60.0
 """Time between two lines on waits, where these scroll."""
 
-_COMPOSED_S = 0.1
-"""Time for which a terminal shows the same line again, s: to compose it counts all pairs of the run."""
-
 _Wrapper = Generator[None, Any, Any]
 
 
 class RunProgress:
-    """Registered beside the run's controller, which calls :meth:`begin`.
-
-    Args:
-        config: pytest's config.
-        form: ``auto``, ``live``, ``lines`` or ``none``.
-    """
+    """Registered beside the run's controller, which calls :meth:`begin`."""
 
     def __init__(self, config: pytest.Config, form: str) -> None:
         self._config, self._form = config, form
-        self._store: PairStore | None = None
-        self._counts = PairCounts()
-        self._before = 0
-        self._playing: dict[str, float] = {}  # since when, seconds since the epoch
-        self._workers: dict[str, str] = {}
-        self._began = 0.0
+        self._notes = ProgressNotes()
+        self._folder = Path()
         self._live: LiveText | None = None
         self._stream: TextIO | None = None
         self._pace: Pace | None = None
@@ -62,9 +51,6 @@ class RunProgress:
         self._over = threading.Event()
         self._idle = False  # pytest waits, and writes nothing
         self._waited = False  # a wait is shown
-        self._lines: list[str] = []  # below pytest's output
-        self._composed_at = -math.inf
-        self._stale = False  # something has happened since they were composed
 
     def begin(
         self,
@@ -72,39 +58,27 @@ class RunProgress:
         planned: Sequence[PlannedPair],
         settled: Sequence[PairRecord | PairError],
     ) -> None:
-        """Begin to show and note a run.
-
-        Args:
-            store: Takes the notes.
-            planned: The pairs of the run.
-            settled: Pairs of a resumed run that are not played again. One with a fault is.
-        """
-        self._store, self._counts.planned = store, planned
-        self._before = sum(isinstance(pair, PairRecord) for pair in settled)
-        for pair in settled:
-            self._counts.add(pair)
-        self._began = time.time()
-        self._note_workers()
+        """Begin to show and note a run."""
+        self._notes.begin(store, planned, settled)
+        self._folder = store.path.parent
         self._reporter = self._config.pluginmanager.get_plugin("terminalreporter")
         if self._reporter is not None:
             self._choose_form(self._reporter)
-        self._note()
-        forget_waits(store.path.parent)
+        forget_waits(self._folder)
         if self._live is not None or self._pace is not None:
             threading.Thread(target=self._tell_waits, name="libero-max-progress", daemon=True).start()
 
     def _tell_waits(self) -> None:
-        """Show waits for servers, and what happened last, while pytest itself waits."""
+        """Show waits for servers while pytest itself waits."""
         last = -math.inf
         while not self._over.wait(_WAIT_LOOK_S):
             with self._lock:
-                if not self._idle or self._store is None:
+                if not self._idle:
                     continue
                 if self._live is not None:
-                    if self._stale or self._waited or self._waits():
-                        self._composed_at = -math.inf
+                    if self._waited or waiting_lines(self._folder):
                         self._draw_now()
-                elif time.monotonic() - last >= _WAIT_LINE_S and (lines := self._waits()):
+                elif time.monotonic() - last >= _WAIT_LINE_S and (lines := waiting_lines(self._folder)):
                     last = time.monotonic()
                     self._write_beside(lines)
 
@@ -114,23 +88,6 @@ class RunProgress:
             with suppress(OSError, ValueError):
                 self._stream.write("".join(f"\nlibero-max: {line}" for line in lines) + "\n")
                 self._stream.flush()
-
-    def _note_workers(self) -> None:
-        """Note which worker begins a test, which xdist does not hand on to its hooks."""
-        session: Any = self._config.pluginmanager.get_plugin("dsession")
-        if session is None:
-            return
-        hand_on = session.worker_logstart
-
-        def worker_logstart(node: Any, nodeid: str, location: Any) -> None:
-            self._workers[case_of(nodeid) or ""] = node.gateway.id
-            hand_on(node, nodeid, location)
-
-        session.worker_logstart = worker_logstart
-
-    def began(self, item_id: str, worker: str) -> None:
-        """Note that a worker that is not one of xdist's begins a pair."""
-        self._workers[item_id] = worker
 
     def _choose_form(self, reporter: Any) -> None:
         form = self._form
@@ -160,24 +117,21 @@ class RunProgress:
         self._erase()
         result = yield
         name = case_of(nodeid)
-        if name is not None and self._store is not None:
-            self._playing[name] = time.time()
-            self._note()
+        if name is not None:
+            self._notes.play(name)
         self._draw()
         return result
 
     def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
-        self._counts.add(pair)
-        self._forget(pair.item_id)
-        self._note()
+        self._notes.stored(pair)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> _Wrapper:
         self._erase()
         result = yield
         if report.when not in ("setup", "call"):  # it has ended, or its worker has died
-            self._forget(case_of(report.nodeid) or "")
-        if self._pace is not None and self._playing_pairs() and self._pace.due(time.monotonic()):
+            self._notes.playing.pop(case_of(report.nodeid) or "", None)
+        if self._pace is not None and self._notes.goes_on and self._pace.due(time.monotonic()):
             self._write_line(f"libero-max: {self._text()}")
         self._draw()
         return result
@@ -202,8 +156,8 @@ class RunProgress:
             self._over.set()
             self._erase()
             self._live = self._pace = None
-            if self._store is not None:
-                forget_waits(self._store.path.parent)
+            if self._notes.counts.planned:
+                forget_waits(self._folder)
             if self._stream is not None:
                 with suppress(OSError):
                     self._stream.close()
@@ -212,22 +166,10 @@ class RunProgress:
     def pytest_exception_interact(self) -> None:
         self._erase()  # a debugger may begin
 
-    def _forget(self, item_id: str) -> None:
-        self._playing.pop(item_id, None)
-        self._workers.pop(item_id, None)
-
-    def _playing_pairs(self) -> bool:
-        return self._store is not None and len(self._counts.letters) < self._counts.to_play
-
     # What is shown.
 
-    def _progress(self) -> Progress:
-        now = time.time()
-        playing = {name: now - begun for name, begun in self._playing.items()}
-        return Progress(self._counts.to_play, self._counts, self._before, now - self._began, playing)
-
     def _text(self) -> str:
-        return progress_text(self._progress(), time.time())
+        return progress_text(self._notes.progress, time.time())
 
     def _write_line(self, line: str) -> None:
         self._reporter.ensure_newline()
@@ -242,26 +184,16 @@ class RunProgress:
             self._idle = True
             self._draw_now()
 
-    def _waits(self) -> list[str]:
-        return [] if self._store is None else waiting_lines(self._store.path.parent)
-
     def _draw_now(self) -> None:
-        if self._live is None or self._store is None or not self._playing_pairs():
+        if self._live is None or not self._notes.goes_on:
             return
-        self._stale = time.monotonic() - self._composed_at < _COMPOSED_S
-        if not self._stale:
-            self._compose()
+        playing = sorted(self._notes.playing, key=self._notes.playing.__getitem__)
+        line = f"libero-max: {self._text()}" + (f", playing {', '.join(playing)}" if playing else "")
+        waits = waiting_lines(self._folder)
+        self._waited = bool(waits)
         with suppress(OSError, ValueError):  # the terminal may be gone
             self._reporter.flush()
-            self._live.draw(self._lines, self._config.get_terminal_writer().width_of_current_line)
-
-    def _compose(self) -> None:
-        self._composed_at = time.monotonic()
-        playing = sorted(self._playing, key=lambda name: self._playing[name])
-        line = f"libero-max: {self._text()}" + (f", playing {', '.join(playing)}" if playing else "")
-        waits = self._waits()
-        self._waited = bool(waits)
-        self._lines = [line, *waits]
+            self._live.draw([line, *waits], self._config.get_terminal_writer().width_of_current_line)
 
     def _erase(self) -> None:
         with self._lock:
@@ -269,10 +201,6 @@ class RunProgress:
             if self._live is not None:
                 with suppress(OSError, ValueError):
                     self._live.erase()
-
-    def _note(self) -> None:
-        if self._store is not None:
-            self._store.note(note_of(self._began, time.time(), self._before, self._playing, self._workers))
 
 
 def _duplicate(stream: TextIO) -> TextIO | None:

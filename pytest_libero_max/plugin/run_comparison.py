@@ -21,12 +21,6 @@ def comparison_at_the_end(asked: str, folder: Path, run: Run, start: Path) -> Co
     """Return the comparison of an earlier run with this one, or why there is none: it is not decisive.
 
     Where this run has played a part of the cases of the earlier one, that part is compared.
-
-    Args:
-        asked: Folder of the earlier run, or :data:`LAST`.
-        folder: Folder of the run.
-        run: Its plan.
-        start: Folder that paths begin at.
     """
     from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 

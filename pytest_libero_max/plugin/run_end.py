@@ -16,12 +16,12 @@ from pytest_libero_max.errors import class_name, text_of
 from pytest_libero_max.evaluation.keeper import RunKeeper, problem_text
 from pytest_libero_max.evaluation.processes.deaths import refused_lines, set_aside_lines
 from pytest_libero_max.plugin.collection import asked_for, only_lists
+from pytest_libero_max.plugin.hookspec import call_user_hook
 from pytest_libero_max.plugin.junit_file import gate_case, tell_junit
 from pytest_libero_max.plugin.options import places_of
 from pytest_libero_max.plugin.processes.workers import number_of_workers
 from pytest_libero_max.plugin.run_stop import RunStop
 from pytest_libero_max.plugin.stash_keys import END_STATUS
-from pytest_libero_max.plugin.user_hooks import call_user_hook
 from pytest_libero_max.policies.clients.address import LEFT_OUT
 from pytest_libero_max.report.exit_status import GATE_FAILED, INCOMPLETE
 from pytest_libero_max.report.formats import counted
@@ -36,19 +36,13 @@ if TYPE_CHECKING:
 
 
 class RunEnd:
-    """A plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary.
-
-    Attributes:
-        lines: Lines of the summary, in order; those known before the end come first.
-        quiet: Lines of the summary of a quiet run.
-        notes: Failures beside the pairs, for example of a film.
-    """
+    """Plugin beside the controller, which calls :meth:`decide` and :meth:`finish`; it prints the summary."""
 
     def __init__(self, config: pytest.Config, keeper: RunKeeper, stop: RunStop) -> None:
         self.config, self.keeper, self.settings = config, keeper, keeper.settings
         self.lines: list[str] = []
         self.quiet: list[str] = []
-        self.notes: list[str] = []
+        self.notes: list[str] = []  # failures beside the pairs, for example of a film
         self._query_times: str | None = None
         self._stop = stop
         self._filmed: list[str] = []
@@ -158,7 +152,7 @@ class RunEnd:
         """Write the report, with what users' hooks add to it, and the lines of the summary."""
         from pytest_libero_max.report.broken import to_look_at
         from pytest_libero_max.report.comparison.comparison_sections import short_lines
-        from pytest_libero_max.report.writers.gate_text import gate_lines, github_annotations
+        from pytest_libero_max.report.gate_text import gate_lines, github_annotations
         from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
 
         folder, here = self.settings.output, self.config.invocation_params.dir
@@ -215,7 +209,7 @@ class RunEnd:
 
     def _tell_reported(self, report: Report) -> None:
         """Tell conftest files that the reports are there."""
-        from pytest_libero_max.report.numbers import main_numbers
+        from pytest_libero_max.report.run_tables import main_numbers
 
         told = {"report": msgspec.to_builtins(report), "numbers": main_numbers(report)}
         hook = self.config.hook.pytest_libero_max_reported
@@ -302,7 +296,7 @@ class RunEnd:
         from pytest_libero_max.report.broken import colour_of
 
         if terminalreporter.verbosity < 0:
-            from pytest_libero_max.report.writers.gate_text import KEPT
+            from pytest_libero_max.report.gate_text import KEPT
 
             kept = (*KEPT, "::error", "::notice", "Exit status", "Interrupted")
             self.lines = [*self.quiet, *(line for line in self.lines if line.startswith(kept))]

@@ -43,9 +43,6 @@ def make_films(
     """Make the films of pairs that have none.
 
     Args:
-        settings: Of the run.
-        cases: Its cases, by id.
-        records: The pairs.
         processes: Number of processes to make them in; 0: in this one.
 
     Returns:

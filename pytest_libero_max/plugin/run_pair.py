@@ -20,7 +20,6 @@ from pytest_libero_max.evaluation.processes.pair_process import PairProcess
 from pytest_libero_max.evaluation.settings import Settings
 from pytest_libero_max.pairing.record import POLICY_PHASE, PairRecord
 from pytest_libero_max.plugin.collection import cases_of_run
-from pytest_libero_max.plugin.processes.left_running import left_running
 from pytest_libero_max.plugin.processes.sending import encodable
 from pytest_libero_max.plugin.processes.this_process import pair_process_of
 from pytest_libero_max.plugin.run_stop import stop_run
@@ -69,7 +68,7 @@ def play_here(request: pytest.FixtureRequest, case: Case, settings: Settings) ->
     """Play a pair in the process of the session or of its worker; an error is kept on the item."""
     process = pair_process_of(request.config, settings)
     try:
-        with process.pair(), left_running(request.config).pair():
+        with process.pair():
             return play(request, case, settings, process)
     except Unsupported as unsupported:
         pytest.skip(str(unsupported))

@@ -21,7 +21,6 @@ _COMMAND = "libero_max_stop"
 """Command of the controller to a worker of xdist, which ignores commands that it does not know."""
 
 _INTERRUPTED = 2
-"""Exit status of a worker after Ctrl-C."""
 
 _GATE = pytest.StashKey["PairGate"]()
 
@@ -60,7 +59,6 @@ def stop_run(item: pytest.Item, reason: str) -> None:
     """Stop the run from the process that plays a pair: here at once, elsewhere by way of the controller.
 
     Args:
-        item: The pair.
         reason: Cause that would end every later pair in the same way, without a period.
     """
     item.config.stash[_GATE].closed = True
@@ -72,14 +70,11 @@ class RunStop(Stop):
 
     A stopping rule stops the pairs, and the session ends in order. Whatever else stops a run, for example a
     policy that cannot be loaded or ``-x``, stops the session.
-
-    Attributes:
-        status: Exit status of a session that :meth:`abort` ended.
     """
 
     def __init__(self, config: pytest.Config, settings: Settings) -> None:
         super().__init__(settings)
-        self.status: int | None = None
+        self.status: int | None = None  # exit status of a session that :meth:`abort` ended
         self._config = config
         self._gate = PairGate(config)
         config.pluginmanager.register(self._gate)

@@ -4,24 +4,45 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Generator
-from typing import Any
+import threading
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
+from pytest_libero_max.errors import OptionError
 from pytest_libero_max.plugin import collection, conformance, options
 from pytest_libero_max.plugin.stash_keys import DIST_NOTE, END_STATUS
+from pytest_libero_max.registry import Registry
 from pytest_libero_max.report.exit_status import INCOMPLETE
+
+if TYPE_CHECKING:
+    from pytest_libero_max.plugin.controller import RunController
+
+
+Launcher: TypeAlias = "Callable[[RunController], object]"
+"""Returns a plugin whose ``pytest_runtestloop`` plays the pairs and reports them as those of this process."""
+
+
+def _accept(_: str, make: Any) -> Launcher:
+    if not callable(make):
+        raise ValueError("an entry point of a launcher is a class or function that makes a plugin of pytest")
+    launcher: Launcher = make
+    return launcher
+
+
+LAUNCHERS: Registry[Launcher] = Registry(
+    "launcher", "pytest_libero_max.launchers", dict, _accept, OptionError
+)
+"""What plays the pairs of a session on other machines, in the place of xdist and of this process.
+
+An entry point of the group has the name of the option that asks for it, ``ray`` for ``--libero-max-ray``.
+"""
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures.
-
-    Raises:
-        pytest.UsageError: There are gates and no pairs, no policy is named for the pairs, or an option, the
-            adapter or a pair cannot be used.
-    """
+    """Set up a session, which may play pairs, may be one of its workers, or may only offer fixtures."""
     options.require_known_keys(config)
     if conformance.is_asked(config):
         conformance.aim(config)
@@ -71,8 +92,6 @@ def _be_controller(config: pytest.Config) -> None:
     for plugin in (controller, controller.progress, controller.stop, controller.end):
         config.pluginmanager.register(plugin)
     if settings.ray is not None:
-        from pytest_libero_max.plugin.launchers import LAUNCHERS
-
         with options.usage_errors():
             launch = LAUNCHERS["ray"]
         config.pluginmanager.register(launch(controller))
@@ -92,12 +111,23 @@ def pytest_cmdline_main(config: pytest.Config) -> Generator[None, Any, Any]:
     """Choose the distribution of a session that plays, and its exit status."""
     if hasattr(config, "workerinput") or not collection.is_run(config):
         return (yield)
-    from pytest_libero_max.plugin.processes.left_running import end_in_spite_of_them
-
     _choose_distribution(config)
     status = yield from _keep_status(config)
-    end_in_spite_of_them(config, int(status))
+    _name_what_runs_on()
     return status
+
+
+def _name_what_runs_on() -> None:
+    """Name what Python will wait for at its end, perhaps for ever, so that a silent wait is explained."""
+    started = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
+    children = sys.modules.get("multiprocessing")  # whose children it waits for as well
+    started += children.active_children() if children is not None else []
+    if names := ", ".join(repr(one.name) for one in started if not one.daemon):
+        print(
+            f"libero-max: still running: {names}. Python waits until it ends: let the adapter end what it "
+            "starts, or start it with daemon=True.",
+            file=sys.stderr,
+        )
 
 
 def _choose_distribution(config: pytest.Config) -> None:

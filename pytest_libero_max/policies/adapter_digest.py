@@ -40,12 +40,6 @@ def adapter_digest(text: str, profile: str | None = None, revision: str | None =
     count; neither does where the folder lies. It does not cover installed packages, whose versions are
     recorded elsewhere, nor weights and other data, which records name (:mod:`.files_read`), nor
     modules whose names are computed at run time.
-
-    Args:
-        profile: Name or path of the profile, for the address of a server.
-
-    Raises:
-        AdapterError: The reference leads nowhere, or a file cannot be read.
     """
     if is_served(text):
         from pytest_libero_max.policies.clients.servers import read_servers
@@ -77,11 +71,7 @@ def names_its_files(text: str) -> bool:
 
 @contextmanager
 def files_read(text: str, run_begun_s: float | None = None) -> Iterator[None]:
-    """Collect the files that loading a policy reads in the block, where they belong to its identity.
-
-    Args:
-        run_begun_s: When the run began, in seconds since 1970; None for now.
-    """
+    """Collect the files that loading a policy reads in the block, where they belong to its identity."""
     if not names_its_files(text):
         yield
         return
@@ -98,12 +88,7 @@ def shown_identity(identity: str) -> str:
 
 
 def adapter_files(reference: Reference) -> tuple[Path, ...]:
-    """Return the adapter's file and those it imports from its own folder or package, sorted.
-
-    Raises:
-        AdapterError: The reference leads nowhere.
-        OSError: A file cannot be read.
-    """
+    """Return the adapter's file and those it imports from its own folder or package, sorted."""
     first = file_of(reference)
     if first is None:
         return ()
@@ -118,14 +103,7 @@ def adapter_files(reference: Reference) -> tuple[Path, ...]:
 
 
 def require_separate_helpers(references: Iterable[str]) -> None:
-    """Check that adapter files which play in one process import no different helpers by one name.
-
-    Args:
-        references: The references of the policies; those that are no files have no such helpers.
-
-    Raises:
-        AdapterError: Two do, or a reference leads nowhere.
-    """
+    """Check that adapter files which play in one process import no different helpers by one name."""
     folders: dict[str, Path] = {}
     for text in references:
         reference = None if is_served(text) else parse_reference(text)
@@ -195,9 +173,6 @@ def code_digest(paths: Iterable[Path]) -> str:
     A Python file counts as its syntax tree: comments, docstrings, layout and the version of Python make no
     difference. Any other file (an extension module, or one that does not parse) counts as its bytes. Where a
     file lies and the order of the files make no difference either; its name does.
-
-    Raises:
-        OSError: A file cannot be read.
     """
     digests = sorted((path.name, _digest_of(path)) for path in paths)
     return hashlib.sha256(repr(digests).encode()).hexdigest()

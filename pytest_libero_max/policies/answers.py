@@ -40,9 +40,6 @@ def read_rows(value: Any) -> Rows:
     """Return actions as (n, d) float64, C-contiguous and fresh.
 
     A single action, (d,), is one row. Leading axes of length 1 are those of a batch and are left out.
-
-    Raises:
-        Unplayable: It is no array of real numbers, has no such shape, or is not finite.
     """
     rows = read_numbers(value)
     shape = rows.shape
@@ -64,11 +61,7 @@ def read_rows(value: Any) -> Rows:
 
 
 def read_numbers(value: Any) -> Rows:
-    """Return an array of real numbers as float64, of any shape.
-
-    Raises:
-        Unplayable: It is none, or some of its values are masked.
-    """
+    """Return an array of real numbers as float64, of any shape."""
     if isinstance(value, Mapping):
         raise _of_dict(value)
     if isinstance(value, str | bytes | bytearray):

@@ -15,50 +15,31 @@ if TYPE_CHECKING:
 
 
 def at_cadence(spec: PolicySpec, cadence: Cadence) -> PolicySpec:
-    """Return the spec with another Q, and another H where the cadence has one.
-
-    Raises:
-        AdapterError: Q is larger than H.
-    """
+    """Return the spec with another Q, and another H where the cadence has one."""
     horizon = spec.horizon if cadence.horizon is None else cadence.horizon
-    if cadence.query_interval > horizon:
-        whose = "its own" if cadence.horizon is None else "of this setting"
-        raise AdapterError(
-            f"query_interval={cadence.query_interval} > horizon={horizon} ({whose}) of policy {spec.name!r}: "
-            "a query returns at most H actions, so no more than Q = H can be executed before the next one. "
-            "Leave this setting out, or give it a larger H (written H/Q)."
-        )
     return replace(spec, horizon=horizon, query_interval=cadence.query_interval)
+
+
+def declare(policy: Policy, spec: PolicySpec) -> None:
+    """Let a policy declare another spec. One that reads ``self.spec.horizon`` follows it."""
+    try:
+        policy.spec = spec
+    except AttributeError as error:
+        raise AdapterError(
+            f"The spec of policy {policy.spec.name!r} cannot be assigned ({error}), but another H or Q "
+            "replaces it. Make `spec` a plain attribute."
+        ) from error
 
 
 @contextmanager
 def played_at(policy: Policy, cadence: Cadence | None) -> Iterator[PolicySpec]:
-    """Let the policy's spec declare a cadence within the block; afterwards it declares its own again.
-
-    A policy that reads ``self.spec.horizon`` follows it, as with ``--libero-max-horizon``.
-
-    Args:
-        policy: A checked policy, between two episodes.
-        cadence: The cadence to declare. None, or its own: nothing is done.
-
-    Yields:
-        The spec within the block.
-
-    Raises:
-        AdapterError: Q is larger than H, or the policy's spec cannot be assigned.
-    """
+    """Let the policy's spec declare a cadence within the block; afterwards it declares its own again."""
     own = policy.spec
     declared = own if cadence is None else at_cadence(own, cadence)
     if declared == own:
         yield own
         return
-    try:
-        policy.spec = declared
-    except AttributeError as error:
-        raise AdapterError(
-            f"The spec of policy {own.name!r} cannot be assigned ({error}), but playing it at another "
-            "cadence replaces it. Make `spec` a plain attribute."
-        ) from error
+    declare(policy, declared)
     try:
         yield declared
     finally:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -49,20 +50,18 @@ MOST_TURN_RAD = 2 * np.pi + 1e-3
 """Largest rotation of an absolute action; the rotations of either sign of a quaternion are below."""
 
 
+_OPTIONAL = MappingProxyType(
+    {"snapshot": (), "restore": ("memory",), "see": ("observation", "step"), "predict_batch": ("items",)}
+)
+"""Methods that a policy may offer, with their arguments."""
+
+
 def check_policy(policy: Any, where: str) -> Policy:
     """Return ``policy`` if it has every member of the Policy contract.
-
-    Args:
-        where: Its name in an error, for example ``adapter.py:policy``.
 
     Raises:
         AdapterError: A member is missing, is of the wrong type, or cannot be called the way it will be.
     """
-    if hasattr(policy, "no_policy_has_this_member"):
-        raise AdapterError(
-            f"{where} ({class_name(policy)}) has every member that it is asked for, so which optional "
-            "methods it offers cannot be seen. Let its __getattr__ raise AttributeError for unknown names."
-        )
     if not hasattr(policy, "spec"):
         raise AdapterError(
             f"{where} ({class_name(policy)}) has no attribute 'spec', but a policy declares itself with "
@@ -81,24 +80,15 @@ def check_policy(policy: Any, where: str) -> Policy:
             f"{where} offers {offered[0]} but not {missing}; a policy with memory has both, one without has "
             f"neither. Add {missing}."
         )
-    if offered:
-        _check_method(policy, "snapshot", where)
-        _check_method(policy, "restore", where, "memory")
-    if hasattr(policy, "see"):
-        _check_method(policy, "see", where, "observation", "step")
-    if hasattr(policy, "predict_batch"):
-        _check_method(policy, "predict_batch", where, "items")
+    for name, arguments in _OPTIONAL.items():
+        if hasattr(policy, name):
+            _check_method(policy, name, where, *arguments)
     checked: Policy = policy
     return checked
 
 
 def check_cameras(policy: Policy, world: World) -> None:
-    """Check that a scene has the cameras of which a policy wants images, and that they can be drawn.
-
-    Raises:
-        AdapterError: It lacks one; suggests the closest.
-        SimulatorError: Nothing on this machine can draw; names the cure.
-    """
+    """Check that a scene has the cameras of which a policy wants images, and that they can be drawn."""
     known = world.cameras
     for camera in policy.spec.cameras:
         if camera not in known:
@@ -116,11 +106,7 @@ def check_cameras(policy: Policy, world: World) -> None:
 
 
 def require_spec(policy: Policy, spec: PolicySpec, where: str) -> None:
-    """Check that the policy's spec is unchanged.
-
-    Raises:
-        RefusalError: Its spec has changed; names the first field.
-    """
+    """Check that the policy's spec is unchanged."""
     if policy.spec == spec:
         return
     now = policy.spec
@@ -216,21 +202,13 @@ def _check_poses(actions: Actions, spec: PolicySpec) -> None:
 
 
 def start(policy: Policy, episode: Episode) -> None:
-    """``policy.reset(episode)``.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.reset(episode)``."""
     with _blaming(policy, "reset"), FILES_READ.resetting():
         policy.reset(episode)
 
 
 def show(policy: Policy, observation: Observation, step: int) -> None:
-    """``policy.see(observation, step)``, for a policy that :func:`sees`.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.see(observation, step)``, for a policy that :func:`sees`."""
     seeing: SeeingPolicy = policy  # type: ignore[assignment]  # sees() looked
     with _blaming(policy, f"see, step {step}"):
         seeing.see(observation, step)
@@ -256,11 +234,7 @@ def ask(policy: Policy, observation: Observation, query: Query) -> Actions:
 
 
 def notes_of(policy: Policy) -> dict[str, int] | None:
-    """Return the counts of a policy at its last query (``query_notes``); None where it offers none.
-
-    Raises:
-        AdapterError: They are not counts by name, which a record could hold.
-    """
+    """Return the counts of a policy at its last query (``query_notes``); None where it offers none."""
     notes = getattr(policy, "query_notes", None)
     if notes is None:
         return None
@@ -280,13 +254,7 @@ def _is_count(value: object) -> bool:
 
 
 def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
-    """Return the checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`.
-
-    Raises:
-        ActionError: An answer cannot be played.
-        AdapterError: The policy raised, or returned another number of answers.
-        ServerError: The policy's server was given up.
-    """
+    """Return the checked answers to several queries, of a policy that :func:`batches`; see :func:`ask`."""
     together: BatchPolicy = policy  # type: ignore[assignment]  # batches() looked
     with _blaming(policy, f"predict_batch, {counted(len(items), 'item')}"):
         answers = list(together.predict_batch(items))
@@ -299,11 +267,7 @@ def ask_together(policy: Policy, items: Sequence[BatchItem]) -> list[Actions]:
 
 
 def copy_memory(policy: Policy) -> object:
-    """``policy.snapshot()``, or None for a policy that has none.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.snapshot()``, or None for a policy that has none."""
     if not remembers(policy):
         return None
     remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
@@ -321,11 +285,7 @@ def memory_digest(memory: object) -> bytes | None:
 
 
 def restore_memory(policy: Policy, memory: object) -> None:
-    """``policy.restore(memory)``, for a policy that :func:`remembers`.
-
-    Raises:
-        AdapterError: It raised; the original is chained.
-    """
+    """``policy.restore(memory)``, for a policy that :func:`remembers`."""
     remembering: RemembersPolicy = policy  # type: ignore[assignment]  # remembers() looked
     with _blaming(policy, "restore"):
         remembering.restore(memory)
@@ -381,13 +341,9 @@ def _blaming(policy: Policy, what: str) -> Iterator[None]:
         left = type(error).__module__ == "_pytest.outcomes" and class_name(error) == "Exit"
         if (ends_the_session(error) and not left) or isinstance(error, ServerError):
             raise
-        raise _raised(policy, what, error) from error
-
-
-def _raised(policy: Policy, what: str, error: BaseException) -> AdapterError:
-    module = sys.modules.get(type(policy).__module__)
-    place = locate(error, getattr(module, "__file__", None) or "")
-    return AdapterError(
-        f"policy {policy.spec.name!r} raised {class_name(error)} in {what}"
-        f"{f' ({place})' if place else ''}: {text_of(error)}. Repair the adapter and play the pair again."
-    )
+        module = sys.modules.get(type(policy).__module__)
+        place = locate(error, getattr(module, "__file__", None) or "")
+        raise AdapterError(
+            f"policy {policy.spec.name!r} raised {class_name(error)} in {what}"
+            f"{f' ({place})' if place else ''}: {text_of(error)}. Repair the adapter and play the pair again."
+        ) from error

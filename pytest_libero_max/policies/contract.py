@@ -18,8 +18,6 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.worlds.contract import Control, ImageSize, Observation, World
 from pytest_libero_max.worlds.robot import CAMERAS, PANDA, ROBOTS, Robot
 
-Arm = Literal["base", "dynamic"]
-
 MemoryKind = Literal["none", "snapshot", "queries", "frames"]
 """The way to bring a policy's memory to the event: not at all, as a copy, by asking all queries again, or
 by showing every step again."""
@@ -103,7 +101,7 @@ class PolicySpec:
             raise AdapterError(
                 f"query_interval={self.query_interval} > horizon={self.horizon} of policy {self.name!r}: "
                 "a query returns at most H actions, so no more than H can be executed before the next "
-                "(Q <= H). Lower Q or raise H."
+                "(Q <= H). Lower Q (--libero-max-query-interval) or raise H (--libero-max-horizon)."
             )
         if isinstance(self.cameras, str):
             raise self._refusal("cameras", "must be a tuple of names")
@@ -322,7 +320,6 @@ def query_seed(policy_seed: int, index: int, reseeds: int = 0) -> int:
 
 
 __all__ = [
-    "Arm",
     "BatchItem",
     "BatchPolicy",
     "Episode",

@@ -59,14 +59,11 @@ class FilesRead:
 
     The name of a file is its path in the policy's folder or among downloaded weights, and that of the file
     alone elsewhere, so that it is the same on every machine.
-
-    Attributes:
-        files: Those that loading read.
-        reset_files: Those that ``reset`` has read since and loading had not, or not with this content.
     """
 
     def __init__(self) -> None:
         self.files: dict[str, FileIdentity] = {}
+        # Those that reset has read since, and loading had not, or not with this content.
         self.reset_files: dict[str, FileIdentity] = {}
         self._found: dict[str, bool] | None = None  # by path, if it is read; None while nothing is collected
         self._folder: Path | None = None
@@ -80,12 +77,7 @@ class FilesRead:
     def loading(
         self, folder: Path | None, code: Iterable[Path] = (), run_begun_s: float | None = None
     ) -> Iterator[None]:
-        """Collect the files of a policy that is loaded in the block; what was known before is forgotten.
-
-        Args:
-            folder: The policy's folder; None where it has none.
-            run_begun_s: When the run began, in seconds since 1970; None for now.
-        """
+        """Collect the files of a policy that is loaded in the block; what was known before is forgotten."""
         if not self._hooked:  # a hook stays until the process ends
             sys.addaudithook(self._hear)
             self._hooked = True
@@ -140,7 +132,7 @@ class FilesRead:
         identities: dict[str, FileIdentity] = {}
         for path, is_read in sorted(paths.items()):
             with suppress(OSError):  # it is gone, or cannot be read any more
-                if self._counts(Path(path)) and (is_read or self._is_written(path)):
+                if self._counts(Path(path)) and (is_read or Path(path).stat().st_mtime_ns >= self._begun_ns):
                     name = _name(Path(path), self._folder)
                     if name in identities:  # of the same name, in another folder
                         name = "/".join(Path(path).parts[-2:])
@@ -159,9 +151,6 @@ class FilesRead:
             self._digests[key] = _digest(real, status)
         changed = status.st_mtime_ns >= self._run_begun_ns
         return self._digests[key] | ({CHANGED: "since the run began"} if changed else {})
-
-    def _is_written(self, path: str) -> bool:
-        return Path(path).stat().st_mtime_ns >= self._begun_ns
 
     def _counts(self, path: Path) -> bool:
         """Return True if a file belongs to the identity of the policy."""
@@ -213,7 +202,10 @@ def _counts(path: Path, folder: Path | None, begun_ns: int) -> bool:
         return False
     if path.parent.suffix in _METADATA:
         return False
-    if _inside(real, _SYSTEM) or _inside(path, _python()):
+    # This package and the installed Python, whose packages have versions.
+    names = ("stdlib", "platstdlib", "purelib", "platlib")
+    installed = [Path(__file__).parents[1], Path(sys.prefix), *map(Path, map(sysconfig.get_path, names))]
+    if _inside(real, _SYSTEM) or _inside(path, installed):
         return False
     if _inside(path, [*filter(None, [folder]), Path.cwd(), *weight_folders().values()]):
         return True
@@ -221,14 +213,6 @@ def _counts(path: Path, folder: Path | None, begun_ns: int) -> bool:
     if path.is_relative_to(home) and any(part.startswith(".") for part in path.relative_to(home).parts):
         return False
     return not (_inside(path, [Path(tempfile.gettempdir())]) and status.st_mtime_ns >= begun_ns)
-
-
-def _python() -> list[Path]:
-    """Return the folders of this package and of the installed Python, whose packages have versions."""
-    names = ("stdlib", "platstdlib", "purelib", "platlib")
-    folders = [Path(sysconfig.get_path(name)) for name in names]
-    own = Path(__file__).parents[1]
-    return [own, Path(sys.prefix), *folders]
 
 
 def _inside(path: Path, folders: Iterable[Path]) -> bool:

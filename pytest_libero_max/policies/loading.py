@@ -9,12 +9,13 @@ import importlib.util
 import inspect
 import sys
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
+from pytest_libero_max.events.schedules import Cadence
+from pytest_libero_max.policies.cadence import at_cadence, declare
 from pytest_libero_max.policies.check import check_policy, locate
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.contract import Policy
@@ -27,9 +28,6 @@ from pytest_libero_max.policies.references import (
     refusal,
     require_installed,
 )
-
-HORIZON_FLAG = "--libero-max-horizon"
-QUERY_INTERVAL_FLAG = "--libero-max-query-interval"
 
 _PRIVATE = "_pytest_libero_max_adapter_"
 
@@ -44,16 +42,10 @@ def load_policy(
     seat: int = 0,
     further: bool = False,
 ) -> Policy:
-    """Load the policy that a reference names.
+    """Load the policy that a reference names, see :func:`.references.parse_reference`.
 
-    The address of a server (``openpi://host:8000``) is connected to; ``profile`` is the profile of the policy
-    behind it. Several addresses with commas between them, or a ``.toml`` file that lists them,
-    are equal servers, or one group of servers for each suite.
-
-    The reference is the name of a built-in or installed policy (``expert``), a file (``adapter.py``) or an
-    importable module (``package.module``); the latter two with ``:name`` for anything but the default name
-    ``policy``. The name is a policy, or a class or function which returns one when it is called without
-    arguments.
+    The address of a server (``openpi://host:8000``) is connected to. Several addresses with commas between
+    them, or a ``.toml`` file that lists them, are equal servers, or one group of servers for each suite.
 
     A file is executed anew by every call. Its folder then stands at the end of ``sys.path`` until another
     file is loaded: a helper beside the adapter can be imported at any time, also within ``predict`` and by a
@@ -63,17 +55,12 @@ def load_policy(
     has a private name, and spawned processes cannot import it.
 
     Args:
-        horizon: Replaces H of the adapter's spec.
-        query_interval: Replaces Q of the adapter's spec.
+        horizon: Replaces H of the adapter's spec before anything else is called.
+        query_interval: Replaces Q, likewise.
         profile: Name or path of the profile of a policy behind a server.
         seat: Number of this process among those that play; spreads them over several servers.
         further: True for one more policy of this process: the adapter file before keeps its folder and its
             helpers (:func:`~.adapter_digest.require_separate_helpers`).
-
-    Returns:
-        The policy. With H or Q replaced, its ``spec`` attribute is set to the new spec before anything else
-        is called, so an adapter that reads ``self.spec.horizon`` follows the override; for a policy instance
-        in an importable module that lasts as long as the module.
 
     Raises:
         AdapterError: Nothing can be loaded from there, or it is no policy; names the missing part.
@@ -96,19 +83,17 @@ def load_policy(
     path = file_of(reference)
     if reference.is_file:
         assert path is not None
-        policy = (_further() if further else _BESIDE).load(path, reference)
+        if further:
+            _beside.append(_BesideAdapter())
+        policy = _beside[-1 if further else 0].load(path, reference)
     else:
         module = _import(reference, path)
         policy = _construct(_find(module, reference), reference, path)
-    return override(check_policy(policy, reference.where), reference.where, horizon, query_interval)
+    return override(check_policy(policy, reference.where), horizon, query_interval)
 
 
 def installed_policy(name: str) -> Policy:
-    """Load a policy by the name under which it is installed, for an arm that names it.
-
-    Raises:
-        AdapterError: None is installed under this name, or it cannot be loaded.
-    """
+    """Load a policy by the name under which it is installed, for an arm that names it."""
     require_installed(name)
     return load_policy(name)
 
@@ -224,21 +209,15 @@ class _BesideAdapter:
                     del sys.modules[name]
 
 
-_BESIDE = _BesideAdapter()
-_further_adapters: list[_BesideAdapter] = []
-
-
-def _further() -> _BesideAdapter:
-    """Return a place for one more adapter file of this process."""
-    _further_adapters.append(_BesideAdapter())
-    return _further_adapters[-1]
+_beside = [_BesideAdapter()]
+"""The adapter files of this process: the one that was loaded last, and those that play beside it."""
 
 
 def forget_adapter() -> None:
     """Restore ``sys.path`` and ``sys.modules`` to their state without the adapter files that were loaded."""
-    while _further_adapters:
-        _further_adapters.pop().leave()
-    _BESIDE.leave()
+    while len(_beside) > 1:
+        _beside.pop().leave()
+    _beside[0].leave()
 
 
 def _module_name(path: Path) -> str:
@@ -359,38 +338,10 @@ def _failed(error: BaseException, reference: Reference, path: Path | None, doing
     )
 
 
-def override(policy: Policy, where: str, horizon: int | None, query_interval: int | None) -> Policy:
-    """Return a policy whose spec has another H or Q.
-
-    Args:
-        policy: The policy; its ``spec`` is assigned.
-        horizon: Replaces H; None for its own.
-        query_interval: Replaces Q; None for its own.
-
-    Raises:
-        AdapterError: Q would be more than H, or the spec cannot be assigned.
-    """
+def override(policy: Policy, horizon: int | None, query_interval: int | None) -> Policy:
+    """Return a policy whose spec has another H or Q."""
     if horizon is None and query_interval is None:
         return policy
-    spec = policy.spec
-    new_horizon = spec.horizon if horizon is None else horizon
-    new_interval = spec.query_interval if query_interval is None else query_interval
-    if new_interval > new_horizon:
-        raise AdapterError(
-            f"query_interval={new_interval} ({_whose(query_interval, QUERY_INTERVAL_FLAG)}) > "
-            f"horizon={new_horizon} ({_whose(horizon, HORIZON_FLAG)}) of policy {spec.name!r}: a query "
-            f"returns at most H actions, so Q <= H. Lower {QUERY_INTERVAL_FLAG} or raise {HORIZON_FLAG}."
-        )
-    changed = replace(spec, horizon=new_horizon, query_interval=new_interval)
-    try:
-        policy.spec = changed
-    except AttributeError as error:
-        raise AdapterError(
-            f"{where}.spec cannot be assigned ({error}), but {HORIZON_FLAG} and {QUERY_INTERVAL_FLAG} "
-            "replace it. Make `spec` a plain attribute, or leave the flags out."
-        ) from error
+    interval = policy.spec.query_interval if query_interval is None else query_interval
+    declare(policy, at_cadence(policy.spec, Cadence(interval, horizon)))
     return policy
-
-
-def _whose(override: int | None, flag: str) -> str:
-    return "declared by the adapter" if override is None else flag

@@ -35,7 +35,6 @@ INPUTS = ("orientation and colours of images", "which camera is which", "orienta
 """Attributes of the inputs that are compared; others are not."""
 
 _SAMPLES = 32
-"""Rows, and columns, of an image that are compared."""
 
 _FARTHEST = 12.0
 """Largest mean difference of two images of the same view, of 255."""
@@ -132,12 +131,7 @@ class Inputs:
 
 
 def read_inputs(inputs: Mapping[str, NDArray[Any]], observation: Observation) -> Inputs:
-    """Recognise the observation from which the inputs of a model were made.
-
-    Args:
-        inputs: The result of :func:`model_inputs`.
-        observation: A marked one, see :func:`marked_observation`.
-    """
+    """Recognise the observation from which the inputs of a model were made."""
     places = iter(CAMERAS)
     views = {
         camera: _views(observation[f"{camera}_image"])
@@ -220,14 +214,7 @@ _WHOLE = 4
 
 
 def picture_sheet(inputs: Mapping[str, NDArray[Any]]) -> Image:
-    """Return the images among a model's inputs, side by side with their names, each 256 pixels high.
-
-    Args:
-        inputs: Arrays by name; those that are not images are left out.
-
-    Raises:
-        AdapterError: There is no image.
-    """
+    """Return the images among a model's inputs, side by side with their names, each 256 pixels high."""
     from PIL import Image as pillow
     from PIL import ImageDraw
 

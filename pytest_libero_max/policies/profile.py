@@ -40,61 +40,43 @@ _ImageSize = Annotated[
 _List = Annotated[list[Any], rule("a list")]
 _Budgets = Annotated[dict[str, Positive], rule("a table of integers of at least 1, by suite")]
 
-SECTIONS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+
+def _frozen(tables: dict[str, dict[str, Any]]) -> Mapping[str, Mapping[str, Any]]:
+    return MappingProxyType({name: MappingProxyType(fields) for name, fields in tables.items()})
+
+
+SECTIONS: Mapping[str, Mapping[str, Any]] = _frozen(
     {
-        "policy": MappingProxyType(
-            {
-                "name": Text,
-                "protocol": Text,
-                "horizon": Positive,
-                "query_interval": Positive,
-                "image_size": _ImageSize,
-                "repeatable": Flag,
-                "revision": Text,
-                "path": Text,
-                "codec": Text,
-                "dialect": Text,
-                "declared_by_server": Flag,
-                "every_step": Flag,
-                "suites": Texts,
-                "unnorm_key": Text,
-                "robot": Text,
-            }
-        ),
-        "inputs": MappingProxyType({}),
-        "instruction": MappingProxyType({"steps": _List}),
-        "request": MappingProxyType({}),
-        "reply": MappingProxyType({"at": _List, "parts": _List, "normalised_at": _List}),
-        "actions": MappingProxyType(
-            {
-                "control": Text,
-                "steps": _List,
-                "statistics": Text,
-                "statistics_key": Text,
-                "statistics_rule": Text,
-                "normalised_steps": _List,
-            }
-        ),
-        "native": MappingProxyType(
-            {
-                "horizon": Positive,
-                "query_interval": Positive,
-                "wait_steps": Count,
-                "budgets": _Budgets,
-                "episodes": Positive,
-                "seed": Count,
-                "weights": Text,
-                "runtime": Text,
-            }
-        ),
-        "published": MappingProxyType({"row": Text}),
-        "sources": MappingProxyType({}),
+        "policy": {
+            **dict.fromkeys(("name", "protocol", "revision", "path", "codec", "dialect"), Text),
+            **dict.fromkeys(("unnorm_key", "robot"), Text),
+            **dict.fromkeys(("repeatable", "declared_by_server", "every_step"), Flag),
+            "horizon": Positive,
+            "query_interval": Positive,
+            "image_size": _ImageSize,
+            "suites": Texts,
+        },
+        "inputs": {},
+        "instruction": {"steps": _List},
+        "request": {},
+        "reply": dict.fromkeys(("at", "parts", "normalised_at"), _List),
+        "actions": {
+            **dict.fromkeys(("control", "statistics", "statistics_key", "statistics_rule"), Text),
+            **dict.fromkeys(("steps", "normalised_steps"), _List),
+        },
+        "native": {
+            **dict.fromkeys(("horizon", "query_interval", "episodes"), Positive),
+            **dict.fromkeys(("wait_steps", "seed"), Count),
+            **dict.fromkeys(("weights", "runtime"), Text),
+            "budgets": _Budgets,
+        },
+        "published": {"row": Text},
+        "sources": {},
     }
 )
 """Tables of a profile with the types of their fields. Tables without fields here take any."""
 
 _NOT_PLAYED = ("sources", "native", "published")
-"""Tables about a policy that do not reach its requests."""
 
 GIVEN_BY_OPTION = MappingProxyType(
     {
@@ -132,11 +114,7 @@ class Profile:
 
     @property
     def robot(self) -> Robot:
-        """The robot whose keys it reads and whose actions it brings; LIBERO's Panda unless it names one.
-
-        Raises:
-            SubstrateError: No installed package has it.
-        """
+        """The robot whose keys it reads and whose actions it brings; LIBERO's Panda unless it names one."""
         return ROBOTS[self.get("policy", "robot", PANDA.name)]
 
     @property
@@ -163,11 +141,7 @@ class Profile:
         return tuple(name for name, value in leaves(played) if value == UNKNOWN)
 
     def require_known(self, given: tuple[str, ...] = ()) -> None:
-        """Refuse a profile with a field that could not be established.
-
-        Raises:
-            AdapterError: There is one; says how to give it.
-        """
+        """Refuse a profile with a field that could not be established."""
         missing = [name for name in self.unknown() if name not in given]
         if missing:
             options = [f"{GIVEN_BY_OPTION[name]}=..." for name in missing if name in GIVEN_BY_OPTION]
@@ -199,14 +173,7 @@ def profile_names() -> tuple[str, ...]:
 
 
 def load_profile(text: str) -> Profile:
-    """Read a profile.
-
-    Args:
-        text: The name of one of this package, or the path of a file that ends in ``.toml``.
-
-    Raises:
-        AdapterError: There is none, or it cannot be read; names the field and suggests the closest.
-    """
+    """Read a profile: one of this package by its name, or a file that ends in ``.toml``."""
     return _load(text, Path(), ())
 
 

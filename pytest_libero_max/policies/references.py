@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import partial
@@ -23,34 +23,24 @@ _VERSION = re.compile(r"^VERSION = (\d+)$", re.MULTILINE)
 GROUP = "pytest_libero_max.policies"
 """Entry point group by which an installed package offers policies by name."""
 
-_OWN = ("expert", "stale_expert", "noop", "random")
 _PACKAGE = __name__.partition(".")[0]
 
 
 def registry() -> Registry[str]:
-    """Return the reference behind each name that stands for a policy by itself.
+    """Return the reference behind each name that stands for a policy by itself. Nothing is imported."""
 
-    These are the policies that ship with the package and those that installed packages offer. Nothing is
-    imported.
-    """
-    return Registry(
-        "policy", GROUP, _built_in, lambda _, value: str(value), AdapterError, attrgetter("value")
-    )
+    def own() -> dict[str, Callable[[], str]]:
+        names = ("expert", "stale_expert", "noop", "random")
+        return {name: partial(f"{_PACKAGE}.experts.{{}}:{{}}".format, name, DEFAULT_NAME) for name in names}
 
-
-def _built_in() -> Mapping[str, Callable[[], str]]:
-    return {name: partial(f"{_PACKAGE}.experts.{{}}:{{}}".format, name, DEFAULT_NAME) for name in _OWN}
+    return Registry("policy", GROUP, own, lambda _, value: str(value), AdapterError, attrgetter("value"))
 
 
 POLICIES = registry()
 
 
 def require_installed(name: str) -> None:
-    """Check that a policy of this name is installed: programs are data and name no code.
-
-    Raises:
-        AdapterError: None is.
-    """
+    """Check that a policy of this name is installed: programs are data and name no code."""
     if name not in POLICIES:
         raise AdapterError.seen(
             "policy",
@@ -116,9 +106,6 @@ def parse_reference(text: str) -> Reference:
     A word that is the name of a built-in or installed policy means that policy, whatever else has this name:
     ``random`` is the policy, ``random.py`` (or ``./random.py``) the file in the working directory, and
     ``random:policy`` the module.
-
-    Raises:
-        AdapterError: It has none of the forms of a reference.
     """
     names = set(POLICIES)
     reference = POLICIES[text] if text in names else text
@@ -160,11 +147,7 @@ def _instead(path: Path, name: str) -> str:
 
 
 def file_of(reference: Reference) -> Path | None:
-    """Return the file a reference leads to, without importing anything; None for a module that is not a file.
-
-    Raises:
-        AdapterError: There is no such file or module.
-    """
+    """Return the file of a reference, without importing anything; None for a module that is not a file."""
     return _existing_file(reference) if reference.is_file else _module_file(reference)
 
 

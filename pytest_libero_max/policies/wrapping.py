@@ -15,20 +15,10 @@ from pytest_libero_max.worlds.contract import Observation
 
 
 class WrappedPolicy:
-    """Hands everything on to the policy inside. Its spec names the wrapper.
+    """Hands everything on to the policy inside. Its spec names the wrapper (``restore=gated``).
 
     Memory, waiting times, ``close`` and all else that the policy inside offers are offered likewise, but for
     ``predict_batch``: the queries of a wrapped policy are answered one by one.
-
-    Attributes:
-        spec: Its spec with the wrapper's words in ``wrappers``. An H or Q that is assigned reaches the policy
-            inside as well.
-
-    Args:
-        words: Name and setting of the wrapper, for example ``restore=gated``.
-
-    Raises:
-        AdapterError: The policy is shown every step.
     """
 
     modes: ClassVar[tuple[str, ...]] = ()

@@ -11,12 +11,14 @@ from urllib.parse import quote
 
 from pytest_libero_max.benchmark.documents import printable
 from pytest_libero_max.events.registry import EVENTS
-from pytest_libero_max.report import base_failures
-from pytest_libero_max.report.base_failures import known_failures, next_step
-from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED
+from pytest_libero_max.events.schedules import BASE
+from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
 from pytest_libero_max.report.document import Code, Link, Section, Table
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import BaseFailures, ChangedPair, Report
 from pytest_libero_max.runs.replay_command import film_text, replay_of, traces_setting
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE
 
 TITLE = "What broke"
 GAINED_TITLE = "What was gained"
@@ -40,14 +42,12 @@ class Named(NamedTuple):
 
     item_id: str
     sentence: str
-    """What happened; empty where that is not known."""
 
 
 class Group(NamedTuple):
     """Pairs of one cause under one event."""
 
     cause: str
-    """The cause; empty where it was not recorded."""
     event: str
     """The event; empty for failures in Base, which are of all events."""
     what: str
@@ -67,7 +67,6 @@ class Part(NamedTuple):
     note: str
     """What to do next; empty for nothing."""
     groups: Sequence[Group]
-    """Large ones first."""
 
     @property
     def has_causes(self) -> bool:
@@ -76,7 +75,6 @@ class Part(NamedTuple):
 
     @property
     def more(self) -> int:
-        """Number of pairs that are not named."""
         return sum(group.number - len(group.named) for group in self.groups)
 
 
@@ -88,15 +86,12 @@ def parts_of(
     Nothing is said of an outcome without pairs.
 
     Args:
-        report: The report.
         films: Item ids of the pairs with a film; of a cause of Base, one with a film is named.
-        most: Number of pairs to name of an outcome.
-        most_groups: Number of groups of which pairs are named.
     """
     parts = []
     if base := known_failures(report):
         groups = [_in_base(group, films, named=place < most_groups) for place, group in enumerate(base)]
-        title = base_failures.title_of(report)
+        title = base_title(report)
         parts.append(Part("persistent_failure", "B", title, next_step(report), groups))
     for outcome, letter in LETTERS.items():
         if groups := groups_of(report.changed_pairs, outcome, most, most_groups):
@@ -117,10 +112,7 @@ def groups_of(
     """Return the pairs of an outcome by cause and event, large groups first.
 
     Args:
-        pairs: Changed pairs.
-        outcome: Which of them.
         most: Number of pairs to name: one of each group, then a second one of each, and so on.
-        most_groups: Number of groups of which pairs are named.
     """
     found: dict[tuple[str, str], list[ChangedPair]] = {}
     for pair in pairs:
@@ -159,12 +151,7 @@ def named_of(pairs: Sequence[ChangedPair], most: int) -> list[str]:
 
 
 def to_look_at(report: Report, most: int) -> list[str]:
-    """Return the item ids of the pairs that a summary names: failures in Base, then the changed pairs.
-
-    Args:
-        report: The report.
-        most: Number of regressions, and of gains.
-    """
+    """Return the item ids of the pairs that a summary names: failures in Base, then the changed pairs."""
     failed = [group.item_ids[0] for group in known_failures(report)]
     return list(dict.fromkeys([*failed, *named_of(report.changed_pairs, most)]))
 
@@ -195,12 +182,7 @@ def title_of(report: Report, outcome: Outcome) -> str:
 
 
 def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
-    """Return the pairs as tables.
-
-    Args:
-        report: The report.
-        films: Address of the film of each pair that has one, by item id.
-    """
+    """Return the pairs as tables."""
     sections = []
     for part in parts_of(report, films):
         why = ["Cause (pairs)", "What happened"] if part.has_causes else ["Pairs like it"]
@@ -226,13 +208,7 @@ def broken_sections(report: Report, films: Mapping[str, str]) -> list[Section]:
 def broken_lines(
     report: Report, films: Mapping[str, str] | None = None, show: str | None = None
 ) -> list[str]:
-    """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any.
-
-    Args:
-        report: The report.
-        films: Path of the film of each pair that has one, by item id.
-        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
-    """
+    """Return the lines for the terminal: Base where it solves little, then outcomes that changed, if any."""
     films, lines = films or {}, []
     for part in parts_of(report, films, _MOST_OF_GROUPS, _MOST_GROUPS):
         lines += ["", part.title, *wrap(part.note, 100, break_on_hyphens=False)]
@@ -293,3 +269,132 @@ def coloured(lines: Sequence[str], colours: bool) -> str:
     return "\n".join(
         f"\x1b[{codes[colour]}m{line}\x1b[0m" if colours and colour else line for line, colour in marked
     )
+
+
+_MOST_OF_BASE = 20
+
+
+class Advice(NamedTuple):
+    """What failures of Base look like, what they most often mean, and which causes belong to it."""
+
+    sight: str
+    meaning: str
+    """What it most often means, and what to look at."""
+    causes: tuple[str, ...]
+
+
+ADVICE = (
+    Advice(
+        "the hand does not come near the right object",
+        "Images are turned the wrong way, or cameras exchanged: look at the film of what the policy saw",
+        ("never_reached", "wrong_object", "blocked_by_obstacle", "stuck"),
+    ),
+    Advice(
+        "the hand arrives and does not hold",
+        "The gripper has the wrong sign or range; beside the object: actions are un-normalised wrongly, or "
+        "the state has another form",
+        (
+            "never_closed",
+            "closed_early",
+            "grasp_missed",
+            "grasp_slipped",
+            "dropped",
+            "toppled_target",
+            "pushed_target",
+            "part_not_moved",
+        ),
+    ),
+    Advice(
+        "the hand hardly moves, or stops moving",
+        "Actions are in other units, or an old answer is returned: run `libero-max check` on the adapter",
+        ("not_attempted", "froze", "timed_out"),
+    ),
+    Advice(
+        "the hand takes the objects and does not finish",
+        "Q, the form of the state or the size of the images differ from the model's own evaluation, or the "
+        "model does not know these scenes",
+        (
+            "timed_out_holding",
+            "placed_beside_goal",
+            "placed_elsewhere",
+            "moved_goal",
+            "undone",
+            "part_moved_too_little",
+        ),
+    ),
+)
+"""The table of `AGENTS.md`. A cause belongs to one row at most; the others say nothing about an adapter."""
+
+_COMPARE = (
+    "Look at a film of one. If the policy solves more in its own evaluation, compare the adapter with that: "
+    "images, state, gripper, Q. Otherwise play more pairs."
+)
+"""Next step where Base solves less than half, and more than a wrong adapter does."""
+
+_UNSEEN = "A model that has never seen these scenes may fail there with a right adapter."
+
+
+def base_failures(records: Sequence[PairRecord]) -> list[BaseFailures]:
+    """Return the failures of Base by cause, the most frequent first; none where Base solves half or more."""
+    failed = [record for record in records if BASE in record.arms and not record.base_success]
+    if 2 * len(failed) <= len(records):
+        return []
+    by_cause: dict[str, list[tuple[str, str]]] = {}
+    for record in sorted(failed, key=lambda record: record.item_id):
+        why = diagnose(record, BASE)
+        assert why is not None
+        by_cause.setdefault(why.cause, []).append((record.item_id, why.sentence))
+    order = sorted(by_cause, key=lambda cause: (-len(by_cause[cause]), [*CAUSES].index(cause)))
+    return [
+        BaseFailures(
+            cause=cause,
+            pairs=len(by_cause[cause]),
+            item_ids=[item for item, _ in by_cause[cause][:_MOST_OF_BASE]],
+            sentence=by_cause[cause][0][1],
+        )
+        for cause in order
+    ]
+
+
+def known_failures(report: Report) -> list[BaseFailures]:
+    """Return the failures of Base to show; none where no record says why."""
+    causes = {group.cause for group in report.base_failures}
+    return [] if causes <= {NOT_RECORDED} else report.base_failures
+
+
+def base_title(report: Report) -> str:
+    """Return the heading: the number of failures and of pairs."""
+    return f"{TITLE} in Base: {_failed(report.base_failures)} of {counted(report.overall.played, 'pair')}"
+
+
+def next_step(report: Report) -> str:
+    """Return what low Base success means, and what to do first."""
+    groups, played = report.base_failures, report.overall.played
+    failed = _failed(groups)
+    solved = played - failed
+    # Below the floor a warning says that little or nothing can be lost.
+    low = solved < FLOOR_BASE_RATE * played
+    text = (
+        "" if low else f"Base solves {solved} of {counted(played, 'pair')}, so events have little to break."
+    )
+    advice, number = _most(groups)
+    sight = f"in {number} of {failed} failures {advice.sight}" if advice is not None else ""
+    own = report.substrate.scores_comparable_with_published is False  # no model was trained on its scenes
+    unseen = f" {_UNSEEN}" if own and not (report.policy or {}).get("privileged") else ""
+    if not low:  # an adapter that is wrong solves less
+        text = f"{text} {sight.capitalize()}." if sight else text
+        return f"{text} {_COMPARE}{unseen}"
+    if advice is None:
+        return "Fix Base first: look at a film of it."
+    return f"Fix Base first: {sight}. {advice.meaning}.{unseen}"
+
+
+def _failed(groups: Iterable[BaseFailures]) -> int:
+    return sum(group.pairs for group in groups)
+
+
+def _most(groups: Sequence[BaseFailures]) -> tuple[Advice | None, int]:
+    """Return the row of the table that most failures belong to, with their number."""
+    numbers = [_failed(group for group in groups if group.cause in advice.causes) for advice in ADVICE]
+    most = max(numbers)
+    return (ADVICE[numbers.index(most)], most) if most else (None, 0)

@@ -16,10 +16,10 @@ from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
-from pytest_libero_max.report.base_failures import base_failures
+from pytest_libero_max.report.broken import base_failures
 from pytest_libero_max.report.caveats import caveats_of
 from pytest_libero_max.report.diagnosis import CAUSES, changed_pairs, diagnose
-from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.probe_means import probe_means
 from pytest_libero_max.report.report_document import (
@@ -38,9 +38,8 @@ from pytest_libero_max.report.report_document import (
     Returned,
     Stop,
 )
-from pytest_libero_max.report.report_section import PlayedPairs
 from pytest_libero_max.report.run_texts import alarm_texts
-from pytest_libero_max.report.sections import measured_sections
+from pytest_libero_max.report.sections import PlayedPairs, measured_sections
 from pytest_libero_max.report.statements import own_cases_text, statements_of
 from pytest_libero_max.report.stopping_rule import bias_of, watched_by
 from pytest_libero_max.report.studies.study_results import study_of
@@ -49,15 +48,10 @@ from pytest_libero_max.runs.agreement import policy_differences
 from pytest_libero_max.runs.outcomes import Played, columns_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.stopped import Stopped, ended_by_rule
-from pytest_libero_max.stats.blocks import Outcomes, Result, Split, Substrate
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE, Outcomes, Result, Split, Substrate
 from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
 from pytest_libero_max.stats.intervals import CONFIDENCE
-from pytest_libero_max.stats.measured import (
-    rate_of,
-    ratio_of,
-    without_intervals,
-)
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE, tabulate
+from pytest_libero_max.stats.measured import rate_of, ratio_of, tabulate, without_intervals
 from pytest_libero_max.stats.paired import Pairs, measure
 from pytest_libero_max.substrates.registry import scores_of
 
@@ -164,9 +158,7 @@ def build_report(
         study=study_of(in_order, tasks, protocol),
         sections=measured_sections(PlayedPairs(in_order, tasks, protocol, with_intervals)),
         statements=statements_of(
-            provenance["case_set"]["name"],
-            [pair.case_id for pair in planned],
-            with_intervals=with_intervals,
+            provenance["case_set"]["name"], [pair.case_id for pair in planned], with_intervals=with_intervals
         ),
         methods=dict(METHODS),
         provenance=provenance,
@@ -210,7 +202,6 @@ def _returned(records: Iterable[PairRecord]) -> Returned | None:
 
 
 def _clipped_actions(records: Iterable[PairRecord]) -> ClippedActions | None:
-    """Share of the executed actions that was outside [-1, 1]; None without a record."""
     shares = [max(arm.clipped_share for arm in record.arms.values()) for record in records]
     if not shares:
         return None
@@ -258,14 +249,7 @@ def outcome_groups(
     columns: Pairs,
     ends: Mapping[str, tuple[bool, bool]],
 ) -> dict[str, Any]:
-    """Return the fields of a report that group pairs, as far as they follow from outcomes.
-
-    Args:
-        planned: Every assigned pair.
-        measured: Those with an outcome, in the order of the columns.
-        columns: Their outcomes.
-        ends: Success of Base and of Dynamic, by case id.
-    """
+    """Return the fields of a report that group pairs, as far as they follow from outcomes."""
     by = {name: _group(planned, measured, columns, name) for name in DIMENSIONS}
     return {
         "by": by,
@@ -287,10 +271,7 @@ def _group(
 
 
 def _with_probes(
-    rows: Mapping[str, Result],
-    measured: Sequence[PlannedPair],
-    records: Sequence[PairRecord],
-    dimension: str,
+    rows: Mapping[str, Result], measured: Sequence[PlannedPair], records: Sequence[PairRecord], dimension: str
 ) -> dict[str, Result]:
     """Return the results of groups with the means of probes over their pairs."""
     members: dict[str, list[PairRecord]] = {}
@@ -331,11 +312,7 @@ def _outcomes(groups: Mapping[str, Result]) -> dict[str, Outcomes]:
 
 
 def extremes_of(categories: Mapping[str, Outcomes]) -> dict[str, Extremes]:
-    """Return by source the categories of lowest Base success and of largest loss, the first among equals.
-
-    Args:
-        categories: Outcomes by source category.
-    """
+    """Return by source the categories of lowest Base success and of largest loss, the first among equals."""
     sources: dict[str, dict[str, Outcomes]] = {}
     for name, outcomes in categories.items():
         if outcomes.total:
@@ -350,11 +327,7 @@ def extremes_of(categories: Mapping[str, Outcomes]) -> dict[str, Extremes]:
 
 
 def split_of(variants: Mapping[str, Outcomes]) -> Split | None:
-    """Return the event whose parameter variants differ most in Dynamic success; None where none has two.
-
-    Args:
-        variants: Outcomes by event and variant.
-    """
+    """Return the event whose parameter variants differ most in Dynamic success; None where none has two."""
     events: dict[str, dict[str, Outcomes]] = {}
     for name, outcomes in variants.items():
         event, _, variant = name.rpartition("-")
@@ -419,7 +392,6 @@ def _stop(
     pairs: Iterable[PairRecord | PairError],
     provenance: Json,
 ) -> Stop | None:
-    """Return the stop of a run with what its rule knew, which is computed again from the pairs."""
     if stopped is None:
         return None
     watched = watched_by(stopped, planned, pairs, provenance.get("gates") or ())
@@ -434,7 +406,6 @@ def substrate_of(provenance: Json, planned: Iterable[PlannedPair]) -> Substrate:
 
     Args:
         provenance: As the run recorded it. Older runs recorded the name alone.
-        planned: The cases that the scores are of.
     """
     name = provenance["substrate"]["name"]
     own = own_cases_text(provenance["case_set"]["name"], [pair.suite for pair in planned])

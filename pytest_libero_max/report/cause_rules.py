@@ -11,8 +11,14 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 from pytest_libero_max.errors import counted
-from pytest_libero_max.report.arm_stages import FailedArm, cm, is_at
-from pytest_libero_max.report.goal_words import aim_in_words, fact_in_words, name_in_words
+from pytest_libero_max.report.arm_stages import (
+    FailedArm,
+    aim_in_words,
+    cm,
+    fact_in_words,
+    is_at,
+    name_in_words,
+)
 
 _CANCELS = "cancel_instruction"
 """Operation of the change that cancels a task; its module imports NumPy."""

@@ -35,11 +35,8 @@ class Rule:
     """A caveat and the pairs that it concerns."""
 
     name: str
-    """Stable key."""
     concerns: Callable[[Played], bool]
-    """Returns True for a pair that it concerns."""
     text: str
-    """The caveat as a sentence about these pairs."""
 
 
 def _semantics(record: Played) -> str | None:
@@ -63,7 +60,6 @@ def _own_variation(record: Played) -> bool:
 
 
 def _genuine(record: Played) -> bool:
-    """Return True for a pair on scenes of an installed package, which has two ways to play events."""
     return "semantics" in record.fingerprints
 
 

@@ -39,7 +39,6 @@ class Connection:
     """Success of a run beside that of a row of the paper, on the same cases."""
 
     policy: str
-    """Name of the row."""
     arm: Arm
     own: Ratio
     published: Ratio
@@ -74,11 +73,7 @@ def _interval(own: Ratio, published: Ratio) -> Interval:
 
 
 def published_row(key: str) -> PublishedPolicy:
-    """Return the row of the paper with a key.
-
-    Raises:
-        OptionError: There is none; suggests the closest.
-    """
+    """Return the row of the paper with a key."""
     rows = {policy.key: policy for policy in published_policies()}
     if key not in rows:
         raise OptionError.seen(
@@ -88,13 +83,7 @@ def published_row(key: str) -> PublishedPolicy:
 
 
 def connect(report: Report, key: str, arm: Arm) -> Connection | str:
-    """Return the connection of a run with a row of the paper; a text says why there is none.
-
-    Args:
-        report: The report of the run.
-        key: Key of the row, for example ``pi05``.
-        arm: ``base`` or ``dynamic``.
-    """
+    """Return the connection of a run with a row of the paper; a text says why there is none."""
     spec = report.policy or {}
     lack = lack_of_connection(report.provenance, report.pairs.played, key, spec.get("query_interval"))
     if lack is not None:
@@ -107,14 +96,7 @@ def connect(report: Report, key: str, arm: Arm) -> Connection | str:
 def lack_of_connection(
     provenance: Json, played: int, key: str, query_interval: int | None = None
 ) -> str | None:
-    """Return why a run cannot be held against a row of the paper; None where it can.
-
-    Args:
-        provenance: Provenance of the run.
-        played: Number of its pairs that are measured, or will be.
-        key: Key of the row.
-        query_interval: Q of its policy; None where that is not known yet.
-    """
+    """Return why a run cannot be held against a row of the paper; None where it can."""
     lack = lacks_for_published(provenance, played, published_file(provenance))
     row = published_row(key)
     if lack is None and query_interval is not None and query_interval != row.query_interval:

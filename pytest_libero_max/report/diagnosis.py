@@ -25,7 +25,6 @@ class Diagnosis:
     """The cause of a failed arm."""
 
     cause: str
-    """A key of :data:`CAUSES`."""
     sentence: str
 
 

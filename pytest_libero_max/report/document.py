@@ -40,7 +40,6 @@ class Table:
     """As many cells as headings in each; the first one names the row. A cell is a :class:`.Cell`, or a text,
     a whole number or None (nothing is known), which need no format."""
     note: str = ""
-    """Help for reading it; empty for none."""
     dimension: str = ""
     """Dimension of the groups that the rows are of, so that a page leads to their cases; empty for none."""
     narrow: int = 0
@@ -100,11 +99,8 @@ class Section:
     title: str = ""
     tables: Sequence[Table] = ()
     texts: Sequence[str] = ()
-    """Paragraphs below them."""
     items: Sequence[str] = ()
-    """A list below these."""
     lead: str = ""
-    """Paragraph above its tables; empty for none."""
     plots: Sequence[Drawable | str] = ()
     """Plots above its tables, or figures as SVG, on pages; other renderers leave them out."""
     folded: bool = False
@@ -123,8 +119,5 @@ class Document:
     texts: Sequence[str] = ()
     """Other paragraphs above the sections."""
     sections: Sequence[Section] = ()
-    """In the order in which they are read."""
     caveats: Sequence[str] = ()
-    """Notes on single pairs."""
     statements: Sequence[str] = ()
-    """Limits of the numbers."""

@@ -17,10 +17,6 @@ report that could not be written."""
 
 
 def ended_as_declared(pairs: PairCounts) -> bool:
-    """Return True if all pairs of a run are measured, or all but those that its stopping rule left out.
-
-    Args:
-        pairs: ``pairs`` of a report.
-    """
+    """Return True if all pairs of a run are measured, or all but those that its stopping rule left out."""
     by_rule = pairs.stopped is not None and pairs.stopped.rule is not None
     return pairs.complete or (by_rule and not pairs.invalid and not pairs.missing_shards)

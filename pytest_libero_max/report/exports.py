@@ -30,7 +30,10 @@ class ExportedRun:
 
 
 Export: TypeAlias = "Callable[[ExportedRun, Path], list[Path]]"
-"""Writes a run into a file or folder, and returns the paths of what it wrote."""
+"""Writes a run into a file, or a folder where it has several, and returns the paths of what it wrote.
+
+Raises ReportError where the run has nothing that it can hold, or a file cannot be written.
+"""
 
 
 def _accept(name: str, module: object) -> Export:
@@ -50,29 +53,10 @@ def _accept(name: str, module: object) -> Export:
 
 
 EXPORTS: Registry[Export] = Registry("format", "pytest_libero_max.exports", dict, _accept, OptionError)
-"""The formats that are installed, by name. Each raises ReportError for a run that it cannot hold."""
-
-
-def export(name: str, run: ExportedRun, place: Path) -> list[Path]:
-    """Write a run in a format.
-
-    Args:
-        name: One of :data:`EXPORTS`.
-        run: The run.
-        place: The file; the folder where the format has several files.
-
-    Returns:
-        Paths of what was written.
-
-    Raises:
-        OptionError: There is no such format, or it needs a package that is not installed.
-        ReportError: The run has nothing that the format can hold, or a file cannot be written.
-    """
-    return EXPORTS[name](run, place)
+"""The formats that are installed, by name."""
 
 
 def _write_texts(texts: dict[str, str], place: Path) -> list[Path]:
-    """Write texts by the path of their file in a folder; by the empty path that of the only file."""
     from pytest_libero_max.report.writers.report_files import make_folder, write_text
 
     for name, text in texts.items():

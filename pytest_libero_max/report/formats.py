@@ -55,13 +55,10 @@ class Scale:
     """The values that a kind of quantity can have."""
 
     name: str
-    """Name with its article."""
     least: int | None
-    """Smallest value, None where there is none."""
     most: int | None
     """Largest value, None where there is none."""
     whole: bool = False
-    """True if all values are whole numbers."""
     percent: bool = True
     """True if a percentage makes sense."""
 
@@ -83,7 +80,6 @@ class Unit:
     digits: int = 1
     """Decimals that are printed; of a share those of percent."""
     signed: bool = False
-    """True for a difference, which has its sign."""
     text: str = ""
     """Text behind the number."""
 
@@ -100,7 +96,6 @@ class Unit:
         return NOT_AVAILABLE if value is None else f"{self.number(value)}{self.text}"
 
     def ends(self, value: Ends) -> str:
-        """Return an interval, without the unit."""
         if value.lower is None or value.upper is None:
             return NOT_AVAILABLE
         return f"[{self.number(value.lower)}, {self.number(value.upper)}]"
@@ -137,7 +132,6 @@ class Format:
         raise NotImplementedError
 
     def short(self, value: Any) -> str:
-        """For narrow tables."""
         return self.long(value)
 
     def latex(self, value: Any) -> str:
@@ -151,7 +145,6 @@ class Format:
 
 
 def _math(value: float | None, signed: bool) -> str:
-    """Return a share in percent as LaTeX sets it."""
     return MISSING if value is None else f"${tenths(value, signed)}$" if signed else tenths(value)
 
 
@@ -288,7 +281,6 @@ class Tenths(Format):
     """A share in percent, or a difference of shares in percentage points, without its unit."""
 
     signed: bool = True
-    """True for a difference."""
     missing: str = NOT_AVAILABLE
     """Text where there is none."""
 

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import NamedTuple
 
-from pytest_libero_max.errors import OptionError, did_you_mean
+from pytest_libero_max.errors import OptionError
 from pytest_libero_max.runs.comparability import require_names
 
 _ARGUMENT = re.compile(r"""(?:[^,'"]|'[^']*'|"[^"]*")+""")
 _NAMED = re.compile(r"(?P<name>[a-z]\w*)\s*=\s*(?P<value>\S*)")
-_KNOWN = ("allow", "first")
+_FORM = "Write allow=SETTING, allow=SETTING+SETTING or first=pass behind the folder of the run."
 
 
 def refused(gate: str, rest: str) -> OptionError:
-    """Return the error of a gate that is not in the language, or decides nothing.
-
-    Args:
-        gate: The gate as written.
-        rest: Text behind it.
-    """
+    """Return the error of a gate that is not in the language, or decides nothing."""
     return OptionError.seen("gate", gate, rest)
 
 
@@ -28,7 +22,6 @@ class RunArguments(NamedTuple):
     """Arguments of a quantity against another run."""
 
     run: str
-    """Folder of the other run."""
     margin: str | None
     """Number behind it, as written; None where there is none."""
     allow: tuple[str, ...]
@@ -42,7 +35,6 @@ def read_arguments(text: str, gate: str) -> RunArguments:
 
     Args:
         text: The arguments. A folder with a comma in its name is written in quotes.
-        gate: The gate, for messages.
 
     Raises:
         OptionError: An argument is unknown, or has a value that it cannot have.
@@ -57,23 +49,13 @@ def read_arguments(text: str, gate: str) -> RunArguments:
         elif margin is None and not named:
             margin = part
         else:
-            raise refused(gate, f" has the unknown argument {part!r}. {_form()}")
-    _check(named, gate)
-    return RunArguments(run.strip("'\""), margin, tuple(named.get("allow", ())), "first" in named)
-
-
-def _check(named: Mapping[str, list[str]], gate: str) -> None:
-    for name in named:
-        if name not in _KNOWN:
-            raise refused(gate, f" has the unknown argument {name!r}. {_form()}")
-    if named.get("first", ["pass"]) != ["pass"]:
-        raise refused(gate, f" has first={'+'.join(named['first'])}. {_form()}")
+            raise refused(gate, f" has the unknown argument {part!r}. {_FORM}")
+    for name, values in named.items():
+        if name not in ("allow", "first") or (name == "first" and values != ["pass"]):
+            raise refused(gate, f" has the unknown argument {name}={'+'.join(values)}. {_FORM}")
+    allow = tuple(named.get("allow", ()))
     try:
-        require_names(named.get("allow", ()))
+        require_names(allow)
     except OptionError as error:
-        raise refused(gate, f": allow={'+'.join(named['allow'])}: {error}") from None
-
-
-def _form() -> str:
-    known = did_you_mean("", _KNOWN)
-    return f"{known} Write allow=SETTING, allow=SETTING+SETTING or first=pass behind the folder of the run."
+        raise refused(gate, f": allow={'+'.join(allow)}: {error}") from None
+    return RunArguments(run.strip("'\""), margin, allow, "first" in named)

@@ -1,12 +1,18 @@
-"""Gates before every pair is played: verdicts over the ways in which a run can still end."""
+"""Gates while pairs are played: verdicts over the ways a run can still end, and rules that watch them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import astuple, dataclass
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import astuple, dataclass, replace
+from typing import ClassVar
 
-from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.gates import Gate, Verdict, value_in, verdict_in
+from pytest_libero_max.errors import OptionError, counted
+from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.gates import Gate, Verdict, shown, value_in, verdict_in
+from pytest_libero_max.report.report_document import Watched
+from pytest_libero_max.report.stopping_rule import Declared, StoppingRule
+from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats import blocks
 from pytest_libero_max.stats.blocks import McNemar, MeanDifference, Outcomes, Rate
 from pytest_libero_max.stats.measured import mcnemar_of, rate_of, ratio_of, table_change_of
@@ -19,7 +25,6 @@ class Ending:
     """Counts of a set of pairs once all of them are played."""
 
     pairs: int = 0
-    """All pairs."""
     base: int = 0
     """Those that Base completes."""
     losses: int = 0
@@ -27,13 +32,11 @@ class Ending:
     gains: int = 0
     """Those that Dynamic alone completes."""
     fired: int = 0
-    """Those in which the event happened."""
     answered: int = 0
     """Those with a query after it."""
 
     @classmethod
     def of(cls, record: PairRecord) -> Ending:
-        """Return the counts of one pair."""
         base, dynamic = record.base_success, record.dynamic_success
         return cls(1, base, base > dynamic, dynamic > base, record.triggered, record.responded)
 
@@ -45,55 +48,45 @@ class Ending:
 
     @property
     def dynamic(self) -> int:
-        """Pairs that Dynamic completes."""
         return self.base - self.losses + self.gains
 
     # What follows is a row of a report, as far as these counts tell it: quantities are read from both alike.
 
     @property
     def outcomes(self) -> Outcomes:
-        """Pairs by outcome."""
         kept = self.base - self.losses
         return Outcomes(kept, self.gains, self.losses, self.pairs - self.base - self.gains)
 
     @property
     def base_success(self) -> Rate:
-        """Base success rate."""
         return rate_of(self.outcomes.base)
 
     @property
     def dynamic_success(self) -> Rate:
-        """Dynamic success rate."""
         return rate_of(self.outcomes.dynamic)
 
     @property
     def paired_change(self) -> MeanDifference:
-        """Paired change."""
         return table_change_of(self.outcomes)
 
     @property
     def conditional_regression(self) -> Rate:
-        """Share of Base successes lost."""
         return rate_of(self.outcomes.conditional_regression)
 
     @property
     def retained(self) -> blocks.Ratio:
-        """Dynamic successes over Base successes."""
         return ratio_of(self.outcomes.retained)
 
     @property
     def mcnemar(self) -> McNemar:
-        """Test of regressions against gains."""
         return mcnemar_of(self.outcomes)
 
     @property
     def trigger_coverage(self) -> Rate:
-        """Pairs whose event fired."""
         return rate_of(Ratio(self.fired, self.pairs))
 
     @property
     def response_coverage(self) -> Rate:
-        """Pairs with a query after the event."""
         return rate_of(Ratio(self.answered, self.pairs))
 
 
@@ -113,13 +106,12 @@ class Outlook:
     least: float | None
     """Smallest value of the quantity; None where it has none in one of them."""
     most: float | None
-    """Largest value."""
 
 
 def outlook(gate: Gate, endings: Iterable[Ending]) -> Outlook:
     """Return the verdict and the values of a gate, one of :data:`BOUNDED`, over endings."""
     ends = [*endings]
-    if gate.name == "delta" and gate.end is not None:
+    if gate.name == "delta":
         # Computed together, which is much faster; each of them is then known.
         paired_differences([(end.losses, end.gains, end.pairs) for end in ends])
     values = [value for end in ends if (value := value_in(gate, end)) is not None]
@@ -138,10 +130,6 @@ def all_endings(seen: Ending, pairs: int) -> Iterator[Ending]:
     In these all pairs to come end alike. There each quantity but the p-value is largest and smallest, because
     every single pair moves it in one direction. The p-value is largest where losses and gains are as equal as
     they can become. A gate with one verdict in all of them has it in every ending.
-
-    Args:
-        seen: Counts of the pairs that are played.
-        pairs: Number of all pairs.
     """
     left = pairs - seen.pairs
     for base in (0, 1):
@@ -153,3 +141,119 @@ def all_endings(seen: Ending, pairs: int) -> Iterator[Ending]:
     level = min(left, abs(lead))
     lagging = Ending(1, gains=1, fired=1) if lead > 0 else Ending(1, base=1, losses=1, fired=1)
     yield seen + lagging * level + Ending(1, base=1, fired=1) * (left - level)
+
+
+Watch = Callable[[Ending], Iterable[Ending]]
+"""Sees the counts of the next pair of a gate; returns the ways in which the run can still end."""
+
+
+class GateRule(StoppingRule):
+    """Stops a run once it knows the verdict that every gate has after all planned pairs.
+
+    A pair that could not be measured makes the run incomplete, whatever follows. From then on the rule
+    decides nothing, and the run is played to its end.
+    """
+
+    decides_gates: ClassVar[bool] = True
+
+    level: float | None = None
+    """Probability of a wrong verdict; None where there is none."""
+
+    def check(self, declared: Declared) -> str | None:
+        if declared.shards > 1:
+            raise OptionError(
+                "this rule decides gates, and those of a shard are decided on all shards together. Play the "
+                "run on several machines with --libero-max-ray, or leave the rule out."
+            )
+        return None
+
+    @abstractmethod
+    def watch(self, gate: Gate, pairs: int) -> Watch | None:
+        """Begin to watch a gate.
+
+        Args:
+            pairs: Number of pairs that it is decided on, at least 1.
+
+        Returns:
+            None where the rule never knows its verdict before the end.
+        """
+
+    def begin(self, planned: Sequence[PlannedPair], gates: Sequence[Gate]) -> None:
+        super().begin(planned, tuple(dict.fromkeys(gates)))
+        self._cases: dict[Gate, set[str]] = {}
+        self._watches: dict[Gate, Watch | None] = {}
+        self._left: dict[Gate, int] = {}
+        self._known: dict[Gate, Watched] = {}
+        self._broken = False
+
+    def after(self, pair: PairRecord | PairError) -> str | None:
+        self._broken |= isinstance(pair, PairError)
+        if isinstance(pair, PairError) or self._broken:
+            return None
+        if not self._cases:
+            self._begin_to_watch(pair)
+        one = Ending.of(pair)
+        for gate, cases in self._cases.items():
+            watch = self._watches[gate]
+            if watch is not None and gate not in self._known and pair.case_id in cases:
+                self._left[gate] -= 1
+                ends = [*watch(one)]
+                found = outlook(gate, ends)
+                if found.verdict is not None:
+                    self._known[gate] = self._watched(gate, found, ends)
+        return self.reason()
+
+    def reason(self) -> str | None:
+        """Return the reason to stop; None to go on."""
+        known = len(self._known)
+        if not known or known < len(self.gates):
+            return None
+        return f"the verdict of {'the gate' if known == 1 else f'all {known} gates'} is known"
+
+    def watched(self) -> list[Watched]:
+        return [self._known[gate] for gate in self.gates if gate in self._known]
+
+    def _begin_to_watch(self, record: PairRecord) -> None:
+        """Count the pairs of each gate; the first record says which suites its policy supports."""
+        unsupported = {pair.case_id for pair in unsupported_pairs(self.planned, record.policy)}
+        for gate in self.gates:
+            cases = {pair.case_id for pair in gate.of_scope(self.planned)} - unsupported
+            self._cases[gate], self._left[gate] = cases, len(cases)
+            self._watches[gate] = self.watch(gate, len(cases)) if cases else None
+
+    def _watched(self, gate: Gate, found: Outlook, ends: Sequence[Ending]) -> Watched:
+        pairs, left = len(self._cases[gate]), self._left[gate]
+        estimate = outlook(replace(gate, end=None), ends)
+        other = replace(gate, end={"lower": "upper", "upper": "lower"}.get(gate.end or ""))
+        words, value = [], None
+        if found.verdict == "undecidable":
+            words.append("Base success or the share of events is too low to say anything of the event")
+        elif gate.operator not in ("==", "!="):
+            low = (gate.operator in (">=", ">")) == (found.verdict == "passed")
+            value = found.least if low else found.most
+        if value is not None:
+            words.append(
+                f"it is at {'least' if low else 'most'} {shown(gate, value)} over {counted(pairs, 'pair')}"
+            )
+        if estimate.least is not None and estimate.most is not None:
+            what = "the estimate is" if gate.end else "it is"
+            words.append(
+                f"{what} between {shown(gate, estimate.least)} and {shown(gate, estimate.most)} there"
+            )
+        how = (
+            f"however the last {counted(left, 'pair')} may end"
+            if self.level is None
+            else f"at level {self.level:g}"
+        )
+        return Watched(
+            what=gate.text,
+            verdict=found.verdict,
+            value=value,
+            lower=estimate.least,
+            upper=estimate.most,
+            level=self.level,
+            not_shown=found.verdict == "failed"
+            and gate.end is not None
+            and outlook(other, ends).verdict != "failed",
+            detail=f"{how}: {'; '.join(words)}." if words else f"{how}.",
+        )

@@ -8,18 +8,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_arguments import refused
-from pytest_libero_max.report.gates import EQUIVALENCE_CONFIDENCE, EQUIVALENT, Gate, meets, parse_gate
+from pytest_libero_max.report.gates import (
+    EQUIVALENCE_CONFIDENCE,
+    EQUIVALENT,
+    Gate,
+    meets,
+    parse_gate,
+    require_known_groups,
+)
+from pytest_libero_max.report.render.terminal import aligned
+from pytest_libero_max.report.writers.power_text import TRACK_SIZES
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.gate_power import (
+from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
+from pytest_libero_max.stats.paired_difference import exact
+from pytest_libero_max.stats.power import (
     Chances,
     Counts,
     chance_by_task,
     chance_of_count,
     chance_of_losses,
 )
-from pytest_libero_max.stats.intervals import CONFIDENCE, clopper_pearson
-from pytest_libero_max.stats.paired_difference import exact
 from pytest_libero_max.stats.ratios import Ratio
 
 SIZES = (8, 16, 32, 64, 100, 200, 400, 800, 1600, 3200, 8000)
@@ -34,14 +44,7 @@ MISS = 0.2
 _COUNTS = {"regressions": "loss", "regressions_vs": "loss", "gains": "gain", "gains_vs": "gain"}
 _DIFFERENCES = ("delta", "dynamic_sr_vs")
 
-PLANNED = (
-    *_DIFFERENCES,
-    "delta.clustered",
-    EQUIVALENT,
-    *_COUNTS,
-    "base_sr",
-    "dynamic_sr",
-)
+PLANNED = (*_DIFFERENCES, "delta.clustered", EQUIVALENT, *_COUNTS, "base_sr", "dynamic_sr")
 """Quantities of gates that can be planned."""
 
 
@@ -49,13 +52,7 @@ def chance_of_passing(gate: Gate, pairs: int, chances: Chances, planned: Sequenc
     """Return the probability that a gate passes.
 
     Args:
-        gate: The gate, with a limit.
-        pairs: Number of pairs that it is decided on.
-        chances: Probabilities of the outcomes of a pair.
         planned: These pairs, for a quantity by task.
-
-    Raises:
-        OptionError: The gate cannot be planned.
     """
     if gate.name not in PLANNED or gate.operator in ("==", "!="):
         raise refused(
@@ -103,12 +100,6 @@ def useful_sizes(gate: Gate, base: float, chance: float, loss: float) -> Iterato
 
     There a policy without an effect fails with at most :data:`FALSE_ALARM`, and one that loses so much passes
     with at most :data:`MISS`.
-
-    Args:
-        gate: The gate; not one by task.
-        base: Base success rate.
-        chance: Share of pairs lost, and gained, by chance alone.
-        loss: Share of pairs lost by the effect and by chance.
     """
     alike, hurt = Chances(base, chance, chance), Chances(base, loss, chance)
     for pairs in SIZES:
@@ -139,7 +130,6 @@ def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:
     them apart is :func:`useful_sizes`.
 
     Args:
-        base: Base success rate.
         chance: Share of pairs lost, and gained, by chance alone.
         effect: Share of pairs that the loss to be found costs beside, above 0.
     """
@@ -158,12 +148,6 @@ def advised(base: float, chance: float, effect: float) -> tuple[Advice, ...]:
 def pairs_to_show(gate: Gate, more_than: int, loss: float, gain: float) -> int | None:
     """Return the smallest of :data:`SIZES` at which runs with these shares mostly pass a gate.
 
-    Args:
-        gate: One on an end of the interval of a difference.
-        more_than: Number of pairs that did not suffice.
-        loss: Share of pairs lost.
-        gain: Share of pairs gained.
-
     Returns:
         None where the gate cannot be planned, or no size suffices.
     """
@@ -175,8 +159,6 @@ def pairs_to_show(gate: Gate, more_than: int, loss: float, gain: float) -> int |
 
 
 def _end(pairs: int, end: str | None, confidence: float) -> Callable[[Counts, Counts], NDArray[np.float64]]:
-    """Return a function of gains and losses: their difference, or an end of its interval."""
-
     def value(gains: Counts, losses: Counts) -> NDArray[np.float64]:
         if end is None:
             return (gains - losses) / pairs
@@ -190,3 +172,65 @@ def _rate_meets(gate: Gate, count: int, pairs: int) -> bool:
     interval = clopper_pearson(ratio)
     assert interval is not None
     return meets(gate, count / pairs if gate.end is None else getattr(interval, gate.end))
+
+
+LOSSES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
+"""True losses that are shown where none is asked for, beside the losses by chance."""
+
+
+def gate_plan_lines(
+    gate: Gate, pairs: int | Sequence[PlannedPair], base: float, chance: float, loss: float | None = None
+) -> list[str]:
+    """Return the plan of a gate.
+
+    Args:
+        pairs: Number of pairs that it is decided on, or the pairs of a track.
+        base: Base success rate; against another run, Dynamic success of that run.
+        chance: Share of pairs lost, and gained, by chance alone.
+        loss: Share of pairs lost by an effect, and by chance; None for several.
+    """
+    planned: Sequence[PlannedPair] = ()
+    if not isinstance(pairs, int):
+        require_known_groups([gate], pairs)
+        planned = gate.of_scope(pairs)
+    count = pairs if isinstance(pairs, int) else len(planned)
+    lines = [
+        f"{gate.text}, decided on {counted(count, 'pair')}",
+        f"{'Dynamic success there' if gate.run else 'Base'} {base:.1%}; chance loses {chance:.1%} of the "
+        "pairs and gains as many",
+        "",
+        f"{'True change':>11}  {'passes':>7}",
+    ]
+    losses = [chance + effect for effect in LOSSES] if loss is None else [chance, loss]
+    for lost in dict.fromkeys(lost for lost in losses if loss is not None or lost <= base):
+        passing = chance_of_passing(gate, count, Chances(base, lost, chance), planned)
+        note = "  no effect: each failure here is a false alarm" if lost == chance else ""
+        lines.append(f"{100 * (chance - lost):>+8.1f} pp  {passing:>7.1%}{note}")
+    if loss is not None and gate.name != "delta.clustered":
+        sizes = ", ".join(map(str, useful_sizes(gate, base, chance, loss))) or "none"
+        lines += [
+            "",
+            f"Numbers of pairs, {SIZES[0]} to {SIZES[-1]}, at which at most {FALSE_ALARM:.0%} of runs fail",
+            f"without an effect and at most {MISS:.0%} pass with {100 * (chance - loss):+.1f} pp: {sizes}.",
+        ]
+    return lines
+
+
+def advice_lines(base: float, chance: float, effect: float) -> list[str]:
+    """Return which gate, on how many pairs of which track, finds a loss."""
+    lines = [
+        f"Gates that find a loss of {100 * effect:g} points: with the loss at most {MISS:.0%} of runs pass, "
+        f"without it at least {1 - FALSE_ALARM:.0%}",
+        "",
+    ]
+    rows = [("gate", "pairs", "passes without", "with it", "options")]
+    for advice in advised(base, chance, effect):
+        if advice.pairs is None:
+            rows.append((advice.gate.text, "none", "", "", f"no number up to {SIZES[-1]} suffices"))
+            continue
+        track, size = next(one for one in TRACK_SIZES.items() if one[1] >= advice.pairs)
+        limit = f" --libero-max-limit={advice.pairs}" if advice.pairs < size else ""
+        passes = (f"{advice.without:.1%}", f"{advice.hurt:.1%}")
+        rows.append((advice.gate.text, str(advice.pairs), *passes, f"--libero-max-track={track}{limit}"))
+    beside = "Add gates on base_sr and trigger_coverage: a policy that solves little has little to lose."
+    return [*lines, *aligned(rows), "", beside]

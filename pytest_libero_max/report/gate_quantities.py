@@ -10,8 +10,7 @@ from pytest_libero_max.report.measures import Measured, measures_of
 from pytest_libero_max.report.probe_means import probe_key, probe_quantity
 from pytest_libero_max.report.quantities import INTERVAL_MARK, QUANTITIES, Quantity
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import ReportSection
-from pytest_libero_max.report.sections import SECTIONS
+from pytest_libero_max.report.sections import SECTIONS, ReportSection
 
 GATED = {column.gate or column.key: column for column in QUANTITIES if column.gate is not None}
 """Quantities of a row of the report, by the name that gates use."""

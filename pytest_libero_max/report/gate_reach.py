@@ -7,16 +7,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.gate_arguments import refused
 from pytest_libero_max.report.gate_bounds import BOUNDED
 from pytest_libero_max.report.gate_quantities import COUNTS, is_of_pairs
 from pytest_libero_max.report.gates import Gate, always_or_never, decided_value, versus_value
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.blocks import SuccessContrast
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE, SuccessContrast
 from pytest_libero_max.stats.comparison import contrasts
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
 from pytest_libero_max.stats.paired import Pairs, measure
 
 _CURE = "Gate more pairs, a wider limit, or the estimate; libero-max plan gates says what can be met."
@@ -34,14 +32,10 @@ def require_reachable(gate: Gate, chosen: Sequence[PlannedPair]) -> None:
     Args:
         gate: A gate that names no other run. One on what is chosen, on what probes measure, or on a section
             of the report passes.
-        chosen: The pairs of the run.
-
-    Raises:
-        OptionError: No outcome of the pairs meets it, or every one.
     """
     if not is_of_pairs(gate.name):
         return
-    pairs = [pair for pair in chosen if gate.scope is None or _label(gate.scope[0], pair) == gate.scope[1]]
+    pairs = gate.of_scope(chosen)
     if not pairs:
         return
     if gate.name in COUNTS:
@@ -57,9 +51,7 @@ def _require_open(gate: Gate, values: Sequence[float], pairs: str, there: str = 
     """Refuse a gate that no value from the smallest to the largest meets, or every one.
 
     Args:
-        gate: The gate.
         values: Values at the extremes; none meets the gate where there are none.
-        pairs: Number of pairs in words.
         there: What is known of the other run, a clause.
         exact: True if no outcome has a value outside these.
     """
@@ -73,15 +65,7 @@ def _require_open(gate: Gate, values: Sequence[float], pairs: str, there: str = 
 
 
 def require_reachable_vs(gate: Gate, earlier: Sequence[bool]) -> None:
-    """Refuse a limit for a difference from another run that no outcome of this one meets, or every one.
-
-    Args:
-        gate: A gate against another run.
-        earlier: Dynamic success of the other run on the cases of this one.
-
-    Raises:
-        OptionError: No outcome of the cases meets it, or every one.
-    """
+    """Refuse a limit for a difference from another run that no outcome of this one meets, or every one."""
     cases, succeeded = len(earlier), sum(earlier)
     if not cases:
         return
@@ -102,10 +86,6 @@ def _contrast(earlier: int, losses: int, gains: int, cases: int) -> SuccessContr
     here[:losses] = False
     here[earlier : earlier + gains] = True
     return contrasts({"there": there, "here": here})[0]
-
-
-def _label(dimension: str, pair: PlannedPair) -> str:
-    return DIMENSIONS[dimension].label(pair)
 
 
 def extremes(planned: Sequence[PlannedPair]) -> Iterator[Pairs]:

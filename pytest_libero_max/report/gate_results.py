@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pytest_libero_max.benchmark.selection import Selection
 from pytest_libero_max.errors import OptionError, ReportError
+from pytest_libero_max.report.comparison.compare import common_cases
 from pytest_libero_max.report.connection import ARMS, can_connect, connect, lack_of_connection
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import counted, points
-from pytest_libero_max.report.gate_baseline import (
-    Baseline,
-    first_result,
-    folder_of,
-    has_no_run,
-    read_baseline,
-)
 from pytest_libero_max.report.gate_quantities import probe_of
 from pytest_libero_max.report.gate_reach import require_reachable, require_reachable_vs
 from pytest_libero_max.report.gates import (
@@ -30,12 +24,119 @@ from pytest_libero_max.report.gates import (
     require_known_groups,
     shown,
 )
+from pytest_libero_max.report.measurable import lack_of_run
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.report_files import report_of
+from pytest_libero_max.report.writers.report_files import REPORT_NAME, report_of
+from pytest_libero_max.runs.comparability import (
+    COMPARISON,
+    HERE,
+    THERE,
+    Difference,
+    differences_between,
+    listed,
+    policies_text,
+    policy_differences,
+)
+from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.store import StoredRun, pairs_file, read_pairs
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, StoredRun, pairs_file, read_pairs
 from pytest_libero_max.stats.blocks import SuccessContrast
+from pytest_libero_max.stats.comparison import contrasts
 from pytest_libero_max.stats.intervals import Interval
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """Another run beside the one that gates are decided on."""
+
+    contrast: SuccessContrast
+    """Contrast of Dynamic success, the other run first."""
+    lost: tuple[str, ...]
+    """Item ids of the pairs that only the other run completes."""
+    differences: tuple[Difference, ...]
+    policies: str | None
+    """Sentence on what differs between policies of one name; None where nothing is known to."""
+
+    def refused(self, gate: Gate) -> str | None:
+        """Return why the gate cannot be decided: differences that it does not allow; None for none."""
+        rest = [one for one in self.differences if not one.accepted(gate.allow)]
+        if not rest:
+            return None
+        names = "+".join(dict.fromkeys([*gate.allow, *(one.name for one in rest)]))
+        return (
+            f"this run and {gate.run!r} also differ in {listed(rest)}, so that a change is not of the policy "
+            f"alone. Play both alike, or accept it with allow={names} behind the folder"
+        )
+
+    def differences_text(self, gate: Gate) -> str:
+        """Return sentences on the differences that the gate allows, and on the policies; empty for none."""
+        allowed = [one for one in self.differences if one.accepted(gate.allow)]
+        accepted = f"Accepted: the runs also differ in {listed(allowed)}." if allowed else None
+        return " ".join(filter(None, (accepted, self.policies)))
+
+
+def read_baseline(stored: StoredRun, path: Path) -> Baseline | str | None:
+    """Read the other run of a gate; None where there is none yet, a text where the two cannot be compared.
+
+    Args:
+        path: The other run: its folder, or one of its files.
+    """
+    folder = folder_of(path)
+    if has_no_run(folder):
+        return None
+    try:
+        other = read_pairs(folder)
+        common = common_cases({THERE: other, HERE: stored})
+    except ReportError as error:
+        return str(error)
+    if common.partial:
+        return f"it is a comparison on the {counted(len(common.planned), 'pair')} that both policies support"
+    outcomes = {name: pairs.dynamic for name, pairs in common.pairs.items()}
+    (contrast,) = contrasts(outcomes, [pair.source for pair in common.planned])
+    before, now = (outcomes[name] for name in (THERE, HERE))
+    lost = [pair.item_id for pair, was, n in zip(common.planned, before, now, strict=True) if was and not n]
+    sides = {name: RunOutcomes.of(run).side for name, run in ((THERE, other), (HERE, stored))}
+    return Baseline(
+        contrast,
+        tuple(sorted(lost)),
+        tuple(differences_between(sides, COMPARISON)),
+        policies_text(one.field for one in policy_differences(sides)),
+    )
+
+
+def first_result(gate: Gate, stored: StoredRun, report: Report) -> GateResult:
+    """Return the verdict on a gate with ``first=pass`` whose other run does not exist yet.
+
+    It passes if this run can be the other one next time.
+    """
+    lack = lack_of_run(report)
+    if not lack:
+        try:
+            require_reachable_vs(gate, [record.dynamic_success for record in stored.records])
+        except OptionError as error:
+            lack = f"against this run the gate would decide nothing next time: {error}"
+    where = f"no baseline yet: there is no run in {gate.run!r}"
+    if lack:
+        return GateResult(gate, "undecidable", None, f"{where}, and this one cannot become it: {lack}.")
+    detail = f"{where}, so that nothing was compared. Keep this run as the first one."
+    return GateResult(gate, "passed", None, detail, no_baseline=True)
+
+
+def has_no_run(folder: Path) -> bool:
+    """Return True if a folder is missing or empty, so that no run has ever been there.
+
+    A link that leads nowhere, and a name below a file or below a run, are mistakes and no missing run.
+    """
+    if os.path.lexists(folder):
+        return folder.is_dir() and not any(folder.iterdir())
+    above = next(parent for parent in folder.absolute().parents if os.path.lexists(parent))
+    return above.is_dir() and not pairs_file(above).exists()
+
+
+def folder_of(path: Path) -> Path:
+    """Return the folder of a run that may be named by one of its files."""
+    return path.parent if path.name in (REPORT_NAME, PAIRS_NAME, PACKED_PAIRS_NAME) else path
+
 
 _OF_LOSSES = (
     *("delta", "delta.clustered", "preserved_success", "regressions"),
@@ -56,10 +157,7 @@ def require_usable(
     Called before anything is played.
 
     Args:
-        gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
         pairs: All pairs of the track or manifest, also those left out of the run.
-        chosen: The pairs of the run.
-        folder: Folder of the run, which may not exist yet.
         start: Folder that relative paths of other runs in the gates begin at.
 
     Raises:
@@ -92,11 +190,7 @@ def require_usable(
 
 
 def require_watched(gates: Iterable[Gate], probes: Collection[str]) -> None:
-    """Refuse gates on what a probe measures that is not asked for.
-
-    Raises:
-        OptionError: There is such a gate.
-    """
+    """Refuse gates on what a probe measures that is not asked for."""
     for gate in gates:
         probe = None if gate.run is not None else probe_of(gate.name)
         if probe is not None and probe not in probes:
@@ -107,26 +201,14 @@ def require_watched(gates: Iterable[Gate], probes: Collection[str]) -> None:
 
 
 def require_open(gates: Iterable[Gate], chosen: Sequence[PlannedPair]) -> None:
-    """Refuse gates on the run itself that every outcome of its pairs meets, or none.
-
-    Raises:
-        OptionError: There is such a gate.
-    """
+    """Refuse gates on the run itself that every outcome of its pairs meets, or none."""
     for gate in gates:
         if gate.run is None:
             require_reachable(gate, chosen)
 
 
 def require_connectable(gates: Iterable[Gate], run: Run) -> None:
-    """Refuse gates against rows of the paper that a run cannot be held against, whatever it measures.
-
-    Args:
-        gates: The gates.
-        run: Plan and provenance of the run.
-
-    Raises:
-        OptionError: There is one; says why.
-    """
+    """Refuse gates against rows of the paper that a run cannot be held against, whatever it measures."""
     for gate in gates:
         if gate.row is None:
             continue
@@ -148,8 +230,6 @@ def decide(gates: Sequence[Gate], folder: Path, start: Path) -> tuple[GateResult
     """Decide gates on the run in ``folder``.
 
     Args:
-        gates: Result of :func:`~pytest_libero_max.report.gates.parse_gates`.
-        folder: Folder of the run, or its ``pairs.jsonl``.
         start: Folder from which relative paths of other runs in the gates start.
 
     Raises:
@@ -179,7 +259,6 @@ def shards_of(stored: StoredRun) -> int:
 
 
 def _decided(gate: Gate, stored: StoredRun, report: Report, baseline: Baseline | str | None) -> GateResult:
-    """Return the verdict on a gate; the baseline is None where it names none, or where there is none yet."""
     if gate.first and baseline is None:
         return first_result(gate, stored, report)
     contrasts = {} if gate.run is None else {gate.run: _contrast(gate, baseline)}
@@ -196,7 +275,6 @@ def _decided(gate: Gate, stored: StoredRun, report: Report, baseline: Baseline |
 
 
 def _contrast(gate: Gate, baseline: Baseline | str | None) -> SuccessContrast | str:
-    """Return the contrast with the other run of a gate; a text says why there is none."""
     if baseline is None:
         return f"there is no run in {gate.run!r}; with first=pass the gate of a first run passes"
     if isinstance(baseline, str):
@@ -264,14 +342,9 @@ def _why_no_equivalence(gate: Gate, interval: Interval | None) -> tuple[bool, st
 
 def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
     """Pairs of a gate's scope that count against it, by item id: regressions, then failures of an arm."""
-    label = DIMENSIONS[gate.scope[0]].label if gate.scope else None
     if gate.name not in (*_OF_LOSSES, *SUCCESS_OF):
         return ()
-    within = {
-        pair.item_id
-        for pair in stored.run.planned
-        if label is None or (gate.scope and label(pair) == gate.scope[1])
-    }
+    within = {pair.item_id for pair in gate.of_scope(stored.run.planned)}
     success = SUCCESS_OF.get(gate.name)
     against = [
         (record.outcome != "regression", record.item_id)
@@ -283,5 +356,4 @@ def _lost(stored: StoredRun, gate: Gate) -> tuple[str, ...]:
 
 
 def _same_file(one: Path, other: Path) -> bool:
-    """Return True if two paths are one file, for example by a hard link."""
     return one.exists() and other.exists() and one.samefile(other)

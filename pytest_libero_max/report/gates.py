@@ -71,7 +71,6 @@ from pytest_libero_max.benchmark.tracks import all_track_names, load_track
 from pytest_libero_max.errors import OptionError, counted, did_you_mean
 from pytest_libero_max.events.registry import EVENTS, families
 from pytest_libero_max.report.connection import ARMS, connect, published_row
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.formats import (
     COUNT,
     DIFFERENCE,
@@ -94,6 +93,7 @@ from pytest_libero_max.report.gate_quantities import (
     section_quantities,
     section_value,
 )
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.measurable import lack_of_run, lacks_of
 from pytest_libero_max.report.measures import UNITS
 from pytest_libero_max.report.report_document import Report
@@ -158,17 +158,22 @@ class Gate:
     run: str | None
     """Folder of the other run, for a quantity against another run."""
     operator: str
-    """One of :data:`OPERATORS`."""
     threshold: Fraction
     """Number that the quantity is compared with, exactly as written."""
     percent: bool = False
-    """True if it was written as a percentage."""
     allow: tuple[str, ...] = ()
     """Names of settings in which the other run may differ."""
     first: bool = False
     """True if the gate passes as long as there is no other run."""
     row: str | None = None
     """Key of the row of the paper, for a quantity against one."""
+
+    def of_scope(self, pairs: Iterable[PlannedPair]) -> list[PlannedPair]:
+        """Return the pairs that it is on."""
+        if self.scope is None:
+            return [*pairs]
+        dimension, group = self.scope
+        return [pair for pair in pairs if DIMENSIONS[dimension].label(pair) == group]
 
 
 @dataclass(frozen=True)
@@ -190,7 +195,6 @@ class GateResult:
     """Sentences on the settings in which the other run differs and which the gate allows, and on what differs
     between policies of one name; empty for none."""
     no_baseline: bool = False
-    """True for a gate that passed because there is no other run yet."""
     waits: bool = False
     """True for a gate of a shard, which is decided on all shards together."""
 
@@ -201,7 +205,6 @@ class GateResult:
 
     @property
     def finding(self) -> Finding:
-        """The verdict in the words of reports."""
         if self.no_baseline:
             return "no baseline yet"
         if self.verdict == "failed":
@@ -277,7 +280,6 @@ def _within_margin(name: str, text: str, arguments: str) -> Gate:
 
 
 def _number(number: str, text: str) -> Fraction:
-    """Return the number of a gate, exactly as written."""
     if not _NUMBER.fullmatch(number):
         raise refused(text, f" compares with {number!r}, but must compare with a number or a percentage.")
     exponent = _EXPONENT.search(number)
@@ -302,12 +304,10 @@ def scale_of(name: str) -> Scale:
 
 
 def _require_open(gate: Gate) -> None:
-    """Refuse a gate that every value of its quantity meets, or none."""
     scale = scale_of(gate.name)
     if gate.percent and not scale.percent:
         raise refused(
-            gate.text,
-            f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number.",
+            gate.text, f" compares {gate.name} with a percentage, but it is {scale.name}. Give a number."
         )
     always, never = always_or_never(gate, scale.least, scale.most, whole=scale.whole)
     if always or never:
@@ -323,7 +323,6 @@ def always_or_never(
     """Return whether every value of a range meets a gate, and whether none does.
 
     Args:
-        gate: The gate.
         least: Smallest value; None where there is none, as for ``most``.
         most: Largest value.
         whole: True if all values are whole numbers.
@@ -353,11 +352,7 @@ def _share_meant(gate: Gate) -> str:
 
 
 def parse_gates(texts: Iterable[str]) -> tuple[Gate, ...]:
-    """Read gates as an ini file or repeated options give them: empty lines and ``#`` comments are left out.
-
-    Raises:
-        OptionError: One of them is not in the language.
-    """
+    """Read gates as an ini file or repeated options give them, without empty lines and ``#`` comments."""
     lines = (line.partition("#")[0].strip() for text in texts for line in text.splitlines())
     return tuple(parse_gate(line) for line in lines if line)
 
@@ -480,15 +475,7 @@ def _end(end: str | None, text: str) -> str | None:
 
 
 def require_known_groups(gates: Iterable[Gate], pairs: Iterable[PlannedPair]) -> None:
-    """Refuse gates on groups that no pair can be in.
-
-    Args:
-        gates: Gates that were read.
-        pairs: All pairs of the track or manifest, also those left out of the run.
-
-    Raises:
-        OptionError: A gate names a group that none of the pairs belongs to.
-    """
+    """Refuse gates on groups that no pair can be in."""
     every = tuple(pairs)
     for gate in gates:
         if gate.scope is not None:
@@ -540,12 +527,7 @@ def equivalence_interval(contrast: SuccessContrast) -> Interval | None:
 
 
 def value_in(gate: Gate, row: Any) -> float | None:
-    """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured.
-
-    Args:
-        gate: A gate that names no other run and no count of pairs.
-        row: The result, or what has the same fields as far as the quantity reads them.
-    """
+    """Return the quantity of a gate in the result of a set of pairs; None where it cannot be measured."""
     column = row_quantity(gate.name)
     value: float | None = column.format.numbers(column.value(row))[f"_{gate.end}" if gate.end else ""]
     return value

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pytest_libero_max.report.formats import counted, percent, points
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.stats.blocks import Rate
-from pytest_libero_max.stats.extremes import ByChance, lowest_by_chance, split_by_chance
+from pytest_libero_max.stats.breakdown import ByChance, lowest_by_chance, split_by_chance
 
 TITLE = "Averages and extremes"
 
@@ -57,7 +57,6 @@ def _extremes(report: Report) -> Iterator[tuple[str, str, str]]:
 
 
 def _lowest(values: Mapping[str, float], chance: ByChance, shown: Callable[[float], str]) -> tuple[str, str]:
-    """Return the group that stands out and its value, or why none does."""
     lowest = min(values.values())
     names = [name for name, value in values.items() if value == lowest]
     if len(values) == 1:

@@ -18,12 +18,7 @@ _NAMED = 4
 
 
 def inference_of(records: Sequence[PairRecord], protocol: Json) -> Inference:
-    """Return the protocol class of a run.
-
-    Args:
-        records: Its pairs.
-        protocol: Settings of the run, for the latency where no pair was played.
-    """
+    """Return the protocol class of a run."""
     late: dict[str, dict[str, None]] = {}
     for record in records:
         for name, arm in record.arms.items():

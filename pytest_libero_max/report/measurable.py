@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.report_document import PairCounts, Report
-from pytest_libero_max.stats.blocks import Rate, Result
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE, Result
 
 NOT_MEASURABLE = "Not measurable"
 """Headline in place of a paired change that nothing was there to make."""
@@ -16,25 +13,8 @@ LEAST_FIRED = 0.5
 """Share of the pairs in which the event must happen for their paired change to be of the event."""
 
 
-class Shown(Protocol):
-    """A result of some pairs, as far as it is asked here."""
-
-    @property
-    def base_success(self) -> Rate: ...
-
-    @property
-    def trigger_coverage(self) -> Rate: ...
-
-
 def lacks_of(row: Result) -> list[str]:
-    """Return why the change of a set of pairs says almost nothing about the event; empty otherwise.
-
-    Args:
-        row: Result of the pairs.
-
-    Returns:
-        Clauses without a period.
-    """
+    """Return why the change of a set of pairs says almost nothing about the event; empty otherwise."""
     base, fired = row.base_success, row.trigger_coverage
     lacks = []
     if base.value is not None and base.value < FLOOR_BASE_RATE:
@@ -51,7 +31,7 @@ def lacks_of(row: Result) -> list[str]:
     return lacks
 
 
-def is_measurable(row: Shown) -> bool:
+def is_measurable(row: Result) -> bool:
     """Return False where no pair can show what the event does: Base solves none, or it never happened."""
     return bool(row.base_success.count and row.trigger_coverage.count)
 

@@ -23,10 +23,8 @@ from pytest_libero_max.report.formats import (
 from pytest_libero_max.report.quantities import TEXT, Cell
 from pytest_libero_max.stats import ratios
 from pytest_libero_max.stats.blocks import MeanDifference, Measure, Rate, Ratio
-from pytest_libero_max.stats.durations import median_interval
-from pytest_libero_max.stats.intervals import Interval
-from pytest_libero_max.stats.measured import number, rate_of, table_change_of, without_intervals
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.intervals import Interval, median_interval
+from pytest_libero_max.stats.measured import number, rate_of, table_change_of, tabulate, without_intervals
 
 Plain = str | int | float | bool | None
 Rows = dict[str, Measure | Plain]
@@ -36,8 +34,6 @@ Rows = dict[str, Measure | Plain]
 UNITS: Mapping[str, Unit] = {
     "share": PERCENT,
     "change": POINTS,
-    "error": Unit(SHARE, 2, text=" pp"),
-    "variance": Unit(AMOUNT, 4),
     "steps": Unit(AMOUNT, text=" steps"),
     "more steps": Unit(NUMBER, signed=True, text=" steps"),
     "m": Unit(AMOUNT, 2, text=" m"),
@@ -120,7 +116,6 @@ class Measured:
     :mod:`pytest_libero_max.report.measurable`)."""
 
     def row(self, value: float | None, interval: Interval | None = None, **more: Any) -> Rows:
-        """Return the row of a value with its interval."""
         if interval is not None:
             more |= {"lower": number(interval.lower), "upper": number(interval.upper)}
         return {self.title: Measure(key=self.key, unit=self.unit, value=number(value), **more)}

@@ -66,7 +66,6 @@ class Axis:
     """An axis with zero on it, whose ends are ticks.
 
     Args:
-        values: Values that lie on it.
         signed: True for changes; False for shares, which reach to 1.
     """
 
@@ -84,7 +83,6 @@ class Axis:
 
     @property
     def ticks(self) -> list[tuple[float, str]]:
-        """Places and labels, in percent or percentage points."""
         values = [number * self._step for number in range(self._first, self._last + 1)]
         if self._signed:
             return [(self.at(value), f"{100 * value:+g}".replace("+0", "0")) for value in values]
@@ -97,14 +95,11 @@ class Row(NamedTuple):
     name: Viewed | str
     """Name; it may lead to the cases of the row."""
     note: str
-    """Number of pairs."""
     text: str
     dots: Sequence[tuple[float, str]] = ()
-    """Values with their kinds."""
     span: tuple[float, float, str] | None = None
     """Both ends of a line, and its kind."""
     box: tuple[float, float, float] | None = None
-    """Lower quartile, median and upper quartile."""
 
 
 @dataclass(frozen=True)
@@ -113,33 +108,22 @@ class Plot:
 
     title: str
     head: tuple[str, str]
-    """Headings of the names and of the numbers."""
     rows: Sequence[Row]
-    """From top to bottom."""
     legend: Sequence[tuple[str, str]] = ()
     """Kinds and names of the dots, where rows have several; the dots of a row are in this order."""
     signed: bool = True
     """True for changes in percentage points; False for shares in percent."""
     note: str = ""
-    """Help for reading it; empty for none."""
 
     @cached_property
     def axis(self) -> Axis:
-        """The axis that holds all values."""
         values = [value for row in self.rows for value, _ in row.dots]
         values += [end for row in self.rows if row.span for end in row.span[:2]]
         return Axis(values, signed=self.signed)
 
 
 def change_plot(title: str, names: str, rows: Sequence[Row], note: str = "") -> Plot:
-    """Return a plot of changes; see :func:`change_row`. Its heading announces intervals where there are some.
-
-    Args:
-        title: The title.
-        names: Heading of the names.
-        rows: From top to bottom.
-        note: Help for reading it.
-    """
+    """Return a plot of changes; its heading announces intervals where there are some."""
     return Plot(title, (names, "pp [95%]" if any(row.span for row in rows) else "pp"), rows, note=note)
 
 
@@ -202,12 +186,10 @@ class Heat(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The change in whole percentage points."""
         return f"{100 * self.change:+.0f}" if self.change else "0"
 
     @property
     def kind(self) -> str:
-        """Kind of its colour."""
         return "loss" if self.change < 0 else "gain"
 
     @property

@@ -38,11 +38,7 @@ def probe_means(records: Iterable[PairRecord]) -> dict[str, ProbeMean]:
 
 
 def probe_quantity(key: str) -> Quantity[Result]:
-    """Return a column of a probe in an arm as a quantity.
-
-    Args:
-        key: ``PROBE.COLUMN.ARM``.
-    """
+    """Return a column of a probe in an arm as a quantity."""
     return Quantity(key, key, lambda row: row.probes.get(key), Mean(), tables=())
 
 
@@ -56,10 +52,6 @@ def probe_key(name: str, text: str) -> str | None:
 
     Args:
         name: ``PROBE.COLUMN`` for Dynamic, or ``PROBE.COLUMN.ARM``.
-        text: The gate.
-
-    Raises:
-        OptionError: The probe has no such column, or it holds no numbers.
     """
     from pytest_libero_max.pairing.probes.registry import PROBES
 

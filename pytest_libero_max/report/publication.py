@@ -7,24 +7,30 @@ from __future__ import annotations
 
 import base64
 import gzip
+import hashlib
 import io
+import json
 import re
 import zlib
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
+import msgspec
 import numpy as np
 
 from pytest_libero_max.benchmark.array_files import read_arrays
 from pytest_libero_max.benchmark.documents import MOST_BYTES, read_content
 from pytest_libero_max.benchmark.selection import Selection
+from pytest_libero_max.benchmark.structs import decode_json
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.pairing.trace import trace_name
-from pytest_libero_max.report.about import ABOUT_NAME, About
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.report_files import (
     HTML_NAME,
     MARKDOWN_NAME,
@@ -35,12 +41,45 @@ from pytest_libero_max.report.writers.report_files import (
     report_of,
     run_page,
     write_bytes,
+    write_text,
 )
 from pytest_libero_max.runs.media import TRACES_NAME, films_in
 from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.replay_command import traces_setting
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, pairs_file, read_pairs
+
+ABOUT_NAME = "about.json"
+
+_ABOUT_CURE = "libero-max publish pack RUN FOLDER --authors TEXT --model ADDRESS writes it."
+
+
+class About(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Statements of whoever publishes a run."""
+
+    authors: str = ""
+    model: str = ""
+    """Address of the model's page, https or http; empty where it is not stated."""
+
+    def __post_init__(self) -> None:
+        if self.model and urlsplit(self.model).scheme not in ("http", "https"):
+            raise ValueError(
+                f"model={self.model!r}, but must be an address on the web, such as https://host/name"
+            )
+
+    def to_json(self) -> str:
+        return json.dumps(msgspec.to_builtins(self), indent=1) + "\n"
+
+
+def about_of(folder: Path) -> About:
+    """Return what is stated of a published run; nothing where its folder has no such file."""
+    path = folder / ABOUT_NAME
+    if not path.exists():
+        return About()
+    try:
+        return msgspec.convert(decode_json(require_inside(folder, path).read_bytes(), _ABOUT_CURE), About)
+    except (OSError, ValueError) as error:
+        raise ReportError(f"Cannot read {path}: {error}. {_ABOUT_CURE}") from error
 
 
 def publish(run: Path, folder: Path, actions: bool = False, about: About | None = None) -> list[Path]:
@@ -49,11 +88,9 @@ def publish(run: Path, folder: Path, actions: bool = False, about: About | None 
     The same pairs give the same files.
 
     Args:
-        run: The output folder of the run.
         folder: Made where it is missing. Files of these names are replaced.
         actions: True to write the recorded actions as well, with which others replay the pairs without the
             policy.
-        about: Authors and model, for the index; None writes nothing of them.
 
     Raises:
         ReportError: The run cannot be read or is not complete, keeps no actions of a pair, or the files
@@ -86,7 +123,6 @@ def publish(run: Path, folder: Path, actions: bool = False, about: About | None 
 
 
 def _actions(trace: Path, stored: StoredRun) -> bytes:
-    """Return a trace without what films are drawn from, which the actions give again."""
     try:
         arrays = read_arrays(trace)
     except (OSError, ValueError) as error:
@@ -239,3 +275,55 @@ def _near(line: str, place: int) -> str:
     begin = max(0, place - _SHOWN // 2)
     end = begin + _SHOWN
     return ("… " if begin else "") + line[begin:end] + (" …" if end < len(line) else "")
+
+
+class PlayedAgain(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A check of a published run in which pairs were played again and all ended alike."""
+
+    pairs: int
+    seed: str
+    date: str
+    """Day of the check, UTC."""
+    package: str
+    mujoco: str
+    actions: bool = False
+    """True if the recorded actions were executed, and no policy asked."""
+
+
+def pairs_digest(folder: Path) -> str:
+    """Return the SHA-256 of the pairs of a published run, unpacked: a check belongs to these bytes alone."""
+    try:
+        return hashlib.sha256(read_content(require_inside(folder, folder / PACKED_PAIRS_NAME))).hexdigest()
+    except OSError as error:
+        raise ReportError(f"Cannot read {folder / PACKED_PAIRS_NAME}: {error}.") from error
+
+
+def read_checks(path: Path) -> dict[str, PlayedAgain]:
+    """Return the checks that :func:`note_check` wrote, by digest; none where the file does not exist."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return {}
+    except OSError as error:
+        raise ReportError(f"Cannot read {path}: {error}.") from error
+    cure = "libero-max publish verify FOLDER --record writes such a file."
+    try:
+        values: Any = decode_json(content, cure)
+        return msgspec.convert(values, dict[str, PlayedAgain])
+    except (ReportError, msgspec.ValidationError) as error:
+        raise ReportError(f"{path} holds no checks of published runs: {error}. {cure}") from error
+
+
+def note_check(path: Path, folder: Path, pairs: int, seed: str, actions: bool) -> None:
+    """Note in a file that pairs of a published run were played again and ended alike."""
+    from importlib.metadata import version
+
+    today, package, mujoco = (
+        datetime.now(UTC).date().isoformat(),
+        version("pytest-libero-max"),
+        version("mujoco"),
+    )
+    check = PlayedAgain(pairs, seed, today, package, mujoco, actions)
+    checks = read_checks(path) | {pairs_digest(folder): check}
+    text = json.dumps(msgspec.to_builtins(checks), indent=1, sort_keys=True)
+    write_text(path, f"{text}\n")

@@ -47,11 +47,9 @@ class Printed:
     """By source the category of lowest Base success."""
     largest_loss: Mapping[str, str]
     macro: float
-    """Unweighted mean of the paired changes of the 17 source categories."""
     suite: Mapping[str, float]
     severity: Mapping[str, float]
     split_event: str
-    """Event whose parameter variants differ most in Dynamic success."""
     split: float
     lite: tuple[float, float, float]
     """Base success, Dynamic success and paired change on the authors' Lite."""
@@ -68,14 +66,12 @@ class PublishedPolicy:
     horizon: int
     query_interval: int
     outcomes: Outcomes
-    """The four printed counts."""
     net_change: Mapping[str, int]
     """Gained minus regressed pairs of each event, of 1,000."""
     scale: str | None
     """Scale that its authors report; None where they report none. All are checkpoints that were released for
     LIBERO, and were not trained for this benchmark."""
     printed: Printed
-    """Values that are printed without counts."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +85,6 @@ class PartialPolicy:
     """Pairs, and printed percentages of Base success, Dynamic success and paired change; None for the suite
     that it does not support."""
     total: tuple[int, float, float, float]
-    """The same over the supported pairs."""
 
 
 def published_policies() -> tuple[PublishedPolicy, ...]:
@@ -148,11 +143,9 @@ class _Row(NamedTuple):
     scale: str
     lost: float | None = None
     key: str = ""
-    """Name in gates."""
 
     @classmethod
     def of(cls, policy: PublishedPolicy, file: ReleasedFile) -> _Row:
-        """Return a published policy on some of the authors' cases."""
         printed, rates = policy.printed, policy.outcomes
         base, dynamic, change = rates.base.value, rates.dynamic.value, rates.change.value
         if file is not _MAX:
@@ -217,8 +210,6 @@ def lacks_for_published(provenance: Json, played: int, file: ReleasedFile | None
     """Return why published results are not of the cases that a run played; None where they are.
 
     Args:
-        provenance: Provenance of the run.
-        played: Number of measured pairs.
         file: The authors' cases that the results are of; by default all 8,000.
     """
     file = file or _MAX

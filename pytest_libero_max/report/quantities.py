@@ -38,7 +38,6 @@ class Cell(NamedTuple):
 
     @property
     def has_interval(self) -> bool:
-        """True if there is an interval to print."""
         return self.format.numbers(self.value).get("_lower") is not None
 
 
@@ -80,11 +79,9 @@ class Quantity(Generic[R]):
     key: str
     """Name in CSV files; columns with an interval have ``KEY_lower`` and ``KEY_upper`` as well."""
     title: str
-    """Heading in wide tables."""
     value: Callable[[R], Any]
     """Returns the quantity of a row."""
     format: Format
-    """Way in which it is printed."""
     heading: str = ""
     """Heading in narrow tables; the title where it is empty."""
     tables: tuple[TableKind, ...] = ("summary",)
@@ -98,19 +95,15 @@ class Quantity(Generic[R]):
     :mod:`pytest_libero_max.report.measurable`)."""
 
     def long(self, row: R) -> str:
-        """Return the cell in a wide table."""
         return self.format.long(self.value(row))
 
     def short(self, row: R) -> str:
-        """Return the cell in a narrow table."""
         return self.format.short(self.value(row))
 
     def cell(self, row: R) -> Cell:
-        """Return the quantity of a row as a cell of a table."""
         return Cell(self.value(row), self.format)
 
     def numbers(self, row: R) -> dict[str, float | None]:
-        """Return the bare numbers by name, as in CSV files."""
         return {self.key + end: number for end, number in self.format.numbers(self.value(row)).items()}
 
     @property

@@ -17,14 +17,14 @@ from pytest_libero_max.report.build import (
     outcome_groups,
     substrate_of,
 )
-from pytest_libero_max.report.gate_rows import gate_rows
+from pytest_libero_max.report.gate_text import gate_rows
 from pytest_libero_max.report.gates import Gate, GateResult, evaluate_gate
 from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.readers import ReadResults
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.statements import statements_of
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import (
     HTML_NAME,
     MARKDOWN_NAME,
@@ -35,8 +35,7 @@ from pytest_libero_max.report.writers.report_files import (
 from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.stats.blocks import Result, SuccessContrast
 from pytest_libero_max.stats.comparison import contrasts
-from pytest_libero_max.stats.exposure import expose
-from pytest_libero_max.stats.paired import Pairs, measure
+from pytest_libero_max.stats.paired import Pairs, expose, measure
 
 
 def report_of_results(results: ReadResults) -> Report:
@@ -95,7 +94,6 @@ def report_of_results(results: ReadResults) -> Report:
 
 
 def _without_exposure(row: Result) -> Result:
-    """Return a result without numbers of stale actions, which are not known of every pair."""
     return structs.replace(row, stale_actions=expose([], row.stale_actions.unanswered))
 
 
@@ -129,11 +127,7 @@ def decide_results(gates: Sequence[Gate], report: Report) -> tuple[GateResult, .
 def write_results(
     folder: Path, results: ReadResults, gates: Sequence[GateResult] = ()
 ) -> tuple[Report, list[Path]]:
-    """Write ``report.json``, ``report.md`` and ``report.html`` beside results.
-
-    Raises:
-        ReportError: They cannot be written.
-    """
+    """Write ``report.json``, ``report.md`` and ``report.html`` beside results."""
     report = report_of_results(results)
     lost = sorted(
         pair.item_id

@@ -73,11 +73,6 @@ class ResultsReader(ABC):
 
 
 def _accept(_: str, kind: object) -> ResultsReader:
-    """Return the reader that was registered.
-
-    Raises:
-        ValueError: It is none.
-    """
     if not (isinstance(kind, type) and issubclass(kind, ResultsReader)) or inspect.isabstract(kind):
         raise ValueError(f"{kind!r} is not a subclass of ResultsReader with recognises() and read()")
     return kind()

@@ -6,9 +6,7 @@ from typing import Any, Final, Literal
 
 from msgspec import field
 
-from pytest_libero_max.report.studies.study_document import (
-    Study,
-)
+from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.stats.blocks import (
     Block,
     Change,
@@ -52,7 +50,6 @@ class Watched(Block, frozen=True, kw_only=True):
 
     @property
     def text(self) -> str:
-        """A sentence for people."""
         return f"{self.what}: {'' if self.verdict is None else f'{self.verdict}, '}{self.detail}"
 
 

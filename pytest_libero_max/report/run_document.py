@@ -8,15 +8,15 @@ from dataclasses import replace
 
 from pytest_libero_max.report import highlights, timing
 from pytest_libero_max.report.broken import broken_sections
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Code, Document, Section, Strong, Table
 from pytest_libero_max.report.formats import IntervalByTask, lack_of_tasks
-from pytest_libero_max.report.gate_rows import GateRow, named_pairs
-from pytest_libero_max.report.group_tables import ALL_PAIRS, group_table
+from pytest_libero_max.report.gate_text import GateRow, named_pairs
+from pytest_libero_max.report.groups import ALL_PAIRS, DIMENSIONS, group_table
 from pytest_libero_max.report.page.origin import origin_rows
 from pytest_libero_max.report.published import published_beside
 from pytest_libero_max.report.quantities import quantities_in
 from pytest_libero_max.report.render.drawing import survival_curves
+from pytest_libero_max.report.render.markdown import document_markdown
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_plots import category_map, stale_actions
 from pytest_libero_max.report.run_texts import GIVEN_RESPONSE_NOTE, clipping_text, note_texts, title_text
@@ -24,7 +24,6 @@ from pytest_libero_max.report.sections import shown_sections
 from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_figures import study_plots
 from pytest_libero_max.report.studies.study_tables import study_notes, study_tables
-from pytest_libero_max.runs.kept_fingerprint import fingerprint_text
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import Result
 
@@ -38,14 +37,7 @@ def run_document(
     gates: Sequence[GateRow] = (),
     stored: StoredRun | None = None,
 ) -> Document:
-    """Return the report of a run as a document.
-
-    Args:
-        report: The report.
-        films: Path of the film of each pair that has one, relative to the document, by item id.
-        gates: Verdicts on the gates that the run was given.
-        stored: The run, for its origin; None leaves that out.
-    """
+    """Return the report of a run as a document."""
     notes = [report.substrate.note, report.inference.text, *note_texts(report), clipping_text(report)]
     return Document(
         title_text(report),
@@ -104,7 +96,6 @@ def _all_pairs(overall: Result) -> Section:
 
 
 def _gates(gates: Sequence[GateRow]) -> Table:
-    """Return the verdicts on gates, with the first of the pairs that count against one."""
     rows = [
         (
             Code(gate.gate),
@@ -155,4 +146,10 @@ def _origin(report: Report) -> Iterator[tuple[str, str]]:
         yield "selection", report.selection.text
         yield "digest of the selection", report.selection.digest
     if "fingerprint" in origin:
-        yield "fingerprint", fingerprint_text(origin)
+        taken = origin["fingerprint"]
+        yield "fingerprint", str(taken or "not taken before the run (libero-max lab fingerprint)")
+
+
+def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:
+    """Render a report; see :func:`.run_document`."""
+    return document_markdown(run_document(report, films, gates))

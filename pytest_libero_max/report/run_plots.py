@@ -7,7 +7,7 @@ from urllib.parse import urlencode
 
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.report.formats import Estimate, count_text, interval_text, percent, points
-from pytest_libero_max.report.group_tables import FLOOR_MARK, FLOOR_NOTE
+from pytest_libero_max.report.groups import FLOOR_MARK, FLOOR_NOTE
 from pytest_libero_max.report.plots import (
     Drawable,
     Heat,

@@ -1,4 +1,4 @@
-"""The report's breakdowns as tables: CSV for spreadsheets and LaTeX for papers."""
+"""A report as CSV for spreadsheets, LaTeX for papers, and flat names for experiment trackers."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from typing import Any
 
 from msgspec.structs import asdict
 
-from pytest_libero_max.report.dimensions import DIMENSIONS
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import Number
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.measures import MEASURE, measures_of
 from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.quantities import QUANTITIES, TEXT, Cell, Quantity, quantities_in
 from pytest_libero_max.report.render.tables import table_csv, table_latex
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_texts import title_text
-from pytest_libero_max.stats.blocks import Measure, Result
+from pytest_libero_max.report.sections import main_measures
+from pytest_libero_max.stats.blocks import Change, Measure, Rate, Result
 
 ALL_PAIRS = "overall"
 
@@ -70,3 +71,37 @@ def latex_text(report: Report) -> str:
     comments = [title_text(report), f"Percent; changes in percentage points{with_intervals}."]
     comments += [report.substrate.note] if report.substrate.note else []
     return table_latex(table, comments, short=True)
+
+
+def main_numbers(report: Report) -> dict[str, float]:
+    """Pairs and outcomes; rates, changes and numbers of sections with their intervals, and rates by event.
+
+    A run that is incomplete has counts, and no rates: it has no score.
+    """
+    pairs, overall = report.pairs, report.overall
+    found: dict[str, float | None] = {
+        "pairs/played": pairs.played,
+        "pairs/invalid": pairs.invalid,
+        "pairs/missing": pairs.missing,
+    }
+    found |= {f"outcomes/{name}": count for name, count in asdict(overall.outcomes).items()}
+    if pairs.complete:
+        for name, block in _main(overall).items():
+            found |= _with_ends(name, block)
+        for _, measure in main_measures(report):
+            found |= _with_ends(f"sections/{measure.key}", measure)
+        for event, row in report.by["event"].items():
+            found |= {f"events/{event}/{name}": block.value for name, block in _main(row).items()}
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _with_ends(name: str, block: Rate | Change | Measure) -> dict[str, float | None]:
+    return {name: block.value, f"{name}_lower": block.lower, f"{name}_upper": block.upper}
+
+
+def _main(row: Result) -> dict[str, Rate | Change]:
+    return {
+        "base_success": row.base_success,
+        "dynamic_success": row.dynamic_success,
+        "paired_change": row.paired_change,
+    }

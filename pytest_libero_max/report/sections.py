@@ -3,32 +3,91 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
-from math import isfinite
-from typing import TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple, TypeVar
 
 import msgspec
 
 from pytest_libero_max.benchmark.documents import Json, canonical_json
 from pytest_libero_max.errors import OptionError, ReportError, did_you_mean
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.registry import Registry, references
 from pytest_libero_max.report import probe_means
 from pytest_libero_max.report.document import Section, Table
-from pytest_libero_max.report.measures import UNITS, Rows, measures_of, rows_table
+from pytest_libero_max.report.measures import UNITS, Measured, Rows, measures_of, rows_table
 from pytest_libero_max.report.probe_means import probe_quantities
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
-from pytest_libero_max.stats.blocks import Measure
+from pytest_libero_max.stats.blocks import Measure, Text
+
+
+@dataclass(frozen=True)
+class PlayedPairs:
+    """The pairs of a run that were played, from which sections are computed."""
+
+    records: Sequence[PairRecord]
+    """In the order of their case ids."""
+    tasks: Sequence[str] = ()
+    """The reference task of each."""
+    protocol: Json = field(default_factory=dict)
+    """Settings of the run that differ from the usual ones, as its header has them."""
+    with_intervals: bool = True
+    """False where a rule has ended the run: intervals are for a fixed number of pairs."""
+
+
+class Chance(NamedTuple):
+    """Pairs that ended otherwise by chance alone."""
+
+    measured_by: str
+    lost: int
+    gained: int
+    pairs: int
+    """Number of pairs among which they were counted."""
+
+
+class ReportSection(ABC):
+    """A part of the report that is computed from the pairs of a run."""
+
+    name: ClassVar[str]
+    quantities: ClassVar[Sequence[Measured]] = ()
+    """Numbers that it can have, which gates ask for."""
+    option: ClassVar[str] = ""
+    """Option by which a run measures them, for example ``--libero-max-study=repeats``; empty for none."""
+    notes: ClassVar[Mapping[str, str]] = {}
+    """Help for reading its tables, by their titles."""
+    interval_notes: ClassVar[Mapping[str, str]] = {}
+    """Help for reading the intervals of its tables, by their titles; shown where a table has one."""
+
+    @abstractmethod
+    def tables(self, played: PlayedPairs) -> Mapping[str, Rows]:
+        """Return what ``report.sections`` stores: names and values by title; empty without such pairs."""
+
+    def quantity(self, name: str) -> Measured | None:
+        """Return the number that a gate asks for; None where it is none of this section."""
+        return next((one for one in self.quantities if one.key == name), None)
+
+    def shown(self, report: Report) -> Mapping[str, Section]:
+        """Return sections to show in place of tables of names and values, by title; none by default."""
+        return {}
+
+    def warnings(self, report: Report) -> Sequence[str]:
+        """Return what has to be known before any number, as sentences; none by default."""
+        return ()
+
+    def chance(self, measures: Mapping[str, Measure]) -> Chance | None:
+        """Return the pairs that changed without an event, of a section that measures it.
+
+        Args:
+            measures: Numbers of the report's sections, by the names that gates use.
+        """
+        return None
+
 
 T = TypeVar("T")
 
 
 def _accept(name: str, kind: object) -> ReportSection:
-    """Return the section that was registered under a name.
-
-    Raises:
-        ValueError: It is none, or one of its quantities has an unknown unit.
-    """
     if not (isinstance(kind, type) and issubclass(kind, ReportSection)) or inspect.isabstract(kind):
         raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.ReportSection with tables()")
     section = kind()
@@ -74,11 +133,7 @@ def _of_each(ask: Callable[[ReportSection], Mapping[str, T]]) -> dict[str, T]:
 
 
 def measured_sections(played: PlayedPairs) -> dict[str, Rows]:
-    """Return what ``report.sections`` stores, of every section that has something to say of these pairs.
-
-    Raises:
-        ReportError: A section fails, or two have one title.
-    """
+    """Return what ``report.sections`` stores, of every section that has something to say of these pairs."""
     return _of_each(lambda section: section.tables(played))
 
 
@@ -117,7 +172,6 @@ def with_sections(report: Report, amended: Json) -> Report:
     """Return the report with the sections of its amended copy.
 
     Args:
-        report: As computed from the pairs.
         amended: A copy of plain values that a hook was given; only its ``sections`` may differ.
 
     Raises:
@@ -125,39 +179,28 @@ def with_sections(report: Report, amended: Json) -> Report:
             table of names and plain values.
     """
     computed: Json = msgspec.to_builtins(report)
-    changed = [
-        key for key in {**computed, **amended} if key != "sections" and _differs(computed, amended, key)
-    ]
-    if changed:
-        raise ReportError(
-            f"pytest_libero_max_report changed {', '.join(sorted(changed))}, but may only add to "
-            "report['sections']: every other number is computed from pairs.jsonl alone."
-        )
     sections = amended.get("sections")
     if not isinstance(sections, dict):
         raise ReportError(f"report['sections']={sections!r}, but must be a dict of titles to tables.")
-    own = computed["sections"]
-    touched = [title for title in own if title not in sections or _differs(own, sections, title)]
-    if touched:
+    own, others = computed["sections"], computed.keys() | amended.keys()
+    changed = [key for key in sorted(others - {"sections"}) if _differs(computed, amended, key)]
+    changed += [f"report['sections'][{title!r}]" for title in own if _differs(own, sections, title)]
+    if changed:
         raise ReportError(
-            f"pytest_libero_max_report changed report['sections'][{touched[0]!r}], which is computed from "
-            "the pairs. Add rows under a title of your own."
+            f"pytest_libero_max_report changed {', '.join(changed)}, but may only add rows to "
+            "report['sections'] under a title of its own: all else is computed from pairs.jsonl alone."
         )
+    rows: dict[str, Rows] = {}
     for title, table in sections.items():
-        if title in own:
-            continue
-        if not isinstance(title, str) or not title or not isinstance(table, dict):
+        try:
+            canonical_json(table)  # which knows no infinite number
+            rows |= msgspec.convert({title: table}, dict[Text, Rows])
+        except (TypeError, ValueError) as error:
             raise ReportError(
-                f"report['sections'][{title!r}]={table!r}, but must be a title with a dict of values by name."
-            )
-        for name, value in table.items():
-            plain = value is None or isinstance(value, str | bool | int)
-            if not isinstance(name, str) or not (plain or (isinstance(value, float) and isfinite(value))):
-                raise ReportError(
-                    f"report['sections'][{title!r}][{name!r}]={value!r}, but must be a name with a text, a "
-                    "finite number, true, false or null."
-                )
-    return msgspec.structs.replace(report, sections=msgspec.convert(sections, dict[str, Rows]))
+                f"report['sections'][{title!r}]={table!r}: {error}. A section is a title with a dict of "
+                "names to a text, a finite number, true, false or null."
+            ) from None
+    return msgspec.structs.replace(report, sections=rows)
 
 
 def _differs(report: Json, amended: Json, key: str) -> bool:

@@ -57,7 +57,6 @@ def own_cases_text(case_set: str, suites: Sequence[str]) -> str | None:
     """Return the note that cases of a genuine track are not the authors'; None for theirs and others.
 
     Args:
-        case_set: Name of the case set, as the header of a run has it.
         suites: The suite of each case; ``max`` and ``lite`` have other numbers of them than the authors' Max.
     """
     if not case_set.startswith(f"track {GENUINE}/") or case_set == _PAPER_CASES:
@@ -72,13 +71,7 @@ def own_cases_text(case_set: str, suites: Sequence[str]) -> str | None:
 
 
 def statements_of(case_set: str, cases: Collection[str], *, with_intervals: bool = True) -> dict[str, str]:
-    """Return the sentences of a report, with what is known about the screening of its cases.
-
-    Args:
-        case_set: Name of the case set, as the header of a run has it: ``track NAME`` or ``manifest PATH``.
-        cases: Ids of the cases.
-        with_intervals: False where a rule has ended the run, so that there are none.
-    """
+    """Return the sentences of a report, with what is known about the screening of its cases."""
     left_out = () if with_intervals else _OF_INTERVALS
     sentences = {key: text for key, text in STATEMENTS.items() if key not in left_out}
     return sentences | {"screening": _screening(case_set, cases)}

@@ -6,7 +6,6 @@ So its decision is the same for any number of workers, whatever finishes first.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -132,7 +131,6 @@ class NamedRule:
     text: str
     """``NAME`` or ``NAME:ARGUMENTS``."""
     rule: StoppingRule
-    """The rule that this makes."""
 
 
 def parse_rule(text: str) -> NamedRule:
@@ -147,13 +145,7 @@ def parse_rule(text: str) -> NamedRule:
 
 
 class CompletedPrefix:
-    """Asks a rule about the longest completed prefix of the order of play.
-
-    Args:
-        named: The rule.
-        planned: Every pair of the run, in the order of play.
-        gates: Conditions that the finished report has to meet.
-    """
+    """Asks a rule about the longest completed prefix of the order of play."""
 
     def __init__(self, named: NamedRule, planned: Sequence[PlannedPair], gates: Sequence[Gate]) -> None:
         self._named = named
@@ -193,10 +185,7 @@ def watched_by(
     """Return what the rule that stopped a run knew, found again from the same pairs.
 
     Args:
-        stopped: Stop of the run.
-        planned: Every pair of the run, in the order of play.
         pairs: Measured pairs and errors; of a pair that has both, the record comes first.
-        gates: Gates that the run declared.
 
     Returns:
         What the rule knew after the pairs on which it decided; empty where there was no rule, or where the
@@ -235,18 +224,3 @@ def bias_of(stopped: Stopped) -> str | None:
         return parse_rule(stopped.rule).rule.bias
     except (LiberoMaxError, ValueError):
         return BIAS
-
-
-def level_of(name: str, arguments: str) -> float:
-    """Return the level that a sequential rule is given, 0.05 where it is given none.
-
-    Raises:
-        ValueError: It is not above 0 and up to 0.5.
-    """
-    try:
-        level = float(arguments or 0.05)
-    except ValueError:
-        level = math.nan
-    if not 0 < level <= 0.5:
-        raise ValueError(f"expected {name}:LEVEL, a level above 0 and up to 0.5, for example {name}:0.05")
-    return level

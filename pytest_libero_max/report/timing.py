@@ -12,9 +12,9 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.diagnosis import STAGES
 from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
 from pytest_libero_max.report.report_document import SuccessCurves
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 from pytest_libero_max.stats.clusters import task_interval
-from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
+from pytest_libero_max.stats.intervals import LEAST_DIFFERENT, mean_difference_interval
 
 PROBE = "motion"
 TITLE = "How long it took"
@@ -67,7 +67,6 @@ class Timing(ReportSection):
     interval_notes: ClassVar[Mapping[str, str]] = {TITLE: "A range in brackets is a 95% interval."}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return the times of all pairs, and those after the event."""
         records = played.records
         if not records:
             return {}
@@ -86,7 +85,6 @@ class Timing(ReportSection):
 
 
 def _mean_difference(changes: Sequence[int], played: PlayedPairs) -> Rows:
-    """Return the rows on the mean difference of times with its intervals."""
     if not played.with_intervals:
         return _DIFFERENCE.row(fmean(changes))
     interval = mean_difference_interval(changes)
@@ -100,7 +98,6 @@ def _mean_difference(changes: Sequence[int], played: PlayedPairs) -> Rows:
 
 
 def _in_arms(quantities: Sequence[Measured], records: Sequence[PairRecord], measure: Measure) -> Rows:
-    """Return the medians of a quantity in Base and in Dynamic."""
     rows: Rows = {}
     for quantity, arm in zip(quantities, _ARMS, strict=True):
         rows |= quantity.median([measure(record, arm) for record in records])
@@ -108,7 +105,6 @@ def _in_arms(quantities: Sequence[Measured], records: Sequence[PairRecord], meas
 
 
 def _less(record: PairRecord, measure: Measure) -> float | None:
-    """Return Dynamic - Base."""
     base, dynamic = (measure(record, arm) for arm in _ARMS)
     return None if base is None or dynamic is None else dynamic - base
 
@@ -160,7 +156,6 @@ def _to_next_stage(record: PairRecord, arm: str) -> int | None:
 
 
 def _motion(fired: Sequence[PairRecord]) -> Rows:
-    """Return the rows on way and jerk of pairs that the probe watched; empty without any."""
     watched = [record for record in fired if all(PROBE in record.arms[arm].probes for arm in _ARMS)]
     if not watched:
         return {}
@@ -174,7 +169,6 @@ def _motion(fired: Sequence[PairRecord]) -> Rows:
 
 
 def _ratio(record: PairRecord, measure: Measure) -> float | None:
-    """Return Dynamic / Base; of ways where both succeed."""
     if measure is _way and not (record.base_success and record.dynamic_success):
         return None
     base, dynamic = (measure(record, arm) for arm in _ARMS)

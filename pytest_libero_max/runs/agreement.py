@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.documents import Json
@@ -37,7 +37,6 @@ class Agreement:
     """Checks that the pairs of a run are pairs of it: as planned, and all played with the same.
 
     Args:
-        run: The plan and the provenance.
         cases: The cases of its manifest by id, where that is at hand: records are compared with them.
     """
 
@@ -96,25 +95,6 @@ class Agreement:
                 )
 
 
-class Played(Protocol):
-    """The part of a record about the policy and the instruments of a pair."""
-
-    @property
-    def item_id(self) -> str: ...
-
-    @property
-    def suite(self) -> str: ...
-
-    @property
-    def max_steps(self) -> int: ...
-
-    @property
-    def policy(self) -> Json: ...
-
-    @property
-    def fingerprints(self) -> dict[str, str]: ...
-
-
 class SamePlay:
     """Checks that pairs were played by one policy with the same instruments, and each scene as it was before.
 
@@ -124,12 +104,12 @@ class SamePlay:
     """
 
     def __init__(self) -> None:
-        self._first: Played | None = None
+        self._first: PairRecord | None = None
         self._files: dict[tuple[str, str], tuple[Json, str]] = {}
         self._scenes: dict[tuple[str, str | None], tuple[str, str]] = {}
         self._budgets: dict[str, tuple[int, str]] = {}
 
-    def add(self, pair: Played) -> None:
+    def add(self, pair: PairRecord) -> None:
         """Take in the next pair.
 
         Raises:
@@ -153,7 +133,7 @@ class SamePlay:
         self._require_same_budget(pair)
         self._first = first
 
-    def _require_same_budget(self, pair: Played) -> None:
+    def _require_same_budget(self, pair: PairRecord) -> None:
         known, item_id = self._budgets.setdefault(pair.suite, (pair.max_steps, pair.item_id))
         if known != pair.max_steps:
             raise OtherRunError(
@@ -161,7 +141,7 @@ class SamePlay:
                 f"of a suite ({pair.suite}) have one budget. Play the run again, or compare the runs."
             )
 
-    def _require_same_files(self, pair: Played) -> None:
+    def _require_same_files(self, pair: PairRecord) -> None:
         """Compare files with those of all pairs before, where names agree: ``reset`` may read others."""
         for part in (FILES, RESET_FILES):
             for name, identity in (pair.policy.get(part) or {}).items():
@@ -174,7 +154,7 @@ class SamePlay:
                         f"{_file_text(name, known, identity)}. {_OF_FILES}"
                     )
 
-    def _require_same_scene(self, pair: Played) -> None:
+    def _require_same_scene(self, pair: PairRecord) -> None:
         name, _, digest = pair.fingerprints.get(SCENE, "").rpartition(" ")
         if not name:
             return
@@ -221,8 +201,6 @@ def differing_files(part: str, first: Json, other: Json) -> list[str]:
 
     Args:
         part: :data:`.FILES`, or :data:`.RESET_FILES`, of which only those that both have read are compared.
-        first: ``policy`` of a record.
-        other: ``policy`` of another one.
     """
     one, two = first.get(part), other.get(part)
     if one is None or two is None:
@@ -285,7 +263,7 @@ class _Header:
             frozenset({("policy", name) for name in always} | {("fingerprints", name) for name in exact}),
         )
 
-    def require(self, record: Played) -> None:
+    def require(self, record: PairRecord) -> None:
         """Check that a record agrees."""
         for (part, name), wanted in self.wanted.items():
             as_played = declared("policy")[name].as_played if part == "policy" else None
@@ -301,9 +279,6 @@ def differences(part: str, one: Json, other: Json, ignored: Sequence[str] = ()) 
     """Return the fields in which two objects differ, with both values; a missing field counts.
 
     Args:
-        part: Name of the objects.
-        one: The values that are named first.
-        other: The values that are named second.
         ignored: Fields that may differ, by name or as ``part.name``.
     """
     return [

@@ -133,7 +133,6 @@ class Side:
     """A run as far as its comparability is concerned."""
 
     run: Run
-    """The plan and the provenance."""
     policy: Json | None = None
     """Spec of the policy as played, with all files that it has read; None where no pair was."""
     scenes: Mapping[str, str] = field(default_factory=dict)
@@ -151,7 +150,6 @@ def differences_between(sides: Mapping[str, Side], tolerated: frozenset[Kind]) -
 
     Args:
         sides: The runs by name. Scenes and budgets are compared on the cases that all of them have.
-        tolerated: Kinds that are left out.
     """
     settings: _Settings = {(part, name): field for part in PARTS for name, field in declared(part).items()}
     by_run = {name: _fields(side, settings) for name, side in sides.items()}
@@ -331,8 +329,6 @@ def measurement_differences(one: Run, other: Run, *, declared: bool = False) -> 
     """Return why two runs are two measurements, for example ``versions.numpy: '2.3', '2.4'``.
 
     Args:
-        one: A run.
-        other: Another run.
         declared: True if both say by which weights their pairs were played (:func:`declare_weights`). Then
             the addresses of their servers may differ, because their records say whether the weights do.
     """

@@ -9,7 +9,7 @@ import os
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeAlias
 
 from pytest_libero_max.errors import counted
 
@@ -30,23 +30,17 @@ class DamagedLine:
         return f"line {self.number}: {self.why}"
 
 
-@dataclass(frozen=True)
-class FileState:
-    """Identity of a file's content: equal if the file was not altered."""
+FileState: TypeAlias = tuple[int, int, int]
+"""Inode, size and time of the last write, ns: equal if a file was not altered."""
 
-    inode: int
-    size: int
-    altered_ns: int
-    """Time of the last write, in ns since the epoch."""
 
-    @classmethod
-    def of(cls, path: Path) -> FileState | None:
-        """Return the present state of a file; None where there is none."""
-        try:
-            status = path.stat()
-        except OSError:
-            return None
-        return cls(status.st_ino, status.st_size, status.st_mtime_ns)
+def file_state(path: Path) -> FileState | None:
+    """Return the present state of a file; None where there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def damage_said(damaged: Collection[DamagedLine]) -> list[str]:
@@ -66,26 +60,15 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
     """Move lines, and a last line without its end, from a file to the end of ``pairs.damaged`` beside it.
 
     At every moment of it each line is on the disk, in one of the files or in both.
-
-    Raises:
-        OSError: A file cannot be read or written.
     """
     *lines, torn = path.read_bytes().split(b"\n")
-    aside = [line + b"\n" for number, line in enumerate(lines, start=1) if number in numbers]
-    aside += [torn + b"\n"] if torn else []
-    with path.with_name(DAMAGED_NAME).open("a+b") as file:
-        file.seek(0)
-        if not file.read().endswith(b"".join(aside)):  # as after an attempt for which there was no room
-            _write(file, aside)
-    if not numbers:
-        os.truncate(path, path.stat().st_size - len(torn))
-        return
+    aside = [line for number, line in enumerate(lines, start=1) if number in numbers]
     repaired = path.with_name(f"{path.name}.repaired")
     try:
         with repaired.open("wb") as file:
-            _write(
-                file, [line + b"\n" for number, line in enumerate(lines, start=1) if number not in numbers]
-            )
+            _write(file, [line for number, line in enumerate(lines, start=1) if number not in numbers])
+        with path.with_name(DAMAGED_NAME).open("ab") as file:
+            _write(file, [*aside, *([torn] if torn else [])])
     except OSError:
         repaired.unlink()
         raise
@@ -93,6 +76,6 @@ def set_lines_aside(path: Path, numbers: Collection[int]) -> None:
 
 
 def _write(file: BinaryIO, lines: Iterable[bytes]) -> None:
-    file.writelines(lines)
+    file.writelines(line + b"\n" for line in lines)
     file.flush()
     os.fsync(file.fileno())

@@ -15,11 +15,7 @@ _ERASE_BELOW = "\x1b[J"
 
 
 class LiveText:
-    """Draws on a terminal.
-
-    Args:
-        stream: A terminal that understands the usual sequences; see :func:`understands_sequences`.
-    """
+    """Draws on a terminal."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

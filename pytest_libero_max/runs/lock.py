@@ -88,11 +88,7 @@ class Mark:
 
 
 def require_free(folder: Path) -> None:
-    """Check that no run is in progress in a folder.
-
-    Raises:
-        OptionError: One is.
-    """
+    """Check that no run is in progress in a folder, or raise OptionError."""
     owner = _owner(folder)
     if owner is not None:
         raise OptionError(
@@ -102,11 +98,7 @@ def require_free(folder: Path) -> None:
 
 
 def require_ended(folder: Path) -> None:
-    """Check that a folder holds the result of a run that ended.
-
-    Raises:
-        ReportError: Its run is still in progress, or was stopped before it could end.
-    """
+    """Check that a folder holds the result of a run that ended, or raise ReportError."""
     mark = folder / MARK_NAME
     if not mark.exists():
         return
@@ -136,7 +128,6 @@ class SeenMark:
     age_s: float
     """Seconds since the run last noted something."""
     noted: Json
-    """Last note; empty where there is none."""
 
 
 def read_mark(folder: Path) -> SeenMark | None:

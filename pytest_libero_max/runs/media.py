@@ -78,12 +78,6 @@ def film_name(item_id: str, arms: Iterable[str], suffix: str, view: str = "world
     """Return the name of a film's file: the pair, the arms, and the view.
 
     Of many arms it has the number, because a file system takes names of 255 bytes at most.
-
-    Args:
-        item_id: The pair.
-        arms: The arms from left to right.
-        suffix: One of :data:`FILM_SUFFIXES`.
-        view: One of :data:`VIEWS`.
     """
     names = [*arms]
     text = "-".join(names)
@@ -108,14 +102,7 @@ def traced_in(folder: Path) -> set[str]:
 
 
 def show_command(folder: Path, name: str, item_ids: Iterable[str], provenance: Json) -> str | None:
-    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them.
-
-    Args:
-        folder: Of the run.
-        name: The same, as the command is to have it.
-        item_ids: The pairs.
-        provenance: Header of the run.
-    """
+    """Return the command that shows pairs of a run; None where the run has kept nothing to show of them."""
     asked, view = {*item_ids}, ["libero-max", "view", name]
     if asked & films_in(folder).keys():
         return shlex.join(view)

@@ -28,9 +28,6 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
     one, and is incomplete. So is one of runs that stopped early, also by a rule, which decided on its own run
     alone; the result says which ones did.
 
-    Args:
-        runs: Runs by a name for messages, for example their path.
-
     Raises:
         ReportError: Fewer than two runs, and not a single shard; they differ in policy, substrate, case set,
             protocol or versions, or in something else that changes results; they are shards of different
@@ -84,11 +81,7 @@ def merge_runs(runs: Mapping[str, StoredRun]) -> StoredRun:
 
 
 def finished(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """Return the folders whose run has ended, and messages about the others.
-
-    Raises:
-        ReportError: There is no such folder.
-    """
+    """Return the folders whose run has ended, and messages about the others, or raise ReportError."""
     ended, said = [], []
     for path in paths:
         if not pairs_file(path).is_file():
@@ -103,12 +96,7 @@ def finished(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
 
 
 def merge_folders(paths: list[Path], output: Path) -> StoredRun:
-    """Join the runs at ``paths`` and write the whole as a run into ``output``.
-
-    Raises:
-        ReportError: See :func:`merge_runs`.
-        OptionError: The output folder cannot be written to.
-    """
+    """Join the runs at ``paths`` and write the whole as a run into ``output``."""
     merged = merge_runs({str(path): read_pairs(path) for path in paths})
     store = PairStore(output, merged.run)
     store.begin()

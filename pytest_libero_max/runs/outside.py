@@ -48,9 +48,7 @@ def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -
     """Return the cases of a run: those of a frozen track by its name, otherwise those that a user names.
 
     Args:
-        provenance: Header of the run.
         asked: Track or path of a manifest, as the user names it; None: the track of the run.
-        option: The option by which it is named.
 
     Raises:
         OptionError: The run played a manifest, and none is named, or there is no such track.
@@ -72,15 +70,7 @@ def cases_of_run(provenance: Json, asked: str | None, option: str = "--cases") -
 
 
 def require_inside(folder: Path, path: Path) -> Path:
-    """Return a path in a folder of results that leads to nothing outside of it.
-
-    Args:
-        folder: The folder as the user named it, which may be a link itself.
-        path: A path that begins with it.
-
-    Raises:
-        ReportError: It is, or goes through, a link that leads out of the folder.
-    """
+    """Return a path in a folder of results that leads to nothing outside of it, or raise ReportError."""
     if not path.resolve().is_relative_to(folder.resolve()):
         raise ReportError(
             f"{path} leads out of {folder}, to {path.resolve()}. Nothing outside a folder of results is read "

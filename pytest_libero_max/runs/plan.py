@@ -33,7 +33,6 @@ from pytest_libero_max.benchmark.structs import (
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import family_of
 from pytest_libero_max.pairing.record import RECORD_VERSION, Version, require_version
-from pytest_libero_max.runs.costs import Kind
 from pytest_libero_max.runs.protocol import renamed, require_settings
 
 Moment = Annotated[
@@ -105,11 +104,6 @@ class PlannedPair(Document, frozen=True, kw_only=True):
         """Name of the program that the pair plays, with which its item id ends; empty where it has none."""
         return self.item_id.partition(f"-{self.event_variant}-")[2]
 
-    @property
-    def kind(self) -> Kind:
-        """Kind of the pair, from which its cost is expected."""
-        return Kind(self.suite, self.task, self.event)
-
     @classmethod
     def of(cls, case: Case) -> PlannedPair:
         return cls(
@@ -129,12 +123,7 @@ class PlannedPair(Document, frozen=True, kw_only=True):
 
 
 def unsupported_pairs(planned: Iterable[PlannedPair], policy: Json | None) -> list[PlannedPair]:
-    """Return the planned pairs whose suite a policy declares that it does not support.
-
-    Args:
-        planned: Planned pairs.
-        policy: The policy's spec as played, None where no pair was.
-    """
+    """Return the planned pairs whose suite a policy declares that it does not support."""
     suites = None if policy is None else policy.get("suites")
     return [] if suites is None else [pair for pair in planned if pair.suite not in suites]
 
@@ -236,11 +225,7 @@ class Run(Document, frozen=True, tag_field="line", tag="run"):
 
     @classmethod
     def from_dict(cls, values: Json) -> Run:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: It has another form or another schema version, or lacks what reports read of it.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         require_version(values, "run")
         run = convert(values, cls)
         require_plain(run.provenance, "provenance", _MOST_LEVELS)

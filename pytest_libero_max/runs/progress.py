@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from pytest_libero_max.errors import counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
-from pytest_libero_max.runs.work_left import WorkLeft
 
 LETTERS = {
     "preserved_success": "P",
@@ -47,21 +46,10 @@ class PairCounts:
     errors: int = 0
     """Number of errors, those of pairs that were measured afterwards included."""
     _unsupported: int | None = None
-    _work: WorkLeft | None = None
-
-    @property
-    def work(self) -> WorkLeft:
-        """Work left of the planned pairs."""
-        if self._work is None:
-            self._work = WorkLeft(self.planned)
-        return self._work
 
     def add(self, pair: PairRecord | PairError) -> None:
         """Count a pair, or an error in its place."""
-        if pair.item_id not in self.letters:
-            self.work.remove(pair.item_id)
         if isinstance(pair, PairRecord):
-            self.work.learn(pair)
             self.letters[pair.item_id] = letter_of(pair)
             if self._unsupported is None:
                 self._unsupported = len(unsupported_pairs(self.planned, pair.policy))
@@ -88,7 +76,6 @@ class Progress:
     """Progress of a run at one moment."""
 
     planned: int
-    """Pairs to play in all."""
     counts: PairCounts
     before: int = 0
     """Number of pairs that a resumed run had already."""
@@ -96,8 +83,6 @@ class Progress:
     """Seconds since this session began to play; None where unknown."""
     playing: Mapping[str, float] = field(default_factory=dict)
     """Seconds that each running pair has been played, by item id."""
-    workers: Mapping[str, str] = field(default_factory=dict)
-    """Worker of each running pair, by item id, where there are several."""
 
     @property
     def done(self) -> int:
@@ -112,14 +97,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds left, expected from the costs of the measured pairs; None where nothing is known yet.
-
-        Where their costs are unknown, from the pace of this session.
-        """
-        if self.seconds:
-            left = self.counts.work.seconds_left(self.before, self.seconds, self.playing)
-            if left is not None:
-                return left
+        """Seconds left at the pace of this session; None before its first pair."""
         pace = self.per_minute
         return None if pace is None else 60.0 * max(self.planned - self.done, 0) / pace
 
@@ -128,7 +106,6 @@ def progress_text(progress: Progress, now: float | None = None) -> str:
     """Return one line: pairs done, outcomes, errors, pace, time left. A narrow terminal cuts its end off.
 
     Args:
-        progress: The progress.
         now: Seconds since the epoch, for when the run will be ready; None: leave that out.
     """
     done = f"{progress.done} of {counted(progress.planned, 'pair')}"
@@ -142,13 +119,7 @@ def pace_parts(progress: Progress, now: float | None = None) -> list[str]:
 
 
 def pace_words(per_minute: float | None, seconds_left: float, now: float | None = None) -> list[str]:
-    """Return pace and time left in words.
-
-    Args:
-        per_minute: Pairs a minute; None where this session has measured none.
-        seconds_left: 0 where nothing is left to do, which is not said.
-        now: Seconds since the epoch, for when it will be ready; None: leave that out.
-    """
+    """Return pace and time left in words."""
     parts = [] if per_minute is None else [f"{per_minute:.1f}/min"]
     if seconds_left > 0:
         ready = "" if now is None else f" (ready at {_clock(now, seconds_left)})"
@@ -170,10 +141,7 @@ def letters_text(counts: PairCounts) -> str:
 def playing_lines(progress: Progress) -> list[str]:
     """Return a line for each running pair, the longest first."""
     by_time = sorted(progress.playing.items(), key=lambda item: -item[1])
-    return [
-        f"{progress.workers.get(name, '')} playing for {duration(seconds)}: {name}".strip()
-        for name, seconds in by_time
-    ]
+    return [f"playing for {duration(seconds)}: {name}" for name, seconds in by_time]
 
 
 def duration(seconds: float) -> str:

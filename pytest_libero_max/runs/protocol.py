@@ -297,11 +297,7 @@ def renamed(policy: Json) -> Json:
 
 
 def require_settings(provenance: Json) -> None:
-    """Check the settings that a provenance names.
-
-    Raises:
-        ReportError: One is not of its type.
-    """
+    """Check the settings that a provenance names, or raise ReportError."""
     for part in PARTS:
         for name, recorded in declared(part).items():
             if provenance[part].get(name) is not None:

@@ -47,29 +47,14 @@ def collect(
     gl_backend: str | None = None,
     started: datetime | None = None,
     folder: Path | None = None,
-    fingerprint: str | None = None,
 ) -> Json:
     """Gather the provenance of a run. Imports none of the packages whose versions it names.
 
     Args:
-        policy: Policy as asked for: ``reference``, and the ``horizon`` and ``query_interval`` that override
-            its own.
-        substrate: At least ``name``.
-        scores: Standing of the substrate's scores: ``comparable_with_published`` and ``note``.
-        case_set: At least ``name`` and ``digest``.
-        protocol: Options of the run that could change a result, for example the prefix mode.
         command: The command line; secrets and the home folder are taken out.
-        selection: Played part of the case set, see
-            :meth:`pytest_libero_max.benchmark.selection.Selection.to_dict`; None leaves it unsaid.
-        order: Order of play; the planned pairs of the run are in this order.
-        stopping_rule: Rule that may stop the run, as asked for; None for none.
         gates: Gates of a shard, which are decided where all shards are joined, or of a run whose stopping
             rule decides gates.
-        gl_backend: OpenGL backend, by default the value of ``MUJOCO_GL``.
-        started: Start of the run, with its time zone; by default now.
         folder: Folder whose git state is recorded; by default the working directory.
-        fingerprint: Fingerprint of the installation, as ``libero-max lab fingerprint`` prints it; None if it
-            was not taken.
     """
     begun = datetime.now(UTC) if started is None else started.astimezone(UTC)
     return {
@@ -82,7 +67,6 @@ def collect(
             "processor": processor(),
             "cores": os.cpu_count(),
         },
-        "fingerprint": fingerprint,
         "gl_backend": gl_backend if gl_backend is not None else os.environ.get("MUJOCO_GL"),
         "git": git_state(folder or Path.cwd()),
         "substrate": _public_values(substrate),
@@ -124,12 +108,7 @@ def commit_text(git: Json) -> str:
 
 
 def redacted(command: Sequence[str], environment: Mapping[str, str] | None = None) -> list[str]:
-    """Return a command line fit to be published: no value of a secret, no user in a URL, no home folder.
-
-    Args:
-        command: Arguments, the program first.
-        environment: Environment that holds ``HOME``; by default that of the process.
-    """
+    """Return a command line fit to be published: no value of a secret, no user in a URL, no home folder."""
     return [
         "***" if index and _SECRET_OPTION.fullmatch(command[index - 1]) else _public(argument, environment)
         for index, argument in enumerate(command)

@@ -28,11 +28,6 @@ def recorded_latency(folder: Path, hz: int, runner: Runner = "async") -> Latency
 
     Pairs that waited for a server that had gone away are left out.
 
-    Args:
-        folder: Folder of the run, or its ``pairs.jsonl``.
-        hz: Control steps in a second of the run that is to be played.
-        runner: Behaviour of the robot until the answer is there.
-
     Raises:
         ReportError: The run cannot be read, or no record of it has query times.
     """

@@ -33,7 +33,6 @@ class Places:
     policy: str
     profile: str | None = None
     manifest: str | None = None
-    """The manifest; None for a run of a frozen track."""
     program: str | None = None
     """Name or file of the program that is laid over the cases, if any."""
     study: str | None = None
@@ -67,7 +66,6 @@ def replay_command(run: StoredRun | RunOutcomes, places: Places | None = None) -
     It is empty for the run of a program that alone has its policy.
 
     Args:
-        run: The run.
         places: Places on this machine. None: those that the run names, and then nothing but people may
             execute the command.
     """
@@ -102,12 +100,7 @@ def replay_of(provenance: Json, places: Places | None = None) -> list[str]:
 
 
 def replay_text(replay: Sequence[str], item_id: str = "") -> str:
-    """Return how to play a case again, in a line.
-
-    Args:
-        replay: Result of :func:`replay_command`.
-        item_id: The case; empty for none yet.
-    """
+    """Return how to play a case again, in a line."""
     return shlex.join([*replay, *filter(None, [item_id])]) if replay else _IN_ITS_PROGRAM
 
 

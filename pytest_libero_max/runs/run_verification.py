@@ -51,9 +51,6 @@ def verified(
     The policy behind a server is asked where it was.
 
     Args:
-        run: The run.
-        number: Number of pairs; by turns of each suite.
-        places: Places on this machine; none of the run's own is used.
         folder: Folder in which the run was started, whose ini and conftest files count. None: no modules, ini
             or conftest files are taken from a working folder, which somebody else may have written.
         seed: Other pairs are drawn by each.

@@ -27,9 +27,7 @@ class Recorded:
     """
 
     part: Part
-    """Part of the provenance that holds the field."""
     holds: Any = Any
-    """Type of the field."""
     value: Callable[[Any], Any] = lambda value: value
     """Returns what the field holds, of the setting's value."""
     usual: Any = None
@@ -104,11 +102,7 @@ class Option:
         return {} if self.recorded is None else self.recorded()
 
     def read(self, text: str, where: str) -> Any:
-        """Return the value of a text.
-
-        Raises:
-            OptionError: It is not of the option's form.
-        """
+        """Return the value of a text, or raise OptionError."""
         try:
             return self.parse(text)
         except (ValueError, LiberoMaxError) as error:

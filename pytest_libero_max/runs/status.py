@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from pytest_libero_max.benchmark.documents import Json, read_content
 from pytest_libero_max.errors import ReportError, counted
+from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.policies.clients.waiting import waiting_lines
 from pytest_libero_max.runs.lock import SeenMark, read_mark
-from pytest_libero_max.runs.plan import Run
+from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.progress import (
     PairCounts,
     Progress,
@@ -24,7 +26,7 @@ from pytest_libero_max.runs.progress import (
     progress_text,
 )
 from pytest_libero_max.runs.stopped import Stopped
-from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, decode_line
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PAIRS_NAME, PairStore, decode_line
 
 State = Literal["running", "ended", "killed", "unknown"]
 
@@ -35,26 +37,59 @@ QUIET_S = 600.0
 """A run that has noted nothing for this long is said to be quiet. A pair takes seconds to minutes."""
 
 
-def note_of(
-    began: float,
-    now: float,
-    before: int,
-    playing: Mapping[str, float],
-    workers: Mapping[str, str] | None = None,
-) -> Json:
-    """Return the note of a run for its watchers, in seconds since the epoch of its own clock.
+class ProgressNotes:
+    """Counts the pairs of a run, and notes in its folder how far it is, for whoever watches it."""
 
-    Args:
-        began: Time at which this session began to play.
-        now: Now.
-        before: Pairs that a resumed run had already.
-        playing: Begin of each running pair, by item id.
-        workers: Worker of each running pair, by item id, where there are several.
-    """
-    note: Json = {"began": began, "now": now, "before": before, "playing": dict(playing)}
-    return (
-        {**note, "workers": {name: workers[name] for name in playing if name in workers}} if workers else note
-    )
+    def __init__(self) -> None:
+        self.counts = PairCounts()
+        self.playing: dict[str, float] = {}
+        """Begin of each running pair, seconds since the epoch, by item id."""
+        self._store: PairStore | None = None
+        self._before = 0
+        self._began = time.time()
+
+    def begin(
+        self, store: PairStore, planned: Sequence[PlannedPair], settled: Iterable[PairRecord | PairError]
+    ) -> None:
+        """Begin to note.
+
+        Args:
+            settled: Pairs of a resumed run that are not played again. One with a fault is.
+        """
+        self._store, self._began, self.counts.planned = store, time.time(), planned
+        for pair in settled:
+            self.counts.add(pair)
+            self._before += isinstance(pair, PairRecord)
+        self._note()
+
+    def play(self, item_id: str) -> None:
+        """Note that a pair begins."""
+        if self._store is not None:
+            self.playing[item_id] = time.time()
+            self._note()
+
+    def stored(self, pair: PairRecord | PairError) -> None:
+        """Count a stored pair."""
+        self.counts.add(pair)
+        self.playing.pop(pair.item_id, None)
+        self._note()
+
+    @property
+    def progress(self) -> Progress:
+        """The progress now."""
+        now = time.time()
+        playing = {name: now - begun for name, begun in self.playing.items()}
+        return Progress(self.counts.to_play, self.counts, self._before, now - self._began, playing)
+
+    @property
+    def goes_on(self) -> bool:
+        """True while pairs are left to play."""
+        return self._store is not None and len(self.counts.letters) < self.counts.to_play
+
+    def _note(self) -> None:
+        if self._store is not None:
+            times: Json = {"began": self._began, "now": time.time()}
+            self._store.note({**times, "before": self._before, "playing": dict(self.playing)})
 
 
 @dataclass(frozen=True)
@@ -65,7 +100,6 @@ class Seen:
     run: Run
     progress: Progress
     mark: SeenMark | None
-    """Its mark; None where it has ended."""
     stopped: Stopped | None = None
     """Reason it was stopped, if nothing was played after that."""
 
@@ -87,11 +121,7 @@ class Seen:
         return counts.measured >= self.progress.planned
 
     def lines(self, now: float | None = None) -> list[str]:
-        """Return human-readable status lines.
-
-        Args:
-            now: Seconds since the epoch, for when it will be ready; None: leave that out.
-        """
+        """Return human-readable status lines."""
         progress = self.progress
         policy = self.run.provenance["policy"]["reference"]
         lines = [
@@ -137,12 +167,7 @@ class Seen:
 
 
 def overview(runs: Sequence[Seen], now: float | None = None) -> list[str]:
-    """Return a line for each of several runs, for example shards, and a line for all of them.
-
-    Args:
-        runs: Status of each run.
-        now: Seconds since the epoch, for when they will be ready; None: leave that out.
-    """
+    """Return a line for each of several runs, for example shards, and a line for all of them."""
     lines = [
         "; ".join([f"{seen.lines()[0]}, {progress_text(seen.progress)}", *seen.waiting_lines])
         for seen in runs
@@ -179,11 +204,7 @@ class Follower:
         self._stopped: Stopped | None = None
 
     def look(self) -> Seen:
-        """Return the present status.
-
-        Raises:
-            ReportError: There is no run in the folder, or a line of it is damaged.
-        """
+        """Return the present status, or raise ReportError."""
         mark = read_mark(self._folder)  # first: what is written before it goes is all there is
         self._read_on()
         if self._run is None:
@@ -200,14 +221,13 @@ class Follower:
             began, now = float(noted["began"]), float(noted["now"])
             since = {str(name): now - float(begun) for name, begun in noted["playing"].items()}
             before = int(noted["before"])
-            workers = {str(name): str(worker) for name, worker in noted.get("workers", {}).items()}
         except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
             return Progress(planned, self._counts)
         if not all(abs(number) < _LONGEST_S for number in (now - began, before, *since.values())):
             return Progress(planned, self._counts)  # no clock says that, NaN included
         age_s = mark.age_s if mark is not None else 0.0
         playing = {name: seconds + age_s for name, seconds in since.items()}
-        return Progress(planned, self._counts, before, now - began + age_s, playing, workers)
+        return Progress(planned, self._counts, before, now - began + age_s, playing)
 
     def _read_on(self) -> None:
         plain, packed = self._folder / PAIRS_NAME, self._folder / PACKED_PAIRS_NAME

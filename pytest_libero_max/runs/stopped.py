@@ -75,11 +75,7 @@ class Stopped(Document, frozen=True, tag_field="line", tag="stopped"):
 
     @classmethod
     def from_dict(cls, values: Json) -> Stopped:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: A field is missing or unknown, or holds what it cannot.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         return convert(values, cls)
 
 
@@ -90,12 +86,6 @@ def ended_by_rule(
 
     Pairs in flight may complete a run that its rule has stopped. That run is of the number of pairs that was
     fixed before, as one without a rule, and keeps its intervals.
-
-    Args:
-        stopped: Stop of the run; None where it was not stopped.
-        planned: Planned pairs.
-        policy: The policy's spec as played, which says what suites it supports.
-        measured: Case ids of the measured pairs.
     """
     if stopped is None or stopped.rule is None:
         return False

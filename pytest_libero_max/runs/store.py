@@ -4,7 +4,8 @@ The first line is the run (``"line": "run"``: provenance and the planned pairs),
 pair (``"line": "pair"``) or a pair that could not be measured (``"line": "error"``). A run that was stopped
 ends with a line that says why (``"line": "stopped"``); pairs behind it are those of a resumed run. Only the
 controller writes the file, a line at a time. The system has a line before the next pair is dealt with, so a
-process that is killed loses none, and the disk has it within :data:`SYNC_S`.
+process that is killed loses none. A machine that fails may lose those that came within :data:`SYNC_S` of a
+line that the disk has.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from __future__ import annotations
 import gc
 import json
 import os
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -32,7 +32,13 @@ from pytest_libero_max.errors import DiskError, OptionError, OtherRunError, Repo
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
 from pytest_libero_max.runs.agreement import Agreement, policy_differences
 from pytest_libero_max.runs.comparability import declare_weights, measurement_differences
-from pytest_libero_max.runs.damaged_lines import DAMAGED_NAME, DamagedLine, FileState, set_lines_aside
+from pytest_libero_max.runs.damaged_lines import (
+    DAMAGED_NAME,
+    DamagedLine,
+    FileState,
+    file_state,
+    set_lines_aside,
+)
 from pytest_libero_max.runs.lock import Mark, require_ended, require_free
 from pytest_libero_max.runs.media import kept_beside
 from pytest_libero_max.runs.outside import require_inside
@@ -44,7 +50,7 @@ PACKED_PAIRS_NAME = f"{PAIRS_NAME}.gz"
 """The same file in a published run; it is read, never written to."""
 
 SYNC_S = 0.5
-"""Least time between two waits for the disk, in seconds: a machine that fails loses the lines since then."""
+"""Least time between two waits for the disk, s: on a network file system each costs as much as many lines."""
 
 COMPUTED_NAMES = ("report.json", "report.md", "report.html", "badge.json")
 """Files that are computed from the pairs and lie beside them."""
@@ -115,10 +121,7 @@ class PairStore:
         self._append_to_existing = False
         self._resumed: StoredRun | None = None
         self._broken: OSError | None = None
-        self._late: OSError | None = None  # the same, where no caller knows of it yet
-        self._synced = 0.0  # when the last wait for the disk ended, on the monotonic clock
-        self._sync: threading.Timer | None = None
-        self._lock = threading.Lock()  # of the file, against the timer
+        self._synced = -SYNC_S  # time of the last wait for the disk, on the monotonic clock
         require_writable(folder)
         require_free(folder)
 
@@ -132,9 +135,6 @@ class PairStore:
         :func:`.damaged_lines.set_lines_aside`.
 
         Args:
-            folder: Output folder.
-            run: The run to resume.
-            stored: Result of :func:`read_to_resume`; None to read it now.
             policy: The policy's spec, where it is known before it plays.
 
         Returns:
@@ -202,7 +202,7 @@ class PairStore:
         stored = self._resumed
         if stored is None:
             return
-        if FileState.of(self.path) != stored.state:
+        if file_state(self.path) != stored.state:
             raise OptionError(
                 f"{self.path} was written by another run since this one looked. Give the command again."
             )
@@ -211,10 +211,10 @@ class PairStore:
         self._resumed = None
 
     def append(self, pair: PairRecord | PairError) -> None:
-        """Write one pair. The disk has it on return, or :data:`SYNC_S` later where others came just before.
+        """Write one pair. The disk has it on return or, where it came soon after another, with a later one.
 
         Raises:
-            DiskError: The file cannot be written any more, or the disk has failed since the last line.
+            DiskError: The file cannot be written any more.
             OtherRunError: The pair was played with something else than the run's other pairs.
             ReportError: The pair is not one of the run's, was measured or refused before, or holds what JSON
                 does not know.
@@ -238,11 +238,7 @@ class PairStore:
             self._mark.note(progress)
 
     def close(self, stopped: Stopped | None = None) -> None:
-        """End the run; one without a pair still gets its first line.
-
-        Raises:
-            DiskError: The file cannot be written any more.
-        """
+        """End the run; one without a pair still gets its first line; raises DiskError."""
         try:
             if self._file is None:
                 self.begin()
@@ -250,7 +246,8 @@ class PairStore:
                 self._require_there()
             if stopped is not None:
                 self._write_line(_line("stopped", stopped))
-            self._sync_rest()
+            if self._file is not None and self._broken is None:
+                os.fsync(self._file.fileno())
         except OSError as error:
             raise DiskError(f"Cannot write {self.path}: {error}.") from error
         finally:
@@ -261,86 +258,43 @@ class PairStore:
             self._append_to_existing = True
 
     def _shut(self) -> None:
-        with self._lock:
-            if self._sync is not None:
-                self._sync.cancel()
-            if self._file is not None:
-                self._file.close()
-            self._file = self._sync = None
+        if self._file is not None:
+            self._file.close()
+        self._file = None
 
     def _write_line(self, line: bytes) -> None:
         if self._file is None:
             self.begin()
         assert self._file is not None
         if self._broken is not None:
-            self._late = None
             raise DiskError(
                 f"Cannot write {self.path}: an earlier write failed ({self._broken}), and a line behind it "
                 "could not be read. Make room and resume."
             )
         try:
-            with self._lock:
-                self._require_there()
-                if self._file.write(line) != len(line):
-                    raise OSError("only a part of the line was written")
-                if time.monotonic() - self._synced >= SYNC_S:
-                    self._wait_for_disk()
-                elif self._sync is None:
-                    self._sync = threading.Timer(SYNC_S, self._sync_late)
-                    self._sync.daemon = True
-                    self._sync.start()
+            self._require_there()
+            if self._file.write(line) != len(line):
+                raise OSError("only a part of the line was written")
+            if time.monotonic() - self._synced >= SYNC_S:
+                os.fsync(self._file.fileno())
+                self._synced = time.monotonic()
         except OSError as error:
             self._broken = error
             raise DiskError(f"Cannot write {self.path}: {error}. Is the disk full?") from error
 
     def _require_there(self) -> None:
-        """Refuse to write into a file that was removed, which would take every line and keep none.
-
-        Raises:
-            DiskError: It was.
-        """
+        """Refuse to write into a file that was removed, which would take every line and keep none."""
         if not self.path.exists():
             raise DiskError(
                 f"Cannot write {self.path}: it was removed while the run wrote to it. Begin the run again."
             )
-
-    def _wait_for_disk(self) -> None:
-        assert self._file is not None
-        os.fsync(self._file.fileno())
-        self._synced = time.monotonic()
-
-    def _sync_late(self) -> None:
-        """Wait for the disk in a thread of its own, for lines that came soon after others."""
-        with self._lock:
-            self._sync = None
-            if self._file is None or self._file.closed:
-                return
-            try:
-                self._wait_for_disk()
-            except OSError as error:
-                self._broken = self._late = error
-
-    def _sync_rest(self) -> None:
-        """Wait for the lines that the disk may not have.
-
-        Raises:
-            OSError: It fails, or has failed since the last line.
-        """
-        with self._lock:
-            late, self._late = self._late, None
-            if late is not None:
-                raise late
-            if self._sync is not None and self._broken is None:
-                self._wait_for_disk()
 
 
 def _line(kind: str, value: Run | PairRecord | PairError | Stopped) -> bytes:
     try:
         values = {"line": kind, **value.to_dict()}
         text = json.dumps(values, separators=(",", ":"), allow_nan=False)
-        if (
-            "\\ud" in text
-        ):  # half a character, as in the name of a file that is no UTF-8, cannot be read again
+        if "\\ud" in text:  # half a character, as in a name that is no UTF-8, cannot be read again
             text = json.dumps(values, separators=(",", ":"), ensure_ascii=False)
     except (TypeError, ValueError, RecursionError) as error:
         raise ReportError(
@@ -388,7 +342,6 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
     other.
 
     Args:
-        path: The file, or its folder.
         ended: True if the run must have ended. False: read the pairs of one that was stopped.
 
     Raises:
@@ -411,12 +364,7 @@ _CURE = (
 
 
 def _read(path: Path, cases: Mapping[str, Case] | None = None) -> StoredRun:
-    """Read all valid lines.
-
-    Raises:
-        ReportError: The file cannot be read, or its first line is damaged.
-        OtherRunError: A line is of another run.
-    """
+    """Read all valid lines."""
     with _collector_paused():
         return _decoded(path, cases)
 
@@ -486,14 +434,13 @@ def read_to_resume(folder: Path, cases: Mapping[str, Case] | None = None) -> Sto
     """Read a run that may be resumed; None where the folder holds not even the whole first line.
 
     Args:
-        folder: Output folder.
         cases: The cases of its manifest by id: a record that contradicts its case is a damaged line.
 
     Raises:
         ReportError: The first line is damaged, or another line is of another run; names the line.
     """
     path = folder / PAIRS_NAME
-    state = FileState.of(path)
+    state = file_state(path)
     if state is None:
         return None
     with path.open("rb") as file:
@@ -512,11 +459,7 @@ _HEAD = msgspec.json.Decoder(_Head)
 
 
 def decode_line(line: bytes) -> Run | PairRecord | PairError | Stopped:
-    """Decode a line.
-
-    Raises:
-        ReportError: It is no line of a run.
-    """
+    """Decode a line, or raise ReportError."""
     try:
         head = _HEAD.decode(line)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
@@ -563,11 +506,7 @@ def _require_same_run(stored: StoredRun, wanted: Run, path: Path, policy: Json |
 
 
 def require_writable(folder: Path) -> None:
-    """Make the folder if it is missing and try to write to it.
-
-    Raises:
-        OptionError: It cannot be written to.
-    """
+    """Make the folder if it is missing and try to write to it, or raise OptionError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".write-probe"

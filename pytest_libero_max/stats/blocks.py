@@ -14,6 +14,10 @@ from pytest_libero_max.stats import ratios
 if TYPE_CHECKING:
     from pytest_libero_max.stats import intervals
 
+
+FLOOR_BASE_RATE = 0.2
+"""Below this Base success rate a small change does not show a successful response (the paper's limit)."""
+
 _LARGEST = 2**63 - 1  # as in benchmark/structs.py, which statistics do not import
 
 Count = Annotated[int, Meta(ge=0, le=_LARGEST)]
@@ -179,12 +183,10 @@ class Outcomes(Block, frozen=True):
 
     @property
     def base(self) -> ratios.Ratio:
-        """Base success rate over all pairs."""
         return ratios.Ratio(self.preserved_success + self.regression, self.total)
 
     @property
     def dynamic(self) -> ratios.Ratio:
-        """Dynamic success rate over all pairs."""
         return ratios.Ratio(self.preserved_success + self.change_associated_success, self.total)
 
     @property
@@ -456,3 +458,36 @@ class Substrate(Block, frozen=True, kw_only=True):
     installations, event semantics and variations in the provenance."""
     note: str | None
     """A sentence to print beside every score; None where none is needed."""
+
+
+class SettingDifference(Block, frozen=True, kw_only=True):
+    """Success of the best setting less that of another."""
+
+    value: Difference | None
+    """Success of the best less that of the other."""
+    lower: Difference | None
+    """Lower end of its exact interval, which holds together with those of all pairs of settings with 95%."""
+    upper: Difference | None
+    """Upper end of the same."""
+
+
+class BestSetting(Block, frozen=True, kw_only=True):
+    """The best setting, with intervals that account for the choice."""
+
+    setting: Text
+    """Label of the setting of the highest rate, the first among equals."""
+    count: Count
+    """Its cases that succeed."""
+    of: Count
+    """Cases: the denominator."""
+    value: Share | None
+    """Its success rate."""
+    lower: Share | None
+    """Lower end of its interval, which holds together with those of all settings with 95% (exact,
+    Bonferroni)."""
+    upper: Share | None
+    """Upper end of the same."""
+    not_worse: list[str]
+    """Other settings that the cases do not show to be worse."""
+    differences: dict[str, SettingDifference]
+    """From each other setting."""

@@ -33,7 +33,6 @@ def bounded_means(
     Args:
         samples: (n,) integers of each sample.
         largest: Largest value that was possible; the smallest one is its negative.
-        confidence: Two-sided level.
     """
     counts = np.array([_counts(sample, largest) for sample in samples]).reshape(-1, 2 * largest + 1)
     some = counts.sum(axis=1) > 0
@@ -60,7 +59,6 @@ def bounds(counts: ArrayLike, confidence: float = CONFIDENCE) -> tuple[FloatArra
 
     Args:
         counts: (rows, 2 m + 1) numbers of each value, at least one in each row.
-        confidence: Two-sided level.
 
     Returns:
         (rows,) lower and upper bounds.

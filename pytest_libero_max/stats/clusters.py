@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError, counted
 from pytest_libero_max.stats.blocks import IntervalByTask
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 from pytest_libero_max.stats.measured import ends, number
@@ -26,21 +24,6 @@ _CHUNK = 4_000_000
 """Weights held in memory at once."""
 
 
-@dataclass(frozen=True)
-class ClusterInterval:
-    """A mean with an interval that resamples whole clusters of cases."""
-
-    estimate: float
-    """The case-weighted mean; clustering changes the interval only."""
-    lower: float
-    upper: float
-    clusters: int
-    """Number of clusters that are resampled. With few (below about 30) the interval is too narrow."""
-    replicates: int
-    seed: int
-    """Seed of the private generator; the same seed gives the same interval."""
-
-
 def cluster_bootstrap(
     values: ArrayLike,
     clusters: ArrayLike,
@@ -50,7 +33,7 @@ def cluster_bootstrap(
     replicates: int = REPLICATES,
     seed: int = 0,
     confidence: float = CONFIDENCE,
-) -> ClusterInterval | None:
+) -> Interval | None:
     """Percentile bootstrap of a mean that draws clusters with replacement and takes all cases of each.
 
     The mean of a resample is the weighted sum of the pooled means of its ``pools``, with the pools' shares
@@ -66,32 +49,20 @@ def cluster_bootstrap(
         clusters: (n,) label of the cluster of each case.
         strata: (n,) labels within which clusters are drawn independently; every cluster lies in one.
         pools: (n,) labels as above; by default all cases are one pool.
-        seed: Of the private generator.
-        confidence: Two-sided level.
+        seed: The same seed gives the same interval.
 
     Returns:
         The interval, None without cases.
-
-    Raises:
-        ReportError: The arrays differ in length, or a cluster lies in two strata.
     """
     numbers = np.asarray(values, dtype=np.float64)
-    n = len(numbers)
-    if n == 0:
+    if not numbers.size:
         return None
-    means, cluster_count = resampled_means(
+    means = resampled_means(
         numbers[:, None], clusters, strata=strata, pools=pools, replicates=replicates, seed=seed
     )
     tail = (1 - confidence) / 2
     lower, upper = np.quantile(means[:, 0], [tail, 1 - tail], method="inverted_cdf")
-    return ClusterInterval(
-        estimate=float(numbers.sum() / n),
-        lower=float(lower),
-        upper=float(upper),
-        clusters=cluster_count,
-        replicates=replicates,
-        seed=seed,
-    )
+    return Interval(float(lower), float(upper))
 
 
 def resampled_means(
@@ -102,24 +73,16 @@ def resampled_means(
     pools: ArrayLike | None = None,
     replicates: int = REPLICATES,
     seed: int = 0,
-) -> tuple[NDArray[np.float64], int]:
-    """Return the means of :func:`cluster_bootstrap` for several columns of the same cases, drawn together.
+) -> NDArray[np.float64]:
+    """Return the (replicates, k) means of :func:`cluster_bootstrap` for k columns of the same cases.
 
     Args:
         columns: (n, k) values, n >= 1.
-        clusters: See :func:`cluster_bootstrap`, as for the following.
-        seed: Of the private generator.
-
-    Returns:
-        (replicates, k) means, and the number of clusters.
-
-    Raises:
-        ReportError: The arrays differ in length, or a cluster lies in two strata.
     """
     n, width = columns.shape
-    cluster_of, cluster_count = _codes(clusters, n, "clusters")
-    stratum_of, _ = _codes(np.zeros(n) if strata is None else strata, n, "strata")
-    pool_of, pool_count = _codes(np.zeros(n) if pools is None else pools, n, "pools")
+    cluster_of, cluster_count = _codes(clusters)
+    stratum_of, _ = _codes(np.zeros(n) if strata is None else strata)
+    pool_of, pool_count = _codes(np.zeros(n) if pools is None else pools)
 
     cell = cluster_of * pool_count + pool_of
     cells = cluster_count * pool_count
@@ -128,10 +91,6 @@ def resampled_means(
     sizes = np.bincount(cell, minlength=cells).reshape(cluster_count, pool_count)
     stratum_of_cluster = np.empty(cluster_count, dtype=np.int64)
     stratum_of_cluster[cluster_of] = stratum_of
-    if (stratum_of_cluster[cluster_of] != stratum_of).any():
-        raise ReportError(
-            "A cluster lies in two strata, so it cannot be drawn within one. Split the cluster."
-        )
 
     total = np.zeros((replicates, pool_count * width))
     cases = np.zeros((replicates, pool_count))
@@ -147,8 +106,9 @@ def resampled_means(
             cases[rows] += times @ sizes[members]
     weights = np.where(cases > 0, sizes.sum(axis=0) / n, 0.0)[:, :, None]
     by_pool = total.reshape(replicates, pool_count, width)
-    means = (weights * by_pool / np.maximum(cases, 1)[:, :, None]).sum(axis=1) / weights.sum(axis=1)
-    return means, cluster_count
+    means: NDArray[np.float64] = (weights * by_pool / np.maximum(cases, 1)[:, :, None]).sum(axis=1)
+    means /= weights.sum(axis=1)
+    return means
 
 
 def task_interval(
@@ -175,7 +135,7 @@ def task_interval(
     """
     numbers, labels = np.asarray(values, dtype=np.float64), np.asarray(tasks)
     kept = np.ones(len(labels), dtype=np.bool_) if of is None else np.asarray(of, dtype=np.bool_)
-    codes, count = _codes(labels[kept], int(kept.sum()), "tasks")
+    codes, count = _codes(labels[kept])
     sizes = np.bincount(codes, minlength=count).astype(np.float64)
     sums = np.bincount(codes, weights=numbers[kept], minlength=count).astype(np.float64)
     effective = float(sizes.sum() ** 2 / (sizes**2).sum()) if count else 0.0
@@ -225,14 +185,9 @@ def _studentized(sums: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple
     return float(estimate - high * error), float(estimate - low * error)
 
 
-def _codes(labels: ArrayLike, n: int, name: str) -> tuple[NDArray[np.int64], int]:
+def _codes(labels: ArrayLike) -> tuple[NDArray[np.int64], int]:
     """Labels as numbers in the labels' own order, so that the order of cases does not matter."""
-    array = np.asarray(labels)
-    if array.shape != (n,):
-        raise ReportError(
-            f"{name} have shape {array.shape} for {counted(n, 'value')}; give one label a case."
-        )
-    distinct, codes = np.unique(array, return_inverse=True)
+    distinct, codes = np.unique(np.asarray(labels), return_inverse=True)
     return codes.astype(np.int64), len(distinct)
 
 

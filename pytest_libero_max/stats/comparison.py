@@ -8,24 +8,25 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from msgspec.structs import asdict, astuple
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.blocks import (
+    BestSetting,
     ChangeContrast,
     ChangeDifference,
     GroupContrast,
     GroupDifference,
-    IntervalByTask,
+    SettingDifference,
     SuccessContrast,
     SuccessDifference,
 )
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import task_interval
-from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, mean_change
-from pytest_libero_max.stats.measured import ends, interval_of, number
-from pytest_libero_max.stats.outcome_table import BoolArray, boolean
+from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, clopper_pearson, mean_change
+from pytest_libero_max.stats.measured import BoolArray, ends, interval_of, number, ratio_of
 from pytest_libero_max.stats.paired_difference import paired_differences
+from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm, log_fair_coins, mcnemar
 
 _MOST = 2
@@ -58,16 +59,10 @@ def contrasts(
         pairs: Conditions to compare; by default all pairs in the order of ``successes``. Holm's
             correction is over exactly these.
         tasks: (n,) the task of each case, for intervals that take the cases of a task as one draw, or None.
-
-    Raises:
-        ReportError: The arrays differ in length.
     """
-    columns = {name: boolean(values, name) for name, values in successes.items()}
-    lengths = {name: len(column) for name, column in columns.items()}
-    if len(set(lengths.values())) > 1:
-        raise ReportError(f"Outcomes have the lengths {lengths}, but contrasts need common cases.")
+    columns = {name: np.asarray(values, dtype=np.bool_) for name, values in successes.items()}
     chosen = list(combinations(columns, 2)) if pairs is None else list(pairs)
-    cases = next(iter(lengths.values()), 0)
+    cases = len(next(iter(columns.values()), ()))
     counts = [
         (_only(columns[first], columns[second]), _only(columns[second], columns[first]), cases)
         for first, second in chosen
@@ -109,17 +104,8 @@ def _success_difference(
         upper=upper,
         simultaneous=interval_of(simultaneous),
         bootstrap=interval_of(bootstrap),
-        by_task=_by_task(change, tasks, interval, 1.0),
+        by_task=None if tasks is None else task_interval(change, tasks, interval),
     )
-
-
-def _by_task(
-    change: NDArray[np.int64], tasks: ArrayLike | None, interval: Interval | None, most: float
-) -> IntervalByTask | None:
-    """Return the interval that takes the cases of a task as one draw; None without tasks."""
-    if tasks is None:
-        return None
-    return task_interval(change, tasks, interval, bounds=(-most, most))
 
 
 def group_contrasts(
@@ -193,15 +179,10 @@ def _by_group(
 def change_contrasts(
     base: Mapping[str, ArrayLike], dynamic: Mapping[str, ArrayLike], tasks: ArrayLike | None = None
 ) -> tuple[ChangeContrast, ...]:
-    """Compare the paired changes of conditions on common cases, all pairs of conditions.
-
-    Args:
-        base: (n,) bool by condition, Base success; the same case at the same place in each.
-        dynamic: (n,) bool by condition, Dynamic success.
-        tasks: As for :func:`contrasts`.
-    """
+    """Compare the paired changes of conditions on common cases, all pairs of conditions."""
     changes = {
-        name: boolean(dynamic[name], name).astype(np.int64) - boolean(base[name], name) for name in base
+        name: np.asarray(dynamic[name], dtype=np.int64) - np.asarray(base[name], dtype=np.int64)
+        for name in base
     }
     chosen = list(combinations(changes, 2))
     differences = [changes[second] - changes[first] for first, second in chosen]
@@ -219,7 +200,9 @@ def change_contrasts(
                 lower=ends(interval)[0],
                 upper=ends(interval)[1],
                 simultaneous=interval_of(simultaneous),
-                by_task=_by_task(difference, tasks, interval, _MOST),
+                by_task=None
+                if tasks is None
+                else task_interval(difference, tasks, interval, bounds=(-_MOST, _MOST)),
             ),
             log10_p_value=number(test),
             log10_p_value_holm=number(corrected),
@@ -321,3 +304,44 @@ def _mean_ranks(values: Sequence[float]) -> NDArray[np.float64]:
 
 def _only(first: BoolArray, second: BoolArray) -> int:
     return int((first & ~second).sum())
+
+
+def best_of(successes: Mapping[str, BoolArray]) -> BestSetting:
+    """Find the best of m conditions.
+
+    The highest of several rates is too high on average, and an interval for it alone misses its true rate too
+    often. So the interval of its rate is at the level 1 - 0.05 / m: all m such intervals hold together with
+    95%, whichever is looked at (Bonferroni). Its differences from the others are held together with those of
+    all m (m - 1) / 2 pairs, for the same reason. References: J. C. Hsu (1996), Multiple Comparisons, ch. 4;
+    Y. Benjamini, D. Yekutieli (2005), JASA 100:71-81.
+
+    Args:
+        successes: (n,) bool by condition, the same case at the same place in each; n and m at least 1.
+    """
+    rates = {name: Ratio(int(column.sum()), len(column)) for name, column in successes.items()}
+    name = max(rates, key=lambda condition: rates[condition].count)
+    interval = clopper_pearson(rates[name], 1 - (1 - CONFIDENCE) / len(rates))
+    assert interval is not None
+    differences = {}
+    for contrast in contrasts(successes):
+        if name not in (contrast.first, contrast.second):
+            continue
+        low, high = astuple(contrast.difference.simultaneous)
+        assert low is not None
+        assert high is not None
+        turned = contrast.second != name
+        rival = contrast.second if turned else contrast.first
+        differences[rival] = SettingDifference(
+            value=number((rates[name].count - rates[rival].count) / rates[name].of),
+            lower=number(-high if turned else low),
+            upper=number(-low if turned else high),
+        )
+    lower, upper = ends(interval)
+    return BestSetting(
+        setting=name,
+        **asdict(ratio_of(rates[name])),
+        lower=lower,
+        upper=upper,
+        not_worse=[rival for rival, away in differences.items() if (away.lower or 0.0) <= 0],
+        differences=differences,
+    )

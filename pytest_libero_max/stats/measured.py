@@ -4,14 +4,40 @@ from __future__ import annotations
 
 from typing import Protocol, TypeVar
 
+import numpy as np
 from msgspec import structs
+from numpy.typing import ArrayLike, NDArray
 
 from pytest_libero_max.stats import blocks
-from pytest_libero_max.stats.blocks import Block, Bootstrap, McNemar, MeanDifference, Outcomes, Rate
+from pytest_libero_max.stats.blocks import (
+    FLOOR_BASE_RATE,
+    Block,
+    Bootstrap,
+    McNemar,
+    MeanDifference,
+    Outcomes,
+    Rate,
+)
 from pytest_libero_max.stats.intervals import Interval, MeanChange, clopper_pearson
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import mcnemar
+
+BoolArray = NDArray[np.bool_]
+
+
+def tabulate(base: ArrayLike, dynamic: ArrayLike) -> Outcomes:
+    """Count the four outcomes."""
+    first, second = np.asarray(base, dtype=np.bool_), np.asarray(dynamic, dtype=np.bool_)
+    failed, gained, regressed, preserved = np.bincount(2 * first + second, minlength=4).tolist()
+    return Outcomes(preserved, gained, regressed, failed)
+
+
+def at_floor(outcomes: Outcomes) -> bool | None:
+    """Return True if Base success leaves too little room to fall; None without pairs."""
+    rate = outcomes.base.value
+    return None if rate is None else rate < FLOOR_BASE_RATE
+
 
 B = TypeVar("B", bound=Block)
 

@@ -9,7 +9,6 @@ import numpy as np
 from msgspec.structs import asdict
 from numpy.typing import ArrayLike, NDArray
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.blocks import (
     Bootstraps,
     Change,
@@ -17,22 +16,59 @@ from pytest_libero_max.stats.blocks import (
     Outcomes,
     RatesByTask,
     Result,
+    StaleActions,
     TaskInterval,
 )
 from pytest_libero_max.stats.clusters import task_interval
-from pytest_libero_max.stats.exposure import expose
 from pytest_libero_max.stats.intervals import Interval, clopper_pearson, mean_change
 from pytest_libero_max.stats.measured import (
+    BoolArray,
+    at_floor,
     bootstrap_of,
     mcnemar_of,
     mean_difference_of,
     number,
     rate_of,
     ratio_of,
+    tabulate,
 )
-from pytest_libero_max.stats.outcome_table import BoolArray, at_floor, boolean, tabulate
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
+
+QUANTILES = (0.05, 0.25, 0.75, 0.95)
+
+
+def expose(stale: ArrayLike, unanswered: int = 0) -> StaleActions:
+    """Summarise stale actions, over the pairs in which a query followed the event.
+
+    They measure feedback delay under the policy's own serving protocol, not whether a change was noticed. In
+    an unanswered pair all remaining actions were stale, so their count is cut off by the end of the episode
+    and would bias the mean.
+
+    Args:
+        stale: (n,) int of at least 0, actions executed between the event and the next query.
+    """
+    counts = np.asarray(stale, dtype=np.int64)
+    if counts.size == 0:
+        return StaleActions(
+            pairs=0,
+            unanswered=unanswered,
+            mean=None,
+            median=None,
+            quantiles={str(q): None for q in QUANTILES},
+            histogram={},
+        )
+    levels = np.quantile(counts, QUANTILES, method="inverted_cdf")
+    values, pairs = np.unique(counts, return_counts=True)
+    return StaleActions(
+        pairs=len(counts),
+        unanswered=unanswered,
+        mean=number(float(counts.mean())),
+        median=number(float(np.median(counts))),
+        quantiles={str(q): int(level) for q, level in zip(QUANTILES, levels, strict=True)},
+        histogram=dict(zip(map(str, values.tolist()), pairs.tolist(), strict=True)),
+    )
+
 
 _SHARE = (0.0, 1.0)
 
@@ -41,16 +77,11 @@ Labels = NDArray[np.str_] | NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Columns of measured pairs, one row a pair.
-
-    Raises:
-        ReportError: The columns differ in length or contradict each other.
-    """
+    """Columns of measured pairs, one row a pair."""
 
     base: BoolArray
     """(n,) bool, Base completed the task."""
     dynamic: BoolArray
-    """(n,) bool, Dynamic did."""
     triggered: BoolArray
     """(n,) bool, the event fired."""
     responded: BoolArray
@@ -61,17 +92,6 @@ class Pairs:
     """(n,) labels; strata of the fixed-composition bootstrap."""
     task: Labels
     """(n,) labels; pairs of one task are not independent."""
-
-    def __post_init__(self) -> None:
-        lengths = {name: len(column) for name, column in vars(self).items()}
-        if len(set(lengths.values())) > 1:
-            raise ReportError(f"Columns of pairs have the lengths {lengths}, but must have one.")
-        if (self.responded & ~self.triggered).any():
-            raise ReportError("A pair has a query after an event that never fired; its record is damaged.")
-        if ((self.stale >= 0) != self.triggered).any():
-            raise ReportError(
-                "Stale actions must be counted in exactly the triggered pairs; a record is damaged."
-            )
 
     def __len__(self) -> int:
         return len(self.base)
@@ -87,12 +107,11 @@ class Pairs:
         source: ArrayLike,
         task: ArrayLike,
     ) -> Pairs:
-        """Build the columns from any sequences."""
         return cls(
-            boolean(base, "base"),
-            boolean(dynamic, "dynamic"),
-            boolean(triggered, "triggered"),
-            boolean(responded, "responded"),
+            np.asarray(base, dtype=np.bool_),
+            np.asarray(dynamic, dtype=np.bool_),
+            np.asarray(triggered, dtype=np.bool_),
+            np.asarray(responded, dtype=np.bool_),
             np.asarray(stale, dtype=np.int64),
             np.asarray(source, dtype=np.str_),
             np.asarray(task, dtype=np.str_),
@@ -103,23 +122,13 @@ class Pairs:
         source, task = (np.unique(labels, return_inverse=True)[1] for labels in (self.source, self.task))
         return replace(self, source=source.astype(np.int64), task=task.astype(np.int64))
 
-    def at(self, places: Sequence[int]) -> Pairs:
-        """Return the pairs at these places, in this order."""
-        return Pairs(
-            **{name: column[np.asarray(places, dtype=np.intp)] for name, column in vars(self).items()}
-        )
-
-    def where(self, mask: BoolArray) -> Pairs:
-        """Return the pairs for which ``mask`` is true."""
-        return Pairs(**{name: column[mask] for name, column in vars(self).items()})
+    def at(self, places: Sequence[int] | BoolArray) -> Pairs:
+        """Return some of the pairs, by their places or by a mask."""
+        return Pairs(**{name: column[np.asarray(places)] for name, column in vars(self).items()})
 
 
 def measure(pairs: Pairs, planned: int | None = None) -> Result:
-    """Compute the result of a set of pairs; every value without a denominator is None.
-
-    Args:
-        planned: Number of planned ones; by default those that are measured.
-    """
+    """Compute the result of a set of pairs; every value without a denominator is None."""
     return measure_groups([pairs], None if planned is None else [planned])[0]
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval
 
 FloatArray = NDArray[np.float64]
@@ -38,11 +37,7 @@ _KNOWN: dict[tuple[tuple[int, int, int], float], Interval] = {}
 
 
 def paired_difference(losses: int, gains: int, pairs: int, confidence: float = CONFIDENCE) -> Interval | None:
-    """Return the interval that reports and gates use, :func:`exact` to nine decimals; None without a pair.
-
-    Raises:
-        ReportError: The counts cannot be those of pairs.
-    """
+    """Return the interval that reports and gates use, :func:`exact` to nine decimals; None without a pair."""
     return paired_differences([(losses, gains, pairs)], confidence)[0]
 
 
@@ -87,12 +82,8 @@ def exact(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
 
     Args:
         pairs: All pairs, at least 1.
-        confidence: Two-sided level.
-
-    Raises:
-        ReportError: The counts cannot be those of pairs.
     """
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     # The lower bound is the upper one with losses and gains exchanged, negated.
     bounds = _upper_bounds(
         np.concatenate([down.ravel(), up.ravel()]),
@@ -132,7 +123,6 @@ class Products:
         self.norm = special.betaln(self.first, self.second)
 
     def where(self, rows: NDArray[np.intp]) -> Products:
-        """Return the products of some rows."""
         some = object.__new__(Products)
         some.__dict__.update({name: values[rows] for name, values in vars(self).items()})
         return some
@@ -194,24 +184,11 @@ def chunks(size: int) -> list[slice]:
     return [slice(start, start + _CHUNK) for start in range(0, size, _CHUNK)]
 
 
-def checked_counts(
+def together(
     losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return losses, gains and pairs as float arrays of a common shape.
-
-    Raises:
-        ReportError: A count is negative, or the changed pairs are more than all pairs.
-    """
+    """Return losses, gains and pairs as float arrays of a common shape."""
     down, up, n = np.broadcast_arrays(
-        np.asarray(losses, dtype=np.float64),
-        np.asarray(gains, dtype=np.float64),
-        np.asarray(pairs, dtype=np.float64),
+        *(np.asarray(counts, dtype=np.float64) for counts in (losses, gains, pairs))
     )
-    wrong = (down < 0) | (up < 0) | (n < 1) | (down + up > n)
-    if wrong.any():
-        at = int(np.flatnonzero(wrong)[0])
-        raise ReportError(
-            f"losses={down.flat[at]:g}, gains={up.flat[at]:g} of pairs={n.flat[at]:g}, but both are at least "
-            "0 and together at most the pairs, of which there is at least one."
-        )
     return down, up, n

@@ -8,7 +8,6 @@ Both are test martingales: capital that grows only by chance where the null hold
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 
 import numpy as np
 from scipy import special
@@ -28,23 +27,6 @@ def log_evidence_of_change(losses: int, gains: int) -> float:
     played in a random order: the kind that is ahead becomes the rarer one. 0 without a discordant pair.
     """
     return float(special.betaln(losses + 1, gains + 1)) + (losses + gains) * math.log(2)
-
-
-def log_evidence_over_strata(counts: Iterable[tuple[int, int]]) -> float:
-    """Return the natural logarithm of the evidence that in some stratum losses and gains differ in chance.
-
-    Half of the capital is bet on one change that all strata share, :func:`log_evidence_of_change` of all
-    discordant pairs; the other half on a chance of its own in each stratum: there the evidence of the strata
-    is multiplied, as each pair is a fair bet in its own. Under the null of every stratum it ever reaches
-    1 / level with at most the probability ``level``. Reference: R. Turner and P. Gruenwald (2023), Exact
-    anytime-valid confidence intervals for contingency tables and beyond, Statist. Probab. Lett. 198:109835
-    (arXiv 2302.11401), whose strata are those of 2 x 2 tables; here they are of discordant pairs.
-    """
-    strata = [*counts]
-    losses, gains = (sum(stratum[kind] for stratum in strata) for kind in (0, 1))
-    pooled = log_evidence_of_change(losses, gains)
-    apart = sum(log_evidence_of_change(*stratum) for stratum in strata)
-    return float(np.logaddexp(pooled, apart)) - math.log(2)
 
 
 class TotalSequence:
@@ -67,7 +49,6 @@ class TotalSequence:
         self._ends = least, most
 
     def add(self, number: int) -> None:
-        """Take the next number into account."""
         least, most = self._ends
         for side, steps in zip(self._sides, (number - least, most - number), strict=True):
             side.add(steps)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+
+from pytest_libero_max.stats.intervals import Interval
 
 
 def mcnemar(losses: int, gains: int) -> float:
@@ -18,10 +21,6 @@ def mcnemar(losses: int, gains: int) -> float:
     smallest double. Reference: Q. McNemar (1947), Psychometrika 12:153-157; A. Agresti, Categorical Data
     Analysis, 3rd ed., 11.1. Conservative for few discordant pairs: no p below 0.05 with fewer than six, and
     p = 1 without one, where nothing speaks against the null.
-
-    Args:
-        losses: Discordant pairs in which the first condition succeeds, (1, 0).
-        gains: Discordant pairs in which the second does, (0, 1).
     """
     n, k = losses + gains, min(losses, gains)
     if 2 * k + 1 >= n:
@@ -54,3 +53,43 @@ def holm(log10_p: Sequence[float | None]) -> tuple[float | None, ...]:
         running = max(running, min(0.0, p + math.log10(len(order) - rank)))
         adjusted[index] = running
     return tuple(adjusted)
+
+
+Word = Literal["significant", "bounded null", "uninformative", "powerless"]
+
+MARGIN = 0.05
+"""Difference from which on it matters."""
+
+WORDS: dict[Word, str] = {
+    "significant": "a difference is shown",
+    "bounded null": f"no difference is shown, and {100 * MARGIN:g} points or more are excluded",
+    "uninformative": f"no difference is shown, and {100 * MARGIN:g} points or more are possible",
+    "powerless": "too few pairs differ for any result to be significant",
+}
+"""The words with their meaning. The words are those of paired-eval; a bounded null is shown equivalence."""
+
+
+def word_for(
+    log10_p: float,
+    interval: Interval,
+    differing: int | None = None,
+    *,
+    comparisons: int = 1,
+    margin: float = MARGIN,
+    level: float = 0.05,
+) -> Word:
+    """Return the word for a difference.
+
+    Args:
+        log10_p: Decimal logarithm of the p-value, adjusted for all comparisons.
+        interval: The interval of the difference, simultaneous with those of all comparisons.
+        differing: Number of pairs in which the two differ, of which an exact McNemar test is made; None for
+            another test, of which it is not known when it has no power.
+    """
+    if 10**log10_p < level:
+        return "significant"
+    if -margin < interval.lower and interval.upper < margin:
+        return "bounded null"
+    if differing is not None and 2.0 ** (1 - differing) * comparisons >= level:
+        return "powerless"
+    return "uninformative"

@@ -19,12 +19,6 @@ def require_playable(
 ) -> None:
     """Refuse arms that cannot begin, cases whose event cannot be scaled, and those that do not fit the study.
 
-    Args:
-        cases: The cases.
-        strength: Share of every change.
-        study: Played beside Base and Dynamic; None for none.
-        latency: Of the arms that have none of their own.
-
     Raises:
         ChangeError: A change is malformed.
         ManifestError: An arm has nothing to go on from.

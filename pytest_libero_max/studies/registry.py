@@ -58,10 +58,6 @@ def spelled_study(document: Any) -> Study:
 def find_study(text: str, folder: Path = Path()) -> Study:
     """Return the study that a user names, with its settings behind a colon, or one from a file.
 
-    Args:
-        text: The name, or the path of a JSON or TOML file.
-        folder: Folder that a path begins in.
-
     Raises:
         OptionError: There is no such study or file, or what it says breaks a rule.
     """
@@ -93,11 +89,7 @@ def _own() -> Mapping[str, Callable[[], object]]:
 
 
 def _of_package(point: EntryPoint) -> Callable[[str | None], Study]:
-    """Return what makes a study with settings, of the class that a package offers.
-
-    Raises:
-        ValueError: It is none, or one of its attributes breaks a rule.
-    """
+    """Return what makes a study with settings, of the class that a package offers."""
     name, kind = point.name, point.load()
     if not (isinstance(kind, type) and issubclass(kind, Study)):
         raise ValueError(f"{kind!r} is not a subclass of pytest_libero_max.Study")
@@ -123,11 +115,7 @@ STUDIES: Registry[Callable[[str | None], Study]] = Registry(
 
 
 def study_from_dict(values: Any) -> Study:
-    """Read what :meth:`.study.Study.to_dict` wrote.
-
-    Raises:
-        ReportError: It has another form, or is of a study that this version does not know.
-    """
+    """Read what :meth:`.study.Study.to_dict` wrote, or raise ReportError."""
     try:
         spelled = values.get("document")
         study = STUDIES[values["name"]](values.get("settings")) if spelled is None else spelled_study(spelled)

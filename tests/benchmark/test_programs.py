@@ -52,16 +52,16 @@ def test_laid_over_a_case_it_gives_the_same_case() -> None:
     laid = track.playing(parse_program(TRANSIENT))
     assert laid.cases[0] == parse_manifest(with_program()).cases[0]
     assert laid.digest != track.digest
-    with pytest.raises(ManifestError, match="has the program 'transient' already"):
+    with pytest.raises(ManifestError, match="program 'transient' already"):
         laid.playing(parse_program(TRANSIENT))
 
 
 def test_a_manifest_says_that_it_needs_more_than_the_authors_format() -> None:
     document = with_program()
     del document["manifest_format"]
-    with pytest.raises(ManifestError, match=r'has a program, .* add "manifest_format": 2 beside "cases"'):
+    with pytest.raises(ManifestError, match=r'a program, .* add "manifest_format": 2 beside'):
         parse_manifest(document)
-    with pytest.raises(ManifestError, match="manifest_format=3, but this version reads 2"):
+    with pytest.raises(ManifestError, match="manifest_format=3, but this version"):
         parse_manifest({**document, "manifest_format": 3})
 
 
@@ -73,7 +73,7 @@ def test_a_later_trigger_needs_no_program() -> None:
     (read,) = parse_manifest(document).cases
     assert (read.event.entity, read.event.trigger["type"]) == ("bowl_1", "after_grasp")
     case["scenario"]["trigger"] = {"type": "budget_fraction", "value": 0.5}
-    with pytest.raises(ManifestError, match=r"scenario\.trigger\.value=0\.5, but must be a non-empty string"):
+    with pytest.raises(ManifestError, match=r"scenario\.trigger\.value=0\.5, but"):
         parse_manifest(document)
 
 
@@ -133,9 +133,9 @@ def test_a_program_that_is_spelled_wrong_says_where(
 def test_a_damaged_file_is_named(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "program.json"
     path.write_bytes(content)
-    with pytest.raises(OptionError, match=r"Cannot read program .*program\.json"):
+    with pytest.raises(OptionError, match=r"program .*program\.json"):
         load_program(path)
-    with pytest.raises(OptionError, match=r"Cannot read program .*nowhere\.json"):
+    with pytest.raises(OptionError, match=r"program .*nowhere\.json"):
         load_program(tmp_path / "nowhere.json")
 
 
@@ -158,7 +158,7 @@ def test_a_program_is_laid_over_the_cases_that_it_fits_alone() -> None:
         assert after == (before.playing(program) if fits else before)
     assert {case.event.name for case in laid if case.program is None} >= {"target_relocation"}
     nowhere = parse_program({**TRANSIENT, "only": {"suite": ["libero_90"]}, "because": "Reasons."})
-    with pytest.raises(ManifestError, match=r"'transient' fits none of 800 cases: Reasons\."):
+    with pytest.raises(ManifestError, match=r"of 800 cases: Reasons\."):
         track.playing(nowhere)
 
 
@@ -178,7 +178,7 @@ def test_a_program_of_the_package_is_called_like_its_file_and_says_what_it_plays
 def test_a_program_is_found_by_name_or_by_path(tmp_path: Path) -> None:
     tmp_path.joinpath("mine.json").write_text(json.dumps(TRANSIENT))
     assert find_program("mine.json", tmp_path).source == str(tmp_path / "mine.json")
-    with pytest.raises(OptionError, match=r"program='transent': there is no such.*Did you mean 'transient'"):
+    with pytest.raises(OptionError, match=r"program='transent': .*'transient'"):
         find_program("transent", tmp_path)
     with pytest.raises(OptionError, match="Cannot read program"):
         find_program("transient.json", tmp_path)

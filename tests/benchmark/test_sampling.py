@@ -67,5 +67,5 @@ def test_all_are_enough() -> None:
 
 @pytest.mark.parametrize("limit", [0, -3])
 def test_a_limit_below_one_is_refused(limit: int) -> None:
-    with pytest.raises(OptionError, match=f"limit={limit}, but must be at least 1"):
+    with pytest.raises(OptionError, match=f"limit={limit}, "):
         stratified(SMOKE, limit)

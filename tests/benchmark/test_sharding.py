@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_libero_max.benchmark.sharding import shard
+from pytest_libero_max.benchmark.sampling import shard
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import OptionError
 
@@ -27,5 +27,5 @@ def test_a_part_is_a_block_with_every_event_and_variant() -> None:
 
 @pytest.mark.parametrize("index", range(1, 6))
 def test_more_parts_than_cases_are_refused_whichever_is_asked_for(index: int) -> None:
-    with pytest.raises(OptionError, match="2 pairs cannot be 5 shards"):
+    with pytest.raises(OptionError, match="2 pairs cannot be 5"):
         shard(load_track("smoke").cases[:2], index, 5)

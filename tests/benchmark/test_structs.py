@@ -55,12 +55,3 @@ def test_the_fields_of_a_dataclass_are_those_of_a_struct_by_their_spelling() -> 
 
     found = checked({"value": "bowl_1"}, struct_of(Wait), "wait", ManifestError)
     assert (found.steps, found.value) == (0, "bowl_1")
-
-
-def test_a_type_that_would_end_the_process_is_refused() -> None:
-    @dataclass
-    class Sized:
-        size: Positive | tuple[int, int] | None = None
-
-    with pytest.raises(TypeError, match=r"Sized\.size: .* at which msgspec crashes"):
-        struct_of(Sized)

@@ -8,14 +8,16 @@ from pytest_libero_max.benchmark.manifests import load_manifest
 from pytest_libero_max.errors import ManifestError, OptionError
 
 
-def test_a_track_is_a_manifest_that_exists() -> None:
+def test_a_track_is_a_manifest_that_exists_and_keeps_its_bytes() -> None:
     assert "smoke" in tracks.track_names()
     for name in tracks.track_names():
-        assert tracks.load_track(name) == load_manifest(tracks.track_path(name))
+        path = tracks.track_path(name)
+        assert tracks.load_track(name).to_json().encode() == tracks.content_of(path)
+    assert tracks.load_track("smoke") == load_manifest(tracks.track_path("smoke"))
 
 
 def test_an_unknown_track_is_answered_with_the_closest() -> None:
-    with pytest.raises(OptionError, match=r"track='smok' is not a track\. Did you mean 'smoke'"):
+    with pytest.raises(OptionError, match=r"track='smok' .*'smoke'"):
         tracks.track_path("smok")
 
 
@@ -25,14 +27,8 @@ def test_a_track_that_was_edited_is_refused(tmp_path: Path) -> None:
     path = tracks.track_path("smoke", folder)
     edited = tracks.content_of(path).decode().replace('"init_state_index": 0', '"init_state_index": 1')
     tracks.write_frozen(path, edited)
-    with pytest.raises(ManifestError, match="the content is not the one that was frozen"):
+    with pytest.raises(ManifestError, match="that was frozen"):
         tracks.load_track("smoke", folder)
-
-
-def test_a_track_keeps_its_bytes_when_it_is_read_and_written() -> None:
-    for name in tracks.track_names():
-        path = tracks.track_path(name)
-        assert tracks.load_track(name).to_json().encode() == tracks.content_of(path)
 
 
 def test_files_are_written_with_the_same_bytes_every_time(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ def test_runs_are_compared(
 ) -> None:
     arguments = ["compare", stored("a", seed=1), stored("b", seed=2), "--json", str(tmp_path / "c.json")]
     assert main(arguments) == 0
-    assert "a and b on 64 common cases" in capsys.readouterr().out
+    assert "a and b on 64 common" in capsys.readouterr().out
     assert (tmp_path / "c.json").exists()
     assert main([*arguments, "--output", str(tmp_path / "pages")]) == 0
     assert (tmp_path / "pages" / "comparison.html").exists()

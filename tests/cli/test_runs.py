@@ -41,6 +41,6 @@ def test_a_run_that_cannot_be_read_is_named_and_the_others_are_listed(
 
 def test_a_folder_without_runs_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["runs", str(tmp_path)]) == 0
-    assert "There is no run below" in capsys.readouterr().out
+    assert "no run below" in capsys.readouterr().out
     assert main(["runs", str(tmp_path / "nowhere")]) == 1
-    assert "must be a folder that exists" in capsys.readouterr().err
+    assert "a folder that exists" in capsys.readouterr().err

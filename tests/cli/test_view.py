@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.warm_processes import WarmProcess
+
 PUBLISHED = Path(__file__).parents[2] / "reports" / "smoke" / "stale_expert" / "pairs.jsonl.gz"
 
 
@@ -23,7 +25,7 @@ def address(tmp_path: Path) -> Iterator[str]:
     shutil.copy(PUBLISHED, tmp_path)
     tmp_path.joinpath("film.mp4").write_bytes(bytes(range(100)))
     command = [sys.executable, "-m", "pytest_libero_max.cli", "view", str(tmp_path), "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with WarmProcess(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         found = re.match(r"(http://127\.0\.0\.1:\d+)/report\.html ", process.stdout.readline())
         assert found is not None

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, cast
 
 import mujoco
 import numpy as np
+from msgspec import structs
 
 from pytest_libero_max.conformance.environment.declared import DeclaredEnvironment
-from pytest_libero_max.conformance.environment.recording import record
-from pytest_libero_max.conformance.environment.reference import TaskReference
+from pytest_libero_max.conformance.environment.reference import TaskReference, record
 from pytest_libero_max.policies.transforms.states import axis_angle, axis_angle_antipodal
 from pytest_libero_max.substrates.tiny.world import INITS, TinyWorld
 from pytest_libero_max.worlds.contract import Array, Image
@@ -23,6 +23,8 @@ from pytest_libero_max.worlds.rotations import about, multiply
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _TURN_RAD = 0.1
 """Turn of the hand under an action of 1."""
+BUDGET = 80
+"""Steps of an episode: little more than the task takes."""
 
 
 class TurningWorld(TinyWorld):
@@ -59,7 +61,7 @@ def _solving(world: TinyWorld, init: int) -> list[list[float]]:
     places += [(plate + np.array([0.0, 0.0, 0.03]), 1), (plate + np.array([0.0, 0.0, 0.03]), -1)]
     actions: list[list[float]] = []
     for place, fingers in places:
-        for _ in range(16):
+        for _ in range(10):
             move = np.clip((place - world.end_effector()) / 0.05, -1.0, 1.0)
             actions.append([*move.tolist(), 0.2, 0.0, 0.0, float(fingers)])
             world.step(actions[-1])
@@ -72,7 +74,8 @@ def reference() -> TaskReference:
     world = TurningWorld()
     actions = _solving(world, 1)
     try:
-        return record(world, actions, task="libero_spatial/0", init=1, versions={"substrate": "tiny"})
+        recorded = record(world, actions, task="libero_spatial/0", init=1, versions={"substrate": "tiny"})
+        return structs.replace(recorded, budget=BUDGET)
     finally:
         world.close()
 
@@ -152,7 +155,7 @@ class Gym(LiberoShaped):
     """A sound Gymnasium environment that settles by itself, with nested observations and a state vector."""
 
     settle_steps = 10
-    max_episode_steps = 220
+    max_episode_steps = BUDGET
     set_init_state = None  # type: ignore[assignment]
     task_description = "put the box on the plate"
 
@@ -212,12 +215,56 @@ class WithoutWrist(LiberoShaped):
         return {key: value for key, value in super().observation().items() if "eye_in_hand_image" not in key}
 
 
-class FloatImages(LiberoShaped):
-    def observation(self) -> dict[str, Any]:
-        return {
-            key: value / 255.0 if key.endswith("_image") else value
-            for key, value in super().observation().items()
-        }
+def delivering(name: str, change: Callable[[Any], Any]) -> type[LiberoShaped]:
+    """Return an environment whose images are changed."""
+
+    def observation(self: LiberoShaped) -> dict[str, Any]:
+        flat = LiberoShaped.observation(self)
+        return {key: change(value) if key.endswith("_image") else value for key, value in flat.items()}
+
+    return type(name, (LiberoShaped,), {"observation": observation})
+
+
+FloatImages = delivering("FloatImages", lambda image: image / 255.0)
+Upright = delivering("Upright", lambda image: image[::-1])
+Mirrored = delivering("Mirrored", lambda image: image[:, ::-1])
+Rotated = delivering("Rotated", lambda image: image[::-1, ::-1])
+Bgr = delivering("Bgr", lambda image: image[..., ::-1])
+Dark = delivering("Dark", lambda image: image // 2)
+
+
+def scaling(name: str, *factors: float) -> type[LiberoShaped]:
+    """Return an environment that plays actions times (7,) factors."""
+    return type(name, (LiberoShaped,), {"action": lambda self, action: action * np.array(factors)})
+
+
+Half = scaling("Half", 0.5, 0.5, 0.5, 1, 1, 1, 1)
+OtherGains = scaling("OtherGains", 1.1, 1.1, 1.1, 1, 1, 1, 1)
+TurningBack = scaling("TurningBack", 1, 1, 1, 1, 1, -1, 1)
+ClosingAtMinusOne = scaling("ClosingAtMinusOne", 1, 1, 1, 1, 1, 1, -1)
+
+
+def giving(name: str, key: str, change: Callable[[Any], Any]) -> type[LiberoShaped]:
+    """Return an environment one value of whose observations is changed."""
+
+    def observation(self: LiberoShaped) -> dict[str, Any]:
+        flat = LiberoShaped.observation(self)
+        return flat | {key: change(flat[key])}
+
+    return type(name, (LiberoShaped,), {"observation": observation})
+
+
+WFirst = giving("WFirst", "robot0_eef_quat", lambda quaternion: np.roll(quaternion, 1))
+Width = giving("Width", "robot0_gripper_qpos", np.abs)  # the opening in place of the joints
+
+Swapped = type("Swapped", (LiberoShaped,), {"action": lambda self, action: action[[1, 0, 2, 3, 4, 5, 6]]})
+Antipodal = type("Antipodal", (Gym,), {"rotation": lambda self, quaternion: axis_angle_antipodal(quaternion)})
+Settling = type("Settling", (Gym,), {"settle_steps": 5})
+"""Plays five settle steps of the ten that it declares."""
+LongEpisodes = type("LongEpisodes", (Gym,), {"max_episode_steps": BUDGET + 60})
+FromTheFileName = type(
+    "FromTheFileName", (Gym,), {"task_description": "put the box on the plate view 0 0 100"}
+)
 
 
 class ThreeValues(LiberoShaped):
@@ -243,12 +290,6 @@ class ClosedOnce(LiberoShaped):
     def close(self) -> None:
         super().close()
         del self.world
-
-
-class Settling(Gym):
-    """Plays five settle steps of the ten that it declares."""
-
-    settle_steps = 5
 
 
 class OffByOne(LiberoShaped):
@@ -297,42 +338,6 @@ class Unseeded(LiberoShaped):
         return observation
 
 
-class Turned(LiberoShaped):
-    """Delivers its images in another orientation."""
-
-    rows, columns, channels = slice(None), slice(None), slice(None)
-
-    def observation(self) -> dict[str, Any]:
-        return {
-            key: value[self.rows, self.columns, self.channels] if key.endswith("_image") else value
-            for key, value in super().observation().items()
-        }
-
-
-class Upright(Turned):
-    rows = slice(None, None, -1)
-
-
-class Mirrored(Turned):
-    columns = slice(None, None, -1)
-
-
-class Rotated(Turned):
-    rows = columns = slice(None, None, -1)
-
-
-class Bgr(Turned):
-    channels = slice(None, None, -1)
-
-
-class Dark(LiberoShaped):
-    def observation(self) -> dict[str, Any]:
-        return {
-            key: value // 2 if key.endswith("_image") else value
-            for key, value in super().observation().items()
-        }
-
-
 class Stale(LiberoShaped):
     """Returns every image twice."""
 
@@ -376,7 +381,7 @@ class TwiceAsFast(LiberoShaped):
 
 
 class ShortEpisodes(LiberoShaped):
-    """Ends an episode after 200 steps."""
+    """Ends an episode before its budget, settle steps among them."""
 
     steps = 0
 
@@ -387,11 +392,7 @@ class ShortEpisodes(LiberoShaped):
     def step(self, action: Any) -> tuple[Any, ...]:
         self.steps += 1
         observation, reward, done, _ = super().step(action)
-        return observation, reward, done or self.steps >= 200, {"success": done}
-
-
-class LongEpisodes(Gym):
-    max_episode_steps = 280
+        return observation, reward, done or self.steps >= BUDGET + 6, {"success": done}
 
 
 class Absolute(Gym):
@@ -399,28 +400,6 @@ class Absolute(Gym):
 
     def action(self, action: Array) -> Array:
         return np.array([*(10.0 * (action[:3] - self.world.end_effector())), *action[3:]])
-
-
-class Swapped(LiberoShaped):
-    """Takes the second component for x."""
-
-    def action(self, action: Array) -> Array:
-        return action[[1, 0, 2, 3, 4, 5, 6]]
-
-
-class Half(LiberoShaped):
-    def action(self, action: Array) -> Array:
-        return action * [0.5, 0.5, 0.5, 1, 1, 1, 1]
-
-
-class TurningBack(LiberoShaped):
-    def action(self, action: Array) -> Array:
-        return action * [1, 1, 1, 1, 1, -1, 1]
-
-
-class ClosingAtMinusOne(LiberoShaped):
-    def action(self, action: Array) -> Array:
-        return action * [1, 1, 1, 1, 1, 1, -1]
 
 
 class UnboundedWorld(TurningWorld):
@@ -435,36 +414,6 @@ class UnboundedWorld(TurningWorld):
 class Unbounded(LiberoShaped):
     world_class = UnboundedWorld
     clockwork = False  # its clock would say that it plays several steps
-
-
-class WFirst(LiberoShaped):
-    def observation(self) -> dict[str, Any]:
-        flat = super().observation()
-        return flat | {"robot0_eef_quat": np.roll(flat["robot0_eef_quat"], 1)}
-
-
-class Width(LiberoShaped):
-    """Gives the opening of the gripper in place of its joints."""
-
-    def observation(self) -> dict[str, Any]:
-        flat = super().observation()
-        return flat | {"robot0_gripper_qpos": np.abs(flat["robot0_gripper_qpos"])}
-
-
-class Antipodal(Gym):
-    def rotation(self, quaternion: Array) -> Array:
-        return axis_angle_antipodal(quaternion)
-
-
-class FromTheFileName(Gym):
-    task_description = "put the box on the plate view 0 0 100"
-
-
-class OtherGains(LiberoShaped):
-    """Moves ten percent further."""
-
-    def action(self, action: Array) -> Array:
-        return action * [1.1, 1.1, 1.1, 1, 1, 1, 1]
 
 
 class NeverDone(LiberoShaped):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -294,26 +294,20 @@ class LeftOver(Loop):
                 return info["is_success"]
 
 
-class SkipsFirst(Loop):
-    def chosen(self, actions: Any, query_interval: int) -> Any:
-        return actions[1 : query_interval + 1]
+def choosing(name: str, chosen: Callable[[Any, int], Any]) -> type[Loop]:
+    """Return a loop that executes something else of Q actions."""
+    return type(name, (Loop,), {"chosen": lambda self, actions, interval: chosen(actions, interval)})
 
 
-class Scaled(Loop):
-    def chosen(self, actions: Any, query_interval: int) -> Any:
-        return [[*action[:3], 0.5 * action[3], *action[4:]] for action in actions[:query_interval]]
-
-
-class WholeChunk(Loop):
-    def chosen(self, actions: Any, query_interval: int) -> Any:
-        return actions
-
-
-class Normalised(Loop):
-    """Scales an action that is too large as a whole."""
-
-    def chosen(self, actions: Any, query_interval: int) -> Any:
-        return [action / max(1.0, 1.2 * np.abs(action[:6]).max()) for action in actions[:query_interval]]
+SkipsFirst = choosing("SkipsFirst", lambda actions, interval: actions[1 : interval + 1])
+WholeChunk = choosing("WholeChunk", lambda actions, interval: actions)
+Scaled = choosing(
+    "Scaled", lambda actions, interval: [[*row[:3], 0.5 * row[3], *row[4:]] for row in actions[:interval]]
+)
+Normalised = choosing(  # an action that is too large is scaled as a whole
+    "Normalised",
+    lambda actions, interval: [row / max(1, 1.2 * abs(row[:6]).max()) for row in actions[:interval]],
+)
 
 
 class NoPolicyReset(Loop):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import zlib
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -60,40 +61,49 @@ class Sound:
         return self.chunk(observation, query)[: self.spec.horizon]
 
 
-class Flipped(Sound):
-    def image(self, image: Any) -> Any:
-        return image[::-1]
+def picturing(name: str, image: Callable[[Any], Any]) -> type[Sound]:
+    """Return a policy that makes its images from the world's in another way."""
+    return type(name, (Sound,), {"image": lambda self, delivered: image(delivered)})
 
 
-class Mirrored(Sound):
-    def image(self, image: Any) -> Any:
-        return image[:, ::-1]
+Flipped = picturing("Flipped", lambda image: image[::-1])
+Mirrored = picturing("Mirrored", lambda image: image[:, ::-1])
+AsDelivered = picturing("AsDelivered", lambda image: image)
+Transposed = picturing("Transposed", lambda image: image.transpose(1, 0, 2))
+FlippedPart = picturing("FlippedPart", lambda image: image[:22][::-1])  # the wall is cut off
+Bgr = picturing("Bgr", lambda image: rotate_180(image)[:, :, ::-1])
 
 
-class AsDelivered(Sound):
-    def image(self, image: Any) -> Any:
-        return image
+def turning(name: str, rotation: Callable[[Any], Any]) -> type[Sound]:
+    """Return a policy that reads the hand's quaternion in another way."""
+    return type(name, (Sound,), {"rotation": lambda self, quaternion: rotation(quaternion)})
 
 
-class Bgr(Sound):
-    def image(self, image: Any) -> Any:
-        return rotate_180(image)[:, :, ::-1]
+Antipodal = turning("Antipodal", axis_angle_antipodal)
+WFirst = turning("WFirst", lambda quaternion: axis_angle(np.roll(quaternion, -1)))
+
+
+def scaled(name: str, movement: float, rotation: float, gripper: float = 1.0) -> type[Sound]:
+    """Return a policy whose actions are multiplied by factors."""
+    factors = [movement] * 3 + [rotation] * 3 + [gripper]
+    return type(
+        name, (Sound,), {"chunk": lambda self, shown, query: Sound.chunk(self, shown, query) * factors}
+    )
+
+
+Unnormalised = scaled("Unnormalised", 40.0, 40.0)
+Small = scaled("Small", 0.05, 0.05)  # in metres; the gripper is right, and is the largest component
+SmallRotation = scaled("SmallRotation", 1.0, 0.01)
+Degrees = scaled("Degrees", 1.0, 57.3)
+Clipped = scaled("Clipped", 3.0, 3.0)
+WideGripper = scaled("WideGripper", 1.0, 1.0, 255.0)
+ClosingFirst = scaled("ClosingFirst", 1.0, 1.0, -1.0)
 
 
 class Exchanged(Sound):
     def model_inputs(self, observation: Observation, query: Query) -> dict[str, Any]:
         told = super().model_inputs(observation, query)
         return {**told, "image": told["wrist_image"], "wrist_image": told["image"]}
-
-
-class Antipodal(Sound):
-    def rotation(self, quaternion: Any) -> Any:
-        return axis_angle_antipodal(quaternion)
-
-
-class WFirst(Sound):
-    def rotation(self, quaternion: Any) -> Any:
-        return axis_angle(np.roll(quaternion, -1))
 
 
 class Writing(Sound):
@@ -180,61 +190,12 @@ class Suffix(Sound):
         return self.chunk(observation, query)[-self.spec.horizon :]
 
 
-class Unnormalised(Sound):
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([40.0] * 6 + [1.0])
-
-
-class Small(Sound):
-    """Movements in metres; the gripper is right, and is the largest component."""
-
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([0.05] * 6 + [1.0])
-
-
-class SmallRotation(Sound):
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([1.0] * 3 + [0.01] * 3 + [1.0])
-
-
-class Degrees(Sound):
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([1.0] * 3 + [57.3] * 3 + [1.0])
-
-
-class Clipped(Sound):
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([3.0] * 6 + [1.0])
-
-
-class WideGripper(Sound):
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([1.0] * 6 + [255.0])
-
-
-class Transposed(Sound):
-    def image(self, image: Any) -> Any:
-        return image.transpose(1, 0, 2)
-
-
-class FlippedPart(Sound):
-    """Cuts the wall off, and flips what is left."""
-
-    def image(self, image: Any) -> Any:
-        return image[:22][::-1]
-
-
 class Blind(Sound):
     """Tells the images, and answers from the state alone."""
 
     def chunk(self, observation: Observation, query: Query) -> Any:
         dark = {key: np.zeros_like(value) for key, value in observation.items() if key.endswith("_image")}
         return super().chunk({**observation, **dark}, query)
-
-
-class ClosingFirst(Sound):
-    def chunk(self, observation: Observation, query: Query) -> Any:
-        return super().chunk(observation, query) * ([1.0] * 6 + [-1.0])
 
 
 class Flag(Sound):
@@ -303,14 +264,8 @@ class InCompany(Sound):
         return 1e-7 * len(items)
 
 
-class Undisturbed(InCompany):
-    def rounding(self, items: Any, place: int) -> float:
-        return 0.0
-
-
-class Disturbed(InCompany):
-    def rounding(self, items: Any, place: int) -> float:
-        return 1e-7 * place
+Undisturbed = type("Undisturbed", (InCompany,), {"rounding": lambda *_: 0.0})
+Disturbed = type("Disturbed", (InCompany,), {"rounding": lambda self, items, place: 1e-7 * place})
 
 
 class Reversed(InCompany):

@@ -166,7 +166,7 @@ def test_a_part_of_an_image_a_stack_of_frames_and_columns_of_a_rotation_are_reco
     outcomes = examine(gallery.Parts(), shown)
     assert not broken(outcomes)
     texts = {finding.part: finding.observed for finding in outcomes["images/rotated"].findings}
-    assert texts["input 'image'"] == "agentview, rotated by 180 degrees, a part of it"
+    assert re.fullmatch("agentview, .*180 .*part.*", texts["input 'image'"])
     assert "input 'wrist_image[1]'" in texts
     assert "two columns" in outcomes["state/form"].findings[0].observed
 
@@ -200,7 +200,7 @@ def test_the_page_for_coding_assistants_explains_what_is_said_of_each_broken_ada
         assert any(phrase in line for texts in said.values() for line in texts), phrase
     harmless = [name for name, texts in said.items() if not any(text.startswith("wrong") for text in texts)]
     assert f"Of the {len(said)} broken adapters" in AGENTS.read_text()
-    assert f"{len(harmless)} get a `note` and without `--strict` status 0" in AGENTS.read_text()
+    assert f"{len(harmless)} get a `note`" in AGENTS.read_text()
 
 
 def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown) -> None:
@@ -213,7 +213,7 @@ def test_a_policy_without_seeds_is_not_blamed_for_what_it_declares(shown: Shown)
     seeded = Sound()
     seeded.spec = replace(SPEC, repeatable=False)
     (finding,) = examine(seeded, shown)["determinism/declared"].broken
-    assert "the answer repeated itself" in finding.observed
+    assert "repeated itself" in finding.observed
 
 
 def test_a_server_that_refuses_another_h_is_a_finding_and_no_warning(
@@ -251,7 +251,7 @@ def test_a_privileged_policy_is_shown_the_world_in_the_state_of_its_query() -> N
     outcomes = examine(policy, observe(policy, world))
     world.close()
     assert not broken(outcomes)
-    assert outcomes["inputs/any"].findings[0].observed == "the policy reads the simulator (privileged)"
+    assert "(privileged)" in outcomes["inputs/any"].findings[0].observed
 
 
 @pytest.mark.parametrize(("grip", "state"), [(1.0, "kept"), (-1.0, "broken")])
@@ -285,8 +285,7 @@ def test_answers_of_a_fresh_process_are_compared(
     subject = PolicySubject(Sound(), shown, {"reference": "adapter.py"})
     here = [answer.tolist() for answer in subject.first.answers]
     monkeypatch.setattr(determinism, "_answers_elsewhere", lambda subject: answers(here))
-    (finding,) = determinism.fresh_process.check(subject)
-    assert finding.state == state
+    assert Examination(lambda: subject, RULES).outcome("policy/determinism/process").state == state
 
 
 def test_images_are_found_in_every_usual_form() -> None:

@@ -95,14 +95,34 @@ class Server:
                 thread.join(5)
 
 
+def answering(name: str, change: Callable[[Any], Any]) -> type[Server]:
+    """Return a server whose actions are changed."""
+    return type(
+        name,
+        (Server,),
+        {"answer": lambda self, request: {"actions": change(Server.answer(self, request)["actions"])}},
+    )
+
+
+NotFinite = answering("NotFinite", lambda actions: actions * np.nan)
+Longer = answering("Longer", lambda actions: np.repeat(actions, 2, axis=0)[:12])
+Coarse = answering("Coarse", lambda actions: actions.astype(np.float16))
+
+
+def declaring(name: str, **parts: Mapping[str, Any]) -> type[Server]:
+    """Return a server that says in its greeting what its actions are."""
+    return type(name, (Server,), {"greeting": MappingProxyType({"action_spec": parts})})
+
+
+Wider = declaring("Wider", arm={"dims": 6}, hand={"dims": 2})  # eight components, one of them LIBERO's none
+Beyond = declaring("Beyond", arm={"dims": 6, "range": [-0.1, 0.1]}, g={"dims": 1})
+
+Limited = type("Limited", (Server,), {"most_bytes": 2**20})  # as websockets does by default
+
+
 class Failing(Server):
     def answer(self, request: Any) -> Any:
         raise RuntimeError("out of memory")
-
-
-class NotFinite(Server):
-    def answer(self, request: Any) -> Any:
-        return {"actions": np.full((10, 7), np.nan)}
 
 
 class Interrupted(Server):
@@ -114,11 +134,6 @@ class Interrupted(Server):
             for _ in range(2):
                 connection.send(self.reply(connection.recv(decode=False)) or "")
             connection.recv()
-
-
-class Longer(Server):
-    def answer(self, request: Any) -> Any:
-        return {"actions": np.repeat(super().answer(request)["actions"], 2, axis=0)[:12]}
 
 
 class OneAtATime(Server):
@@ -229,23 +244,6 @@ class Changing(Server):
         connection.send(pack({"model": "m", "session": self.connections}, OPENPI))
 
 
-class Wider(Server):
-    """Declares eight components, one of them LIBERO's none."""
-
-    greeting = MappingProxyType({"action_spec": {"arm": {"dims": 6}, "hand": {"dims": 2}}})
-
-
-class Beyond(Server):
-    """Declares movements up to 0.1."""
-
-    greeting = MappingProxyType({"action_spec": {"arm": {"dims": 6, "range": [-0.1, 0.1]}, "g": {"dims": 1}}})
-
-
-class Coarse(Server):
-    def answer(self, request: Any) -> Any:
-        return {"actions": super().answer(request)["actions"].astype(np.float16)}
-
-
 class Foreign(Server):
     """Writes arrays with keys that are texts, as vla-eval does and openpi's clients do not read."""
 
@@ -265,12 +263,6 @@ class Drawing(Server):
         actions = super().answer(request)["actions"]
         actions[:, :6] += self.generator.normal(0, 0.01, 6)
         return {"actions": actions}
-
-
-class Limited(Server):
-    """Takes messages of a mebibyte, as websockets does by default."""
-
-    most_bytes = 2**20
 
 
 class OneSize(Server):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -53,18 +53,23 @@ class TwiceAsFast(TinyWorld):
         super().step(action)
 
 
-class Mirrored(TinyWorld):
-    def step(self, action: Sequence[float] | Array) -> None:
-        super().step(np.asarray(action, dtype=float) * [1, -1, 1, 1, 1, 1, 1] if len(action) == 7 else action)
+def scaling(name: str, *factors: float) -> type[TinyWorld]:
+    """Return a world that plays actions times (7,) factors."""
+
+    def step(self: TinyWorld, action: Sequence[float] | Array) -> None:
+        TinyWorld.step(self, np.asarray(action, dtype=float) * factors if len(action) == 7 else action)
+
+    return type(name, (TinyWorld,), {"step": step})
 
 
-class ClosingAtMinusOne(TinyWorld):
-    def step(self, action: Sequence[float] | Array) -> None:
-        super().step(np.asarray(action, dtype=float) * [1, 1, 1, 1, 1, 1, -1] if len(action) == 7 else action)
+Mirrored = scaling("Mirrored", 1, -1, 1, 1, 1, 1, 1)
+ClosingAtMinusOne = scaling("ClosingAtMinusOne", 1, 1, 1, 1, 1, 1, -1)
 
 
-class OpeningAtPlusOne(ClosingAtMinusOne):
+class OpeningAtPlusOne(TinyWorld):
     """Its robot says so: no mistake."""
+
+    step = ClosingAtMinusOne.step
 
     @property
     def robot(self) -> Robot:
@@ -141,25 +146,20 @@ class Done(TinyWorld):
         return True
 
 
-class Renamed(TinyWorld):
-    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
-        return {
-            key.replace("robot0_eef", "eef"): value for key, value in super().observe(cameras, size).items()
-        }
+def observing(name: str, change: Callable[[str, Any], tuple[str, Any]]) -> type[TinyWorld]:
+    """Return a world whose observations are changed, key by key."""
+
+    def observe(
+        self: TinyWorld, cameras: Sequence[str] | None = None, size: ImageSize = 256
+    ) -> dict[str, NDArray[Any]]:
+        return dict(change(key, value) for key, value in TinyWorld.observe(self, cameras, size).items())
+
+    return type(name, (TinyWorld,), {"observe": observe})
 
 
-class Upright(TinyWorld):
-    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
-        observation = super().observe(cameras, size)
-        return {key: value[::-1] if key.endswith("_image") else value for key, value in observation.items()}
-
-
-class Rotated(TinyWorld):
-    def observe(self, cameras: Sequence[str] | None = None, size: ImageSize = 256) -> dict[str, NDArray[Any]]:
-        observation = super().observe(cameras, size)
-        return {
-            key: value[::-1, ::-1] if key.endswith("_image") else value for key, value in observation.items()
-        }
+Renamed = observing("Renamed", lambda key, value: (key.replace("robot0_eef", "eef"), value))
+Upright = observing("Upright", lambda key, value: (key, value[::-1] if key[-6:] == "_image" else value))
+Rotated = observing("Rotated", lambda key, value: (key, value[::-1, ::-1] if key[-6:] == "_image" else value))
 
 
 class Flickering(TinyWorld):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from pytest_libero_max.worlds.contract import Image
 from pytest_libero_max.worlds.robot import CAMERAS
 from tests.pairing.actors import Approaching
 
-from .short_run import BUDGET, SIZE, Played, play, store
+from .short_run import BUDGET, SIZE, Played, leave_out_shadows, play, shorten_episodes, store
 
 ADAPTER = {"reference": "adapter.py", "code": None}
 MODULE = """
@@ -42,10 +43,20 @@ policy = Dark
 """
 
 
+@pytest.fixture(scope="module")
+def seen_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Played, Approaching, Path]:
+    folder, policy = tmp_path_factory.mktemp("seen"), Approaching(horizon=5, interval=3, cameras=CAMERAS)
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out_shadows(patch)
+        shorten_episodes(patch)
+        return play(folder, policy=policy, event="sensor_noise_onset"), policy, folder / "tiny.json"
+
+
 @pytest.fixture
-def seeing(short: None, tmp_path: Path) -> tuple[Played, Approaching]:
-    policy = Approaching(horizon=5, interval=3, cameras=CAMERAS)
-    return play(tmp_path, policy=policy, event="sensor_noise_onset"), policy
+def seeing(seen_once: tuple[Played, Approaching, Path], tmp_path: Path) -> tuple[Played, Approaching]:
+    played, policy, manifest = seen_once
+    shutil.copy(manifest, tmp_path)
+    return played, policy
 
 
 def _ticks(played: Played, ran: dict[str, Any], every: int = 1, **options: str) -> list[Tick]:
@@ -90,22 +101,22 @@ def test_a_profile_tells_what_the_server_is_sent(seeing: tuple[Played, Approachi
     assert list(tick.views["base"].images) == ["image 224x224", "wrist 224x224"]
     small = fitted(np.kron(policy.views[0][::-1, ::-1], np.ones((7, 7, 1), dtype=np.uint8)), SIZE)
     assert np.abs(_image(tick, "base").astype(int) - small).mean() < 12  # resized by the profile's own rule
-    assert shown_by(ran).words == "the images as profile pi05_libero sends them"
+    assert "profile pi05_libero sends" in shown_by(ran).words
     assert shown_by(ran, profile="pi05_libero").words == shown_by(ran).words
-    assert "the profile is not known" in shown_by({**ran, "code": "0" * 64}).words
+    assert "--profile" in shown_by({**ran, "code": "0" * 64}).words
     served = {**ran, "code": load_profile("served").digest}
-    assert "sent to the server unchanged" in shown_by(served).words
-    with pytest.raises(AdapterError, match="is not what the run was played with"):
+    assert "unchanged" in shown_by(served).words
+    with pytest.raises(AdapterError, match="not what the run"):
         shown_by(ran, profile="served")
     own = tmp_path / "own.toml"
     own.write_text('extends = "pi05_libero"\n[policy]\nname = "mine"\n')
     mine = {**ran, "code": load_profile(str(own)).digest, "profile": str(own)}
-    assert "the profile is not known" in shown_by(mine).words  # a file that results name is not opened
-    assert shown_by(mine, profile=str(own)).words == "the images as profile own sends them"
+    assert "--profile" in shown_by(mine).words  # a file that results name is not opened
+    assert "profile own sends" in shown_by(mine, profile=str(own)).words
     own.write_text('extends = "pi05_libero"\n[policy]\nname = "other"\n')
-    with pytest.raises(AdapterError, match="is not what the run was played with"):
+    with pytest.raises(AdapterError, match="not what the run"):
         shown_by(mine, profile=str(own))
-    with pytest.raises(AdapterError, match="is no server's address"):
+    with pytest.raises(AdapterError, match="no server"):
         shown_by(ADAPTER, profile="served")
 
 
@@ -118,7 +129,7 @@ def test_an_adapter_tells_what_its_model_is_handed(
     ran = {"reference": "dark.py", "code": adapter_digest(str(adapter))}
     ticks = _ticks(played, ran, adapter=str(adapter))
     assert np.array_equal(_image(ticks[0], "base"), policy.views[0][::-1, ::-1] // 2)
-    with pytest.raises(AdapterError, match="is not what the run was played with"):
+    with pytest.raises(AdapterError, match="not what the run"):
         shown_by({**ran, "code": "0" * 64}, adapter=str(adapter))
     adapter.write_text(MODULE.replace("def model_inputs", "def inputs"))
     with pytest.raises(AdapterError, match="has no model_inputs"):
@@ -135,7 +146,7 @@ def test_an_image_keeps_its_proportions_in_its_picture() -> None:
 
 
 def test_a_policy_that_asks_for_no_images_saw_nothing(played: Played) -> None:
-    with pytest.raises(ReportError, match="asked for no images"):
+    with pytest.raises(ReportError, match="no images"):
         _ticks(played, ADAPTER)
 
 
@@ -154,16 +165,16 @@ def test_what_was_seen_is_filmed_beside_the_film_of_the_pair(
         f"{item}--base-dynamic.webp",
     ]
     assert main([*film, "--adapter=expert"]) == 1
-    assert "give --view=policy as well" in capsys.readouterr().err
+    assert "--view=policy" in capsys.readouterr().err
 
 
 def test_an_instruction_that_has_changed_is_said(
     seeing: tuple[Played, Approaching], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     played, _ = seeing
-    other = replace(played, case=replace(played.case, instruction="put the plate away"))
+    other = replace(played, case=replace(played.case, instruction="put it away"))
     monkeypatch.setattr(type(other.case), "digest", played.record.case_digest)
-    assert _ticks(other, ADAPTER)[0].views["base"].words == ("query 0 at step 0", "put the plate away")
+    assert _ticks(other, ADAPTER)[0].views["base"].words == ("query 0 at step 0", "put it away")
 
 
 def test_wide_images_are_shown_as_the_policy_got_them(short: None, tmp_path: Path) -> None:
@@ -183,7 +194,7 @@ def test_a_policy_that_was_shown_every_step_is_followed_step_by_step(
 ) -> None:
     played, _ = seeing
     ran = {"reference": "openpi://gpu:8000", "code": load_profile("mimic_video").digest}
-    assert shown_by(ran).words == "the images of every step as profile mimic_video sends them"
+    assert "every step as profile mimic_video" in shown_by(ran).words
     ticks = _ticks(played, ran)
     assert [tick.views["base"].words[0] for tick in ticks[:5]] == [
         "query 0 at step 0",

@@ -102,7 +102,7 @@ def test_the_cases_of_a_run_can_be_named_where_they_are_now(
     assert "with --cases" in capsys.readouterr().err
     assert _film(run, "--select=all", "--cases", moved) == 0
     assert _film(run, "--select=all", "--cases", "smoke", "--overwrite") == 1
-    assert "is not among the cases" in capsys.readouterr().out
+    assert "not among" in capsys.readouterr().out
 
 
 def test_the_substrate_is_opened_as_the_run_opened_it(
@@ -160,9 +160,9 @@ def test_view_films_the_changed_pairs_that_have_traces_and_shows_them(
     run: Path, played: Played, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     item = played.record.item_id
-    ran = {"case_set": {"path": "tiny.json"}}
-    assert show_command(run, "out", [item], ran) == "libero-max view out --cases=tiny.json"
-    assert show_command(run, "out", [item], {"case_set": {}}) == "libero-max view out"
+    ran, show = {"case_set": {"path": "tiny.json"}}, "libero-max view out"
+    assert show_command(run, "out", [item], ran) == " ".join([show, "--cases=tiny.json"])
+    assert show_command(run, "out", [item], {"case_set": {}}) == show
     assert show_command(run, "out", ["another pair"], ran) is None
     monkeypatch.setattr(broken, "to_look_at", lambda report, most: [item])
     view._make_films(run, str(tmp_path / "tiny.json"))
@@ -170,7 +170,7 @@ def test_view_films_the_changed_pairs_that_have_traces_and_shows_them(
     assert not view._page_shows_all(run)
     rewrite(run)
     assert view._page_shows_all(run)
-    assert show_command(run, "out", [item], ran) == "libero-max view out"
+    assert show_command(run, "out", [item], ran) == show
 
 
 def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -186,7 +186,7 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
         pair = structs.replace(record, arms=arms)
         assert tuple(which for which in FILM_SELECTIONS if is_selected(pair, which)) == names
     assert _film(run) == 0
-    assert "No pair of this run is selected" in capsys.readouterr().out
+    assert "No pair" in capsys.readouterr().out
     with pytest.raises(OptionError, match="Did you mean"):
         chosen(stored, [record.item_id[:-1] + "7"], "all")
     assert _film(run, "--select=regression") == 0  # as --libero-max-strict spelt it once
@@ -194,7 +194,7 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
         assert chosen(stored, [parts], "all") == [record]
     with pytest.raises(OptionError, match="nor a part"):
         chosen(stored, ["camera_shift"], "all")
-    with pytest.raises(OptionError, match="where it means nothing"):
+    with pytest.raises(OptionError, match="means nothing"):
         chosen(stored, ["geometry and"], "all")
 
 

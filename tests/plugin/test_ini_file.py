@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from pytest_libero_max.evaluation.settings import OPTIONS
-from pytest_libero_max.plugin.ini_values import native_value
+from pytest_libero_max.plugin.options import native_value
 from tests.plugin.conftest import REACHER, tiny_manifest
 
 Results = Callable[..., tuple[list[dict[str, Any]], dict[str, Any]]]

@@ -165,7 +165,7 @@ def test_runs_of_two_programs_are_never_one(play: Run, run: Run, capsys: pytest.
     longer = json.loads(json.dumps(TRANSIENT).replace('"steps": 4', '"steps": 6'))
     again = play(longer, "--libero-max-output=one", "--libero-max-resume")
     assert again.ret == pytest.ExitCode.USAGE_ERROR
-    assert "Resume with the same track, manifest, program and selection" in str(again.stdout)
+    assert "track, manifest, program" in str(again.stdout)
     play(longer, "--libero-max-output=two").assert_outcomes(passed=2)
     run("-m", "camera_shift", "--libero-max-output=plain").assert_outcomes(passed=2)
     for command in (["shards", "merge", "--output=merged"], ["compare"]):
@@ -254,7 +254,7 @@ def test_a_study_is_of_cases_without_a_program(pytester: pytest.Pytester, run: R
     pytester.path.joinpath("tiny.json").write_text(json.dumps(with_programs(RESET, later=False)))
     done = run("--libero-max-study=event-timing")
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    assert "camera_shift (1 case): they have programs" in done.stdout.str() + done.stderr.str()
+    assert "camera_shift (1 case): they have" in done.stdout.str() + done.stderr.str()
 
 
 def test_an_arm_of_a_program_has_a_latency_of_its_own(play: Run, results: Results) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from pytest_libero_max.cli import main
 from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.runs.fresh_place import fresh_place
 from pytest_libero_max.runs.run_verification import _differences, chosen
 from tests.plugin.conftest import REACHER, tiny_manifest
 from tests.report.made_up import plan, record_of
@@ -62,7 +63,7 @@ def test_a_published_run_is_played_again_by_those_who_check_it(
     assert main([*check, *given]) == 0
     out = capfd.readouterr().out
     assert "drawn by --seed=7" in out
-    assert "Played again: 1 of 1 pair alike" in out
+    assert "Played again: 1 of 1" in out
 
     pairs = Path("libero-max-results", "pairs.jsonl")
     head, *rest = map(json.loads, pairs.read_text().splitlines())
@@ -86,7 +87,7 @@ def test_recorded_actions_are_replayed_where_the_policy_is_not_at_hand(
     assert main([*check, "--record=verified.json"]) == 0
     out = capfd.readouterr().out
     assert "policy:" not in out
-    assert "Played again: 2 of 2 pairs alike from their recorded actions" in out
+    assert "Played again: 2 of 2" in out
     assert '"actions": true' in Path("verified.json").read_text()
     assert main([*check, "--policy=expert"]) == 1
     assert "--actions asks no policy" in capfd.readouterr().err
@@ -136,28 +137,27 @@ REMEMBERING = REMEMBERING.replace(
 """Keeps the same on the disk, where a new process finds it."""
 
 
-@pytest.mark.parametrize(
-    "place",
-    [
-        "Path.cwd()",
-        "Path.home() / 'mine'",
-        "Path(__import__('tempfile').gettempdir())",
-        "Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')",
-    ],
-)
 def test_a_policy_that_keeps_it_on_the_disk_is_found(
-    place: str, pytester: pytest.Pytester, run: Run, suites: None, monkeypatch: pytest.MonkeyPatch
+    pytester: pytest.Pytester, run: Run, suites: None
 ) -> None:
-    monkeypatch.setenv("HOME", str(pytester.path / "home"))
-    monkeypatch.setenv("TMPDIR", str(pytester.mkdir("temporary")))
-    pytester.makepyfile(
-        remembering=REMEMBERING.replace("PLACE", place).replace("import json", "import json, os")
-    )
+    pytester.makepyfile(remembering=REMEMBERING.replace("PLACE", "Path.cwd()"))
     result = run("--libero-max-verify=2", policy="remembering.py", subprocess=True)
     assert result.ret == 11
     result.stdout.fnmatch_lines(
         ["NOT REPEATED: 1 of 2 pairs *spatial*other proof*temporary and working folder*"]
     )
+
+
+def test_a_fresh_place_has_nothing_of_an_earlier_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HOME", "TMPDIR", "XDG_CACHE_HOME"):
+        monkeypatch.setenv(name, str(tmp_path))
+    with fresh_place() as (working, environment):
+        assert "XDG_CACHE_HOME" not in environment
+        folders = [working, Path(environment["HOME"]), Path(environment["TMPDIR"])]
+        assert len({*folders}) == 3
+        assert not any(list(folder.iterdir()) for folder in folders)
 
 
 def test_plugins_conftest_files_and_weights_are_found_in_the_new_folders(

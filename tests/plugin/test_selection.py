@@ -55,7 +55,8 @@ def test_a_part_of_the_cases_is_named_as_such_everywhere(
 def test_every_case_is_the_whole(run: Run, results: Results) -> None:
     run("-k", "libero")
     selection = results()[1]["selection"]
-    assert (selection["whole"], selection["text"]) == (True, "manifest tiny.json, all 16 cases")
+    assert selection["whole"]
+    assert "all 16 cases" in selection["text"]
 
 
 @pytest.mark.parametrize(
@@ -92,9 +93,9 @@ def test_what_another_plugin_leaves_out_is_a_selection_too(
 ) -> None:
     pytester.makeconftest("def pytest_collection_modifyitems(items):\n    del items[2:]\n")
     run()
-    assert results()[1]["selection"]["text"] == (
-        "2 of 16 cases of manifest tiny.json (selection: by another plugin or a conftest.py)"
-    )
+    selection = results()[1]["selection"]
+    assert (selection["chosen"], selection["of"]) == (2, 16)
+    assert "by another plugin" in selection["text"]
 
 
 def test_shards_are_joined_and_a_forgotten_one_is_named(
@@ -109,12 +110,12 @@ def test_shards_are_joined_and_a_forgotten_one_is_named(
     capsys.readouterr()
     main(["shards", "merge", parts[0], parts[2], "--output", str(pytester.path / "partial")])
     assert "INCOMPLETE: " in (said := capsys.readouterr().out)
-    assert "shard 2/3 not among the merged runs" in said
+    assert "shard 2/3 not among" in said
     assert not results("partial")[1]["pairs"]["complete"]
     main(["shards", "merge", *parts, "--output", str(pytester.path / "whole")])
     report = results("whole")[1]
     assert report["pairs"]["complete"]
-    assert report["selection"]["text"] == "8 of 16 cases of manifest tiny.json (selection: -k v0)"
+    assert report["selection"]["text"].endswith("tiny.json (selection: -k v0)")
 
 
 def test_a_manifest_like_a_released_one_is_told_from_it_in_header_and_reports(

@@ -42,7 +42,7 @@ def test_unsupported_pairs_are_skipped_with_the_reason(
     )
     skips = ET.parse(pytester.path / "junit.xml").getroot().findall(".//skipped")
     assert len(skips) == 2
-    assert "unsupported: policy 'reacher' declares the suites libero_goal" in str(skips[0].get("message"))
+    assert "declares the suites libero_goal" in str(skips[0].get("message"))
 
 
 @pytest.mark.parametrize("workers", [(), ("-n", "2")], ids=["plain", "two workers"])
@@ -55,7 +55,7 @@ def test_the_limit_chooses_among_the_suites_that_are_named(
     suites = "--libero-max-suites=libero_goal"
     result = partial("--libero-max-limit=2", suites, *workers, subprocess=True)
     result.assert_outcomes(passed=2)
-    assert "chose before the policy" not in result.stdout.str()
+    assert "chose before the" not in result.stdout.str()
     lines, report = results()
     assert {line["suite"] for line in lines} == {"libero_goal"}
     selection = report["selection"]

@@ -127,7 +127,7 @@ def test_the_digest_of_a_name_does_not_depend_on_the_working_directory(
 def test_what_leads_nowhere_or_cannot_be_read_is_an_error(
     write: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with pytest.raises(AdapterError, match="there is no file"):
+    with pytest.raises(AdapterError, match="no file"):
         adapter_digest("no_such.py")
 
     def refuse(path: Path) -> bytes:
@@ -135,7 +135,7 @@ def test_what_leads_nowhere_or_cannot_be_read_is_an_error(
 
     path = write("adapter.py", "")
     monkeypatch.setattr(Path, "read_bytes", refuse)
-    with pytest.raises(AdapterError, match=r"cannot be read .*Permission denied.* Check the file's perm"):
+    with pytest.raises(AdapterError, match=r"read .*Permission denied"):
         adapter_digest(str(path))
 
 

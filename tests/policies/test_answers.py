@@ -11,7 +11,7 @@ import pytest
 
 from pytest_libero_max.errors import ActionError, ServerError
 from pytest_libero_max.policies.check import check_actions
-from pytest_libero_max.policies.clients.reply import Reply
+from pytest_libero_max.policies.clients.messages import Reply
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import load_profile
 
@@ -117,5 +117,5 @@ def test_the_bytes_of_a_numpy_file_are_read_and_nothing_is_unpickled() -> None:
 
 
 def test_an_error_in_a_reply_is_that_of_the_server() -> None:
-    with pytest.raises(ServerError, match="reports an error: 'CUDA out of memory'"):
+    with pytest.raises(ServerError, match="'CUDA out of memory'"):
         Reply(load_profile("pi05_libero")).read({"error": "CUDA out of memory", "status": "error"}, 1, 4)

@@ -60,133 +60,67 @@ def test_a_sound_policy_passes() -> None:
     assert not remembers(Sound())
 
 
-# Each with one fault, and the message it must produce.
-BROKEN_POLICIES: list[tuple[str, Any, str]] = [
-    (
-        "no spec",
-        type("Bare", (), {})(),
-        "a.py:policy (Bare) has no attribute 'spec', but a policy declares itself with a PolicySpec. "
-        "Add `spec = PolicySpec(name=...)`.",
-    ),
-    (
-        "a dictionary for a spec",
-        broken(spec={"horizon": 4}),
-        "a.py:policy.spec={'horizon': 4}, but must be a PolicySpec. Write `spec = PolicySpec(name=...)`.",
-    ),
-    (
-        "no predict",
+# Each with one fault, and what the message must name.
+BROKEN_POLICIES: dict[str, tuple[Any, str]] = {
+    "no spec": (type("Bare", (), {})(), r"^a\.py:policy \(Bare\) .*'spec'.*PolicySpec"),
+    "a dictionary for a spec": (broken(spec={"horizon": 4}), r"^a\.py:policy\.spec=\{'horizon': 4\}"),
+    "no predict": (
         type("Idle", (), {"spec": SPEC, "reset": lambda self, episode: None})(),
-        "a.py:policy (Idle) has no method 'predict', but a policy has reset(episode) and "
-        "predict(observation, query). Add predict(observation, query).",
+        r"\(Idle\) .*'predict'.* Add predict\(observation, query\)",
     ),
-    (
-        "no reset",
+    "no reset": (
         type("Restless", (), {"spec": SPEC, "predict": lambda self, observation, query: None})(),
-        "a.py:policy (Restless) has no method 'reset', but a policy has reset(episode) and "
-        "predict(observation, query). Add reset(episode).",
+        r"\(Restless\) .*'reset'.* Add reset\(episode\)",
     ),
-    (
-        "predict is a table",
-        broken(predict=[0.0]),
-        "a.py:policy.predict=[0.0] is not callable, but must be the method predict(observation, query).",
-    ),
-    (
-        "reset without the episode",
-        broken(reset=lambda self: None),
-        "a.py:policy.reset() cannot be called as reset(episode): too many positional arguments. "
-        "Give it these arguments.",
-    ),
-    (
-        "predict without the query",
+    "predict is a table": (broken(predict=[0.0]), r"predict=\[0\.0\] .*predict\(observation, query\)"),
+    "reset without the episode": (broken(reset=lambda self: None), r"reset\(\) .* reset\(episode\)"),
+    "predict without the query": (
         broken(predict=lambda self, observation: None),
-        "a.py:policy.predict(observation) cannot be called as predict(observation, query): "
-        "too many positional arguments. Give it these arguments.",
+        r"predict\(observation\) .* predict\(observation, query\)",
     ),
-    (
-        "predict with one more",
+    "predict with one more": (
         broken(predict=lambda self, observation, query, text: None),
-        "a.py:policy.predict(observation, query, text) cannot be called as predict(observation, query): "
-        "missing a required argument: 'text'. Give it these arguments.",
+        r"predict\(observation, query, text\) .* 'text'",
     ),
-    (
-        "snapshot without restore",
-        broken(snapshot=lambda self: None),
-        "a.py:policy offers snapshot but not restore; a policy with memory has both, one without has "
-        "neither. Add restore.",
-    ),
-    (
-        "restore without snapshot",
-        broken(restore=lambda self, memory: None),
-        "a.py:policy offers restore but not snapshot; a policy with memory has both, one without has "
-        "neither. Add snapshot.",
-    ),
-    (
-        "restore without the memory",
+    "snapshot without restore": (broken(snapshot=lambda self: None), "Add restore"),
+    "restore without snapshot": (broken(restore=lambda self, memory: None), "Add snapshot"),
+    "restore without the memory": (
         broken(WithMemory, restore=lambda self: None),
-        "a.py:policy.restore() cannot be called as restore(memory): too many positional arguments. "
-        "Give it these arguments.",
+        r"restore\(\) .* restore\(memory\)",
     ),
-]
+}
 
 
-@pytest.mark.parametrize(
-    ("policy", "message"), [case[1:] for case in BROKEN_POLICIES], ids=[case[0] for case in BROKEN_POLICIES]
-)
-def test_a_broken_policy_is_told_what_is_wrong(policy: Any, message: str) -> None:
-    with pytest.raises(AdapterError) as caught:
+@pytest.mark.parametrize("name", BROKEN_POLICIES)
+def test_a_broken_policy_is_told_what_is_wrong(name: str) -> None:
+    policy, message = BROKEN_POLICIES[name]
+    with pytest.raises(AdapterError, match=message):
         check_policy(policy, "a.py:policy")
-    assert str(caught.value) == message
 
 
-BROKEN_ACTIONS: list[tuple[str, Any, str]] = [
-    (
-        "nothing",
-        None,
-        "returned NoneType of dtype object, but predict must return an (n, 7) array",
-    ),
-    ("text", "left", "returned a str of length 4, but predict must return an (n, 7) array"),
-    ("booleans", np.ones((2, 7), bool), "returned ndarray of dtype bool, but predict must return"),
-    ("complex numbers", np.ones((2, 7), complex), "returned ndarray of dtype complex128, but predict must"),
-    ("ragged rows", [[0.0] * 7, [0.0] * 6], "returned a list that is no array (setting an array element"),
-    (
-        "eight components",
-        np.zeros((2, 8)),
-        "returned actions of shape (2, 8), but predict must return an",
-    ),
-    (
-        "a batch",
-        np.zeros((2, 2, 7)),
-        "returned actions of shape (2, 2, 7), but predict must return an",
-    ),
-    ("one number", 0.5, "returned actions of shape (), but predict must return an (n, 7) array"),
-    (
-        "no action",
-        np.zeros((0, 7)),
-        "returned 0 actions, but query_interval=2 are executed before the next",
-    ),
-    ("a single action where Q = 2", np.zeros(7), "returned 1 action, but query_interval=2 are executed"),
-    ("more than H", np.zeros((5, 7)), "returned 5 actions > horizon=4, but a query returns at most H."),
-    (
-        "not a number",
-        [[0.0] * 7, [0.0, np.nan, *[0.0] * 5]],
-        "returned actions[1, 1]=nan, but every component",
-    ),
-    (
-        "infinity",
-        [[0.0] * 7, [-np.inf] * 7],
-        "returned actions[1, 0]=-inf, but every component must be finite.",
-    ),
-]
+BROKEN_ACTIONS: dict[str, tuple[Any, str]] = {
+    "nothing": (None, r"NoneType of dtype object.*\(n, 7\)"),
+    "text": ("left", r"str of length 4.*\(n, 7\)"),
+    "booleans": (np.ones((2, 7), bool), "dtype bool"),
+    "complex numbers": (np.ones((2, 7), complex), "dtype complex128"),
+    "ragged rows": ([[0.0] * 7, [0.0] * 6], "a list that is no array"),
+    "eight components": (np.zeros((2, 8)), r"shape \(2, 8\)"),
+    "a batch": (np.zeros((2, 2, 7)), r"shape \(2, 2, 7\)"),
+    "one number": (0.5, r"shape \(\).*\(n, 7\)"),
+    "no action": (np.zeros((0, 7)), "0 actions, .*query_interval=2"),
+    "a single action where Q = 2": (np.zeros(7), "1 action, .*query_interval=2"),
+    "more than H": (np.zeros((5, 7)), "5 actions > horizon=4"),
+    "not a number": ([[0.0] * 7, [0.0, np.nan, *[0.0] * 5]], r"actions\[1, 1\]=nan"),
+    "infinity": ([[0.0] * 7, [-np.inf] * 7], r"actions\[1, 0\]=-inf"),
+}
 
 
-@pytest.mark.parametrize(
-    ("actions", "message"), [case[1:] for case in BROKEN_ACTIONS], ids=[case[0] for case in BROKEN_ACTIONS]
-)
-def test_broken_actions_are_told_what_is_wrong(actions: Any, message: str) -> None:
-    with pytest.raises(ActionError) as caught:
+@pytest.mark.parametrize("name", BROKEN_ACTIONS)
+def test_broken_actions_are_told_what_is_wrong(name: str) -> None:
+    actions, message = BROKEN_ACTIONS[name]
+    with pytest.raises(ActionError, match=f"^policy 'p' .*{message}"):
         check_actions(actions, SPEC)
-    assert str(caught.value).startswith(f"policy 'p' {message}")
-    with pytest.raises(ActionError, match=r"^query 3 at step 6: policy 'p' returned"):
+    with pytest.raises(ActionError, match=r"^query 3 at step 6: "):
         ask(broken(predict=lambda self, observation, query: actions), {}, QUERY)
 
 
@@ -257,10 +191,7 @@ def test_whatever_a_policy_raises_names_the_call_and_the_line(call: Any, where: 
     with pytest.raises(AdapterError) as caught:
         call(policy)
     line = raising.__code__.co_firstlineno + 1
-    assert str(caught.value) == (
-        f"policy 'p' raised RuntimeError in {where} (test_check.py, line {line}): out of memory. "
-        "Repair the adapter and play the pair again."
-    )
+    assert f"RuntimeError in {where} (test_check.py, line {line}): out of memory." in str(caught.value)
     assert isinstance(caught.value.__cause__, RuntimeError)
 
 
@@ -294,11 +225,6 @@ class Odd(metaclass=Nameless):
     pass
 
 
-class Everything(Sound):
-    def __getattr__(self, name: str) -> Any:
-        return lambda *args: None
-
-
 def answering(answer: Any) -> Any:
     class Answering(Sound):
         def predict(self, observation: Any, query: Query) -> Any:
@@ -321,8 +247,3 @@ HOSTILE = [
 def test_hostile_answers_are_errors_of_the_adapter(answer: Any, message: str) -> None:
     with pytest.raises(AdapterError, match=message):
         ask(answering(answer), {}, Query(0, 0, "put it down", 1))
-
-
-def test_a_policy_that_has_every_member_is_refused() -> None:
-    with pytest.raises(AdapterError, match="has every member that it is asked for"):
-        check_policy(Everything(), "adapter.py:policy")

@@ -23,10 +23,9 @@ def test_integers_of_numpy_are_written_as_json() -> None:
 
 @pytest.mark.parametrize("value", [0, -1, 1.0, np.float64(2.0), "2", None, True, np.bool_(True)])
 def test_a_horizon_is_an_integer_of_at_least_one(value: Any) -> None:
-    with pytest.raises(
-        AdapterError, match=r"^horizon=.* of policy 'p', but must be an integer of at least 1\."
-    ):
+    with pytest.raises(AdapterError, match="at least 1") as caught:
         PolicySpec("p", horizon=value)
+    assert (caught.value.field, caught.value.value) == ("horizon", value)
 
 
 def test_images_are_square_or_have_a_height_and_a_width() -> None:
@@ -48,14 +47,15 @@ def test_a_revision_is_part_of_the_spec() -> None:
 
 @pytest.mark.parametrize("value", ["", 3, b"abc"])
 def test_a_revision_is_text(value: Any) -> None:
-    with pytest.raises(AdapterError, match=r"^revision=.* must be None or a string that is not empty\."):
+    with pytest.raises(AdapterError) as caught:
         PolicySpec("p", revision=value)
+    assert (caught.value.field, caught.value.value) == ("revision", value)
 
 
 def test_only_a_control_that_is_not_delta_is_written() -> None:
     assert "control" not in PolicySpec("p").to_dict()
     assert PolicySpec("p", control="absolute").to_dict()["control"] == "absolute"
-    with pytest.raises(AdapterError, match=r"control='absolut' of policy 'p'\. Did you mean 'absolute'"):
+    with pytest.raises(AdapterError, match=r"control='absolut' .* mean 'absolute'"):
         PolicySpec("p", control="absolut")  # type: ignore[arg-type]
 
 
@@ -75,6 +75,6 @@ def test_the_suites_of_a_policy_are_names_of_suites(value: Any) -> None:
 
 
 def test_no_spec_asks_for_more_than_fits() -> None:
-    with pytest.raises(AdapterError, match=r"^horizon=10001 of policy 'p', but may be 10000 at most\.$"):
+    with pytest.raises(AdapterError, match=r"^horizon=10001 .* 10000 at most"):
         PolicySpec("p", horizon=10_001)
     assert PolicySpec("p", horizon=10_000).horizon == 10_000

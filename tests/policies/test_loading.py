@@ -13,8 +13,7 @@ import pytest
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.policies.loading import check_reference, load_policy
-from tests.policies.forgetting import forget_adapter
+from pytest_libero_max.policies.loading import check_reference, forget_adapter, load_policy
 
 Writer = Callable[..., Path]
 
@@ -296,139 +295,58 @@ def test_a_package_beside_the_adapter_with_its_name_is_imported(write: Writer) -
     assert load_policy(str(path)).what == "package"  # type: ignore[attr-defined]
 
 
-# What cannot be loaded: each with the message it must produce. {p} is the adapter's path.
+# What cannot be loaded: text, reference, and what the message must name. {p} is the adapter's path.
 
-BROKEN: list[tuple[str, str, str, str]] = [
-    (
-        "address",
-        "",
-        "http://localhost:8000",
-        "policy='http://localhost:8000' is the address of a server, and how it is asked depends on the "
-        "policy ",
-    ),
-    (
-        "websocket",
-        "",
-        "ws://localhost",
-        "policy='ws://localhost' names a WebSocket, but not what is spoken over it",
-    ),
-    (
-        "missing file",
-        "policy = 1",
-        "{d}/adaptor.py",
-        "policy='{d}/adaptor.py': there is no file '{d}/adaptor.py'. Did you mean '{d}/adapter.py'?",
-    ),
-    (
-        "missing folder",
-        "",
-        "{d}/no/a.py",
-        "policy='{d}/no/a.py': there is no folder '{d}/no'. Check the path.",
-    ),
-    (
-        "not a name",
-        "",
-        "{p}:my-policy",
-        "policy='{p}:my-policy': 'my-policy' is not the name of anything in Python. Give FILE.py",
-    ),
-    (
-        "not a file",
-        "",
-        "{d}/adapter.txt",
-        "policy='{d}/adapter.txt': '{d}/adapter.txt' is neither a Python file nor the dotted name of a",
-    ),
-    (
-        "missing module",
-        "",
-        "no_such_robot.policies",
-        "policy='no_such_robot.policies': there is no module 'no_such_robot' on the import path. Install it, "
-        "put its folder on PYTHONPATH, or give the file: no_such_robot/policies.py.",
-    ),
-    (
-        "missing name",
-        "class Sound: pass\nPolcy = Sound()",
-        "{p}",
-        "{p}:policy: the adapter defines no 'policy'. Did you mean 'Polcy'? Known: Polcy, Sound. Rename",
-    ),
-    (
-        "empty",
-        "",
-        "{p}:other",
-        "{p}:other: the adapter defines no 'other'. It defines no public name. Rename it, or name it as FILE",
-    ),
-    (
-        "broken import",
+BROKEN: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "address": ("", "http://localhost:8000", ("policy='http://localhost:8000'", "profile")),
+    "websocket": ("", "ws://localhost", ("policy='ws://localhost'", "openpi://")),
+    "missing file": ("policy = 1", "{d}/adaptor.py", ("no file '{d}/adaptor.py'", "'{d}/adapter.py'")),
+    "missing folder": ("", "{d}/no/a.py", ("no folder '{d}/no'",)),
+    "not a name": ("", "{p}:my-policy", ("'my-policy'", "FILE.py")),
+    "not a file": ("", "{d}/adapter.txt", ("'{d}/adapter.txt'", "FILE.py")),
+    "missing module": ("", "no_such.policies", ("no module 'no_such'", "PYTHONPATH", "no_such/policies.py")),
+    "missing name": ("class Sound: pass\nPolcy = Sound()", "{p}", ("'policy'", "'Polcy'?", "Sound")),
+    "empty": ("", "{p}:other", ("{p}:other", "no public name")),
+    "broken import": (
         "import json\nimport no_such_thing",
         "{p}",
-        "adapter.py, line 2: ModuleNotFoundError while importing it: No module named 'no_such_thing'. "
-        "Repair the adapter; `python adapter.py` in its folder shows the error alone.",
+        ("adapter.py, line 2: ModuleNotFoundError", "'no_such_thing'", "`python adapter.py`"),
     ),
-    (
-        "broken syntax",
-        "\n\ndef policy(:\n",
-        "{p}",
-        "adapter.py, line 3: SyntaxError while importing it: invalid syntax",
-    ),
-    (
-        "broken code",
-        "def f():\n    return 1 / 0\nf()",
-        "{p}",
-        "adapter.py, line 2: ZeroDivisionError while importing it: division by zero.",
-    ),
-    ("exit", "raise SystemExit(3)", "{p}", "adapter.py, line 1: SystemExit while importing it: 3."),
-    (
-        "arguments",
-        SOUND + "def policy(path): pass",
-        "{p}",
-        "{p}:policy cannot be called without arguments (missing a required argument: 'path'), but must be a "
-        "policy, or a class or function that returns one when it is called without arguments.",
-    ),
-    (
-        "broken factory",
+    "broken syntax": ("\n\ndef policy(:\n", "{p}", ("adapter.py, line 3: SyntaxError",)),
+    "broken code": ("def f():\n    return 1 / 0\nf()", "{p}", ("adapter.py, line 2: ZeroDivisionError",)),
+    "exit": ("raise SystemExit(3)", "{p}", ("adapter.py, line 1: SystemExit", ": 3.")),
+    "arguments": (SOUND + "def policy(path): pass", "{p}", ("{p}:policy", "argument: 'path'")),
+    "broken factory": (
         "def policy():\n    raise OSError('no weights')",
         "{p}",
-        "adapter.py, line 2: OSError while calling {p}:policy(): no weights. Repair the adapter;",
+        ("adapter.py, line 2: OSError", "{p}:policy(): no weights"),
     ),
-    (
-        "nothing made",
-        "def policy(): pass",
-        "{p}",
-        "{p}:policy (NoneType) has no attribute 'spec', but a policy declares itself with a PolicySpec.",
-    ),
-    ("a number", "policy = 3", "{p}", "{p}:policy (int) has no attribute 'spec', but a policy declares"),
-    (
-        "Q > H",
+    "nothing made": ("def policy(): pass", "{p}", ("{p}:policy (NoneType)", "'spec'", "PolicySpec")),
+    "a number": ("policy = 3", "{p}", ("{p}:policy (int)", "'spec'")),
+    "Q > H": (
         "from pytest_libero_max.policies.contract import PolicySpec\nPolicySpec('x', 2, 3)",
         "{p}",
-        "adapter.py, line 2: AdapterError while importing it: query_interval=3 > horizon=2 of policy 'x': a",
+        ("adapter.py, line 2: AdapterError", "query_interval=3 > horizon=2"),
     ),
-]
-
-
-CHECKED = (
-    "address",
-    "websocket",
-    "missing file",
-    "missing folder",
-    "not a name",
-    "not a file",
-    "missing name",
-    "empty",
-    "broken syntax",
+}
+EXECUTED = (
+    *("missing module", "broken import", "broken code", "exit", "arguments", "broken factory"),
+    *("nothing made", "a number", "Q > H"),
 )
-"""Those of them that show without executing the adapter."""
+"""Those of them that show only when the adapter is executed."""
 
 
-@pytest.mark.parametrize(
-    ("text", "reference", "message"), [case[1:] for case in BROKEN], ids=[case[0] for case in BROKEN]
-)
-def test_a_broken_adapter_is_told_what_is_wrong(
-    write: Writer, text: str, reference: str, message: str
-) -> None:
-    path = write(text)
-    names = {"p": str(path), "d": str(path.parent)}
+def require_named(act: Callable[[str], object], path: Path, reference: str, named: tuple[str, ...]) -> None:
+    places = {"p": str(path), "d": str(path.parent)}
     with pytest.raises(AdapterError) as caught:
-        load_policy(reference.format(**names))
-    assert str(caught.value).startswith(message.format(**names))
+        act(reference.format(**places))
+    assert not [part for part in named if part.format(**places) not in str(caught.value)], caught.value
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_adapter_is_told_what_is_wrong(write: Writer, name: str) -> None:
+    text, reference, named = BROKEN[name]
+    require_named(load_policy, write(text), reference, named)
 
 
 # What can be found out without executing anything.
@@ -453,19 +371,11 @@ def test_a_reference_that_may_be_right_passes(write: Writer, text: str, referenc
     check_reference(reference.format(p=write(text)))
 
 
-@pytest.mark.parametrize(
-    ("text", "reference", "message"),
-    [case[1:] for case in BROKEN if case[0] in CHECKED],
-    ids=[case[0] for case in BROKEN if case[0] in CHECKED],
-)
-def test_a_reference_is_checked_without_executing_it(
-    write: Writer, text: str, reference: str, message: str
-) -> None:
+@pytest.mark.parametrize("name", [name for name in BROKEN if name not in EXECUTED])
+def test_a_reference_is_checked_without_executing_it(write: Writer, name: str) -> None:
+    text, reference, named = BROKEN[name]
     path = write(text + "\nraise AssertionError('executed')" if "def policy(:" not in text else text)
-    names = {"p": str(path), "d": str(path.parent)}
-    with pytest.raises(AdapterError) as caught:
-        check_reference(reference.format(**names))
-    assert str(caught.value).startswith(message.format(**names).replace("importing it", "reading it"))
+    require_named(check_reference, path, reference, named)
 
 
 def test_the_adapters_own_error_is_chained(write: Writer) -> None:
@@ -478,36 +388,23 @@ def test_a_module_that_fails_to_import_says_so_and_not_that_it_is_missing(
     write: Writer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(write("import no_such_thing", "half_there.py").parent)
-    with pytest.raises(
-        AdapterError, match=r"^half_there\.py, line 1: ModuleNotFoundError while importing it"
-    ):
+    with pytest.raises(AdapterError, match=r"^half_there\.py, line 1: ModuleNotFoundError"):
         load_policy("half_there")
 
 
 @pytest.mark.parametrize(
-    ("override", "message"),
+    ("override", "named"),
     [
-        (
-            {"horizon": 3},
-            "query_interval=4 (declared by the adapter) > horizon=3 (--libero-max-horizon) of policy "
-            "'sound': a query returns at most H actions, so Q <= H. Lower --libero-max-query-interval or "
-            "raise --libero-max-horizon.",
-        ),
-        (
-            {"query_interval": 9},
-            "query_interval=9 (--libero-max-query-interval) > horizon=8 (declared by the adapter) of policy ",
-        ),
-        (
-            {"horizon": 0, "query_interval": 0},
-            "horizon=0 of policy 'sound', but must be an integer of at least 1.",
-        ),
+        ({"horizon": 3}, ("query_interval=4", "horizon=3", "--libero-max-query-interval")),
+        ({"query_interval": 9}, ("query_interval=9", "horizon=8", "--libero-max-horizon")),
+        ({"horizon": 0, "query_interval": 0}, ("horizon=0", "at least 1")),
     ],
     ids=["H below Q", "Q above H", "zero"],
 )
-def test_overrides_that_contradict_are_refused(write: Writer, override: Any, message: str) -> None:
+def test_overrides_that_contradict_are_refused(write: Writer, override: Any, named: tuple[str, ...]) -> None:
     with pytest.raises(AdapterError) as caught:
         load_policy(str(write(SOUND + "policy = Sound")), **override)
-    assert str(caught.value).startswith(message)
+    assert all(part in str(caught.value) for part in ("'sound'", *named))
 
 
 def test_a_spec_that_cannot_be_assigned_is_told_about_the_flags(write: Writer) -> None:
@@ -516,7 +413,5 @@ def test_a_spec_that_cannot_be_assigned_is_told_about_the_flags(write: Writer) -
         + "class Fixed(Sound):\n    spec = property(lambda self: PolicySpec('fixed', 8, 4))\npolicy = Fixed"
     )
     assert load_policy(str(path)).spec.name == "fixed"
-    with pytest.raises(
-        AdapterError, match=r"policy\.spec cannot be assigned .* Make `spec` a plain attribute"
-    ):
+    with pytest.raises(AdapterError, match=r"'fixed'.*plain attribute"):
         load_policy(str(path), horizon=20)

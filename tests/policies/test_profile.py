@@ -60,11 +60,9 @@ def test_statistics_lie_beside_the_profile_that_names_them(tmp_path: Path) -> No
 
 
 def test_a_field_that_is_not_established_is_refused_until_it_is_given(tmp_path: Path) -> None:
-    with pytest.raises(
-        AdapterError, match=r"does not know policy\.horizon, policy\.query_interval.*or give --lib"
-    ):
+    with pytest.raises(AdapterError, match=r"policy\.horizon, policy\.query_interval.*--libero-max-horizon"):
         load_policy("vla-eval://127.0.0.1:1", profile="vla_eval")
-    with pytest.raises(AdapterError, match=r"does not know actions\.statistics"):
+    with pytest.raises(AdapterError, match=r"not know actions\.statistics"):
         load_policy("starvla://127.0.0.1:1", profile="vla_jepa")
     load_profile("vla_eval").require_known(("policy.horizon", "policy.query_interval"))
     mine = load_profile(write(tmp_path, 'extends = "vla_eval"\n[policy]\nhorizon = 8\nquery_interval = 4\n'))
@@ -138,14 +136,14 @@ def test_a_profile_that_asks_for_what_there_is_not_is_refused_before_connecting(
 
 
 def test_an_address_needs_a_profile_of_its_protocol_and_nothing_else_takes_one() -> None:
-    with pytest.raises(
-        AdapterError, match=r"Add --libero-max-profile=NAME; for openpi:// there are .*pi05_libero"
-    ):
+    with pytest.raises(AdapterError, match=r"--libero-max-profile=NAME; .*openpi://.*pi05_libero"):
         check_reference("openpi://gpu:8000")
-    with pytest.raises(AdapterError, match=r"'pi05_libero' is for openpi://.*For vla-eval:// there are"):
+    with pytest.raises(AdapterError, match=r"'pi05_libero' is for openpi://.*vla-eval://"):
         check_reference("vla-eval://gpu:8000", "pi05_libero")
     with pytest.raises(AdapterError, match="Did you mean 'pi05_libero'"):
         check_reference("openpi://gpu:8000", "pi5_libero")
+    with pytest.raises(AdapterError, match="no such profile"):  # too long for the name of a file
+        check_reference("openpi://gpu:8000", "9" * 5000)
     with pytest.raises(AdapterError, match="Leave --libero-max-profile out"):
         check_reference("expert", "pi05_libero")
     with pytest.raises(AdapterError, match="Leave --libero-max-profile out"):
@@ -193,11 +191,6 @@ def test_each_model_has_a_block_whose_server_and_profile_belong_together() -> No
             words for words in started if "=" not in words and any(word not in server for word in words)
         ]
         assert missing in ([], [["[actions]"]]), name
-
-
-def test_a_name_that_is_too_long_for_a_file_is_refused() -> None:
-    with pytest.raises(AdapterError, match="there is no such profile"):
-        load_profile("9" * 5000)
 
 
 def test_a_profile_whose_server_declares_itself_needs_a_request_as_well(tmp_path: Path) -> None:

@@ -59,11 +59,8 @@ def test_a_misspelt_name_is_told_the_closest(text: str, meant: str | None) -> No
     with pytest.raises(AdapterError) as caught:
         check_reference(text)
     if meant is not None:
-        assert str(caught.value) == (
-            f"policy={text!r} is neither the name of a policy nor a module on the import path. Did you mean "
-            f"{meant!r}? Known: {', '.join(sorted(shipped_names()))}. For an adapter of your own, give "
-            f"its file: {text}.py."
-        )
+        assert f"Did you mean {meant!r}?" in str(caught.value)
+        assert all(name in str(caught.value) for name in (*shipped_names(), f"{text}.py"))
 
 
 def test_a_package_offers_a_policy_by_name(offer: Offer) -> None:
@@ -71,9 +68,9 @@ def test_a_package_offers_a_policy_by_name(offer: Offer) -> None:
     reference = parse_reference("my-vla")
     assert (reference.target, reference.name) == ("my_vla", "Own")
     assert "my_vla" not in sys.modules
-    with pytest.raises(AdapterError, match=r"my_vla:Own\.spec=None, but must be a PolicySpec"):
+    with pytest.raises(AdapterError, match=r"my_vla:Own\.spec=None.* PolicySpec"):
         load_policy("my-vla")
-    with pytest.raises(AdapterError, match=r"Did you mean 'my-vla'\? Known: expert, .*my-vla, noop"):
+    with pytest.raises(AdapterError, match=r"mean 'my-vla'\? Known: expert, .*my-vla, noop"):
         check_reference("my_vl")
 
 
@@ -81,43 +78,28 @@ def test_a_package_offers_a_policy_by_name(offer: Offer) -> None:
 def test_a_name_that_is_offered_twice_is_an_error(taken: str, offer: Offer) -> None:
     offer("one_package", "other = one_package:Own")
     offer("two_package", f"{taken} = two_package:Own")
-    with pytest.raises(AdapterError, match=f"The policy '{taken}' is offered twice, by .*two_package"):
+    with pytest.raises(AdapterError, match=f"'{taken}' is offered twice.*two_package"):
         parse_reference("noop")
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "named"),
     [
-        (
-            "{d}/robot",
-            "'{d}/robot' is neither a Python file nor the dotted name of a module. '{d}/robot' is a folder; "
-            "an adapter is a file in it. Give FILE.py",
-        ),
-        (
-            "{d}/robot/",
-            "'{d}/robot/' is neither a Python file nor the dotted name of a module. '{d}/robot' is",
-        ),
-        (
-            "{d}/adapter",
-            "'{d}/adapter' is neither a Python file nor the dotted name of a module. Did you mean "
-            "'{d}/adapter.py'? Give FILE.py",
-        ),
-        (
-            "{d}/adapter:Own",
-            "'{d}/adapter' is neither a Python file nor the dotted name of a module. Did you mean "
-            "'{d}/adapter.py:Own'? Give FILE.py",
-        ),
-        ("{d}/robot.py", "'{d}/robot.py' is a folder, but an adapter is a file. Give the file."),
+        ("{d}/robot", ("'{d}/robot' is a folder", "FILE.py")),
+        ("{d}/robot/", ("'{d}/robot' is",)),
+        ("{d}/adapter", ("'{d}/adapter.py'?", "FILE.py")),
+        ("{d}/adapter:Own", ("'{d}/adapter.py:Own'?",)),
+        ("{d}/robot.py", ("'{d}/robot.py' is a folder",)),
     ],
 )
-def test_folders_and_missing_endings_are_explained(text: str, message: str, tmp_path: Path) -> None:
+def test_folders_and_missing_endings_are_explained(text: str, named: tuple[str, ...], tmp_path: Path) -> None:
     (tmp_path / "robot").mkdir()
     (tmp_path / "robot.py").mkdir()
     (tmp_path / "adapter.py").write_text(OWN)
     for check in (check_reference, load_policy):
         with pytest.raises(AdapterError) as caught:
             check(text.format(d=tmp_path))
-        assert str(caught.value).startswith(f"policy={text!r}: {message}".format(d=tmp_path))
+        assert all(part.format(d=tmp_path) in str(caught.value) for part in (f"policy={text!r}", *named))
 
 
 def test_a_folder_beside_the_adapter_that_is_no_package_is_not_taken_for_a_module(
@@ -125,7 +107,7 @@ def test_a_folder_beside_the_adapter_that_is_no_package_is_not_taken_for_a_modul
 ) -> None:
     (tmp_path / "my_robot").mkdir()
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(AdapterError, match=r"'my_robot' is a folder without __init__\.py"):
+    with pytest.raises(AdapterError, match=r"'my_robot' .*__init__\.py"):
         check_reference("my_robot")
 
 
@@ -137,5 +119,5 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path, monkeypatch: pytest.
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "read_bytes", refuse)
-    with pytest.raises(AdapterError, match=r"cannot be read: .*Permission denied.* Check the file's perm"):
+    with pytest.raises(AdapterError, match=r"read: .*Permission denied"):
         check_reference(str(path))

@@ -8,7 +8,7 @@ from typing import Any
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.lab.sections import audit, monitors
 from pytest_libero_max.report import gate_quantities, gates
-from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.quantities import QUANTITIES
 from tests.reference.docstrings import description
 from tests.reference.markdown import code, prose, table

@@ -6,13 +6,7 @@ from typing import Any
 
 from pytest_libero_max import pairing
 from pytest_libero_max.benchmark.documents import Json
-from pytest_libero_max.pairing.record import (
-    RECORD_VERSION,
-    ArmRecord,
-    FiringRecord,
-    PairError,
-    PairRecord,
-)
+from pytest_libero_max.pairing.record import RECORD_VERSION, ArmRecord, FiringRecord, PairError, PairRecord
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.stopped import Stopped
 from tests.reference.docstrings import description

@@ -16,12 +16,11 @@ from pytest_libero_max.conformance import results as conformance_results
 from pytest_libero_max.report import report_document
 from pytest_libero_max.report.comparison import comparison_document
 from pytest_libero_max.report.studies import study_document
-from pytest_libero_max.stats import blocks, setting_blocks
+from pytest_libero_max.stats import blocks
 from tests.reference.docstrings import description, section, summary
 
 _DOCUMENTS = (
     blocks,
-    setting_blocks,
     report_document,
     study_document,
     comparison_document,

@@ -8,7 +8,7 @@ from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.report.gate_plan import chance_of_passing
 from pytest_libero_max.report.gates import parse_gate
 from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.stats.gate_power import Chances
+from pytest_libero_max.stats.power import Chances
 
 PAGE = Path(__file__).parents[2] / "reports" / "gates.md"
 

@@ -8,8 +8,9 @@ import json
 import os
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -20,11 +21,10 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
-from pytest_libero_max.report.measures import Rows, measure_text
 from pytest_libero_max.report.report_document import PlayedSelection
-from pytest_libero_max.runs.plan import PlannedPair
-from pytest_libero_max.runs.store import PairStore
-from pytest_libero_max.stats.blocks import Block, Measure
+from pytest_libero_max.runs.plan import PlannedPair, Run
+from pytest_libero_max.runs.store import PairStore, StoredRun
+from pytest_libero_max.stats.blocks import Block
 
 POLICY: Json = {
     "name": "scripted",
@@ -227,11 +227,24 @@ def records_of(pairs: Sequence[PlannedPair], seed: int = 0) -> list[PairRecord]:
     return [record_of(pair, draw.random() < 0.7, draw.random() < 0.5) for pair in pairs]
 
 
-def texts_of(rows: Rows) -> dict[str, Any]:
-    """The rows of a section with their numbers as people read them."""
-    return {
-        name: measure_text(value) if isinstance(value, Measure) else value for name, value in rows.items()
-    }
+def run_of(
+    planned: Sequence[PlannedPair],
+    records: Iterable[PairRecord],
+    provenance: Json = PROVENANCE,
+    errors: Iterable[PairError] = (),
+) -> StoredRun:
+    """A run as it is read from its file."""
+    return StoredRun(Run(tuple(planned), provenance), tuple(records), tuple(errors), torn=False)
+
+
+def write_run(folder: Path, run: StoredRun) -> Path:
+    """Write the pairs of a run, and return its folder."""
+    pairs: list[PairRecord | PairError] = [*run.errors, *run.records]
+    store = PairStore(folder, run.run)
+    for pair in pairs:
+        store.append(pair)
+    store.close(run.stopped)
+    return folder
 
 
 def error_of(pair: PlannedPair) -> PairError:

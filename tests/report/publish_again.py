@@ -11,8 +11,8 @@ from pathlib import Path
 from pytest_libero_max.cli import main
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.studies.study_figures import study_figures
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.report_files import HTML_NAME, report_of, run_page
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, read_pairs

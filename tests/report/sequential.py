@@ -29,9 +29,8 @@ LEVEL = 0.05
 PAIRS = 800
 RUNS = 10_000
 _AT_ONCE = 250
-MARGIN = -0.05
 LIMIT = -40
-"""The margin as a number of pairs: gains less losses over all of them."""
+"""The margin of -5% as a number of pairs: gains less losses over all of them."""
 
 NULLS = ((0.05, 0.05), (0.15, 0.15), (0.30, 0.30))
 """Shares of lost and of gained pairs without a change."""
@@ -58,18 +57,6 @@ GATED = (
 SEEDS = range(1, 11)
 PUBLISHED = ("expert", "stale_expert")
 GATES = ("delta.lower >= -5%", "delta >= -5%", "base_sr >= 80%")
-
-STRATA = 32
-"""Eight events in four suites, with 25 pairs each."""
-
-STRATIFIED: tuple[tuple[str, tuple[tuple[int, float, float], ...]], ...] = (
-    ("none: 5% / 5% everywhere", ((32, 0.05, 0.05),)),
-    ("none: 15% / 15% everywhere", ((32, 0.15, 0.15),)),
-    ("15% / 5% everywhere", ((32, 0.15, 0.05),)),
-    ("80% / 0% in 4 strata, 2% / 2% in the others", ((4, 0.80, 0.0), (28, 0.02, 0.02))),
-    ("20% / 0% in half of them, 0% / 20% in the others", ((16, 0.20, 0.0), (16, 0.0, 0.20))),
-)
-"""What happens in how many strata: their number, and the shares of lost and of gained pairs."""
 
 IntArray = NDArray[np.int64]
 Draw = Callable[[float, float, int, int, np.random.Generator], IntArray]
@@ -134,51 +121,6 @@ def in_parts(draw: Draw, losses: float, gains: float, count: int, seed: int) -> 
     rng = np.random.default_rng([seed, round(1000 * losses), round(1000 * gains)])
     for begin in range(0, count, _AT_ONCE):
         yield draw(losses, gains, min(_AT_ONCE, count - begin), PAIRS, rng)
-
-
-def strata_found(parts: Sequence[tuple[int, float, float]], count: int, seed: int) -> NDArray[np.float64]:
-    """Number of independent pairs after which the evidence over strata reaches 1 / LEVEL. Shape (count,).
-
-    Args:
-        parts: Number of strata, and the shares of lost and of gained pairs in them.
-        count: Number of runs.
-        seed: Of the draws, those of the order of the strata included.
-    """
-    rng = np.random.default_rng([9, seed])
-    order = rng.permuted(np.tile(np.arange(STRATA), (count, PAIRS // STRATA)), axis=1)
-    losing, gaining = shares_by_stratum(parts)
-    lost, gained = np.zeros((2, count, STRATA))
-    apart, found, runs = np.zeros(count), np.full(count, math.inf), np.arange(count)
-    for place in range(PAIRS):
-        stratum, draw = order[:, place], rng.random(count)
-        loss, gain = draw < losing[stratum], draw >= 1 - gaining[stratum]
-        known = lost[runs, stratum] + gained[runs, stratum] + 2
-        same = np.where(loss, lost[runs, stratum], gained[runs, stratum]) + 1
-        apart += np.where(loss | gain, np.log(2 * same / known), 0.0)
-        lost[runs, stratum] += loss
-        gained[runs, stratum] += gain
-        losses, gains = lost.sum(axis=1), gained.sum(axis=1)
-        pooled = special.betaln(losses + 1, gains + 1) + (losses + gains) * math.log(2)
-        now = np.logaddexp(pooled, apart) - math.log(2) >= -math.log(LEVEL)
-        found = np.where(now & np.isinf(found), place + 1, found)
-    return found
-
-
-def shares_by_stratum(parts: Sequence[tuple[int, float, float]]) -> NDArray[np.float64]:
-    """Shares of lost and of gained pairs in each stratum. Shape (2, strata)."""
-    return np.array([[share[kind] for share in parts for _ in range(share[0])] for kind in (1, 2)])
-
-
-def strata_row(number: int, count: int) -> list[str]:
-    """How often, and when, a change is found by the evidence over strata, and by that of all pairs."""
-    name, parts = STRATIFIED[number]
-    stops = strata_found(parts, count, number)
-    loss, gain = shares_by_stratum(parts).mean(axis=1).tolist()
-    pooled = np.concatenate([change_found(part) for part in in_parts(coins, loss, gain, count, 4)])
-    row = [name]
-    for found in (stops, pooled):
-        row += [_percent(float(np.isfinite(found).mean())), str(int(np.median(np.minimum(found, PAIRS))))]
-    return row
 
 
 def null_row(losses: float, gains: float, count: int) -> list[str]:
@@ -337,7 +279,7 @@ pairs, in the median. What a stopped run estimates is beyond the truth, because 
 | 15% / 5% | 100.0% | 144 |
 | 30% / 1% | 100.0% | 27 |
 
-`--libero-max-stop=certain`, `anytime:LEVEL` and `strata:LEVEL` look after every pair
+`--libero-max-stop=certain` and `anytime:LEVEL` look after every pair
 ([how to use them](../docs/how-to/long-runs.md#stop-early)). Here the level is 0.05, and a run has
 800 pairs as in `lite`. A row is of 10,000 runs unless its table says otherwise. Made by
 `python -m tests.report.sequential`; a [test](../tests/report/test_sequential.py) makes a small part again.
@@ -390,14 +332,6 @@ def page() -> Iterator[str]:
     )
     head = ["lost / gained", "change", "stopped", "mean estimate of the stopped", "of all"]
     yield from table(head, (bias_row(*cell, RUNS) for cell in EFFECTS))
-    yield "\n## Anywhere among events and suites: `strata`\n"
-    yield (
-        f"Independent pairs in {STRATA} strata of {PAIRS // STRATA}, in a random order. `anytime` asks "
-        "whether losses and gains\nare equally likely over all pairs, `strata` whether they are in every "
-        "stratum.\n"
-    )
-    head = ["lost / gained", "`strata` finds", "median pairs", "`anytime` finds", "median pairs"]
-    yield from table(head, (strata_row(number, RUNS) for number in range(len(STRATIFIED))))
     yield "\n## The interval: how often it misses at any look\n"
     yield "Random order. Orders in which the change over all 800 pairs is ever outside of the sequence.\n"
     yield from table(["lost / gained", "missed"], (miss_row(*cell, RUNS) for cell in SUMS))

@@ -3,14 +3,15 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from markupsafe import escape
 from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.caveats import RULES, caveats_of
+from pytest_libero_max.report.caveats import RULES, caveat_text, caveats_of
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Caveat
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.outcomes import Played
 from tests.report.made_up import NEVER_TRIGGERED, POLICY, PROVENANCE, plain, plan, record_of
@@ -116,8 +117,10 @@ def test_every_form_of_the_report_says_so() -> None:
     ]
     report = build_report(records, [], pairs, PROVENANCE)
     assert [caveat["name"] for caveat in plain(report)["caveats"]] == ["contaminated_prompt"]
-    assert "\n\n1 of 2 pairs: The prompt contains the name of the variation" in markdown(report)
-    assert "1 of 2 pairs: The prompt contains the name of the variation" in html(report, [], [])
+    text = caveat_text(report.caveats[0])
+    assert text.startswith("1 of 2 pairs: ")
+    assert f"\n\n{text}\n" in markdown(report)
+    assert escape(text) in html(report, [], [])
     assert any("contaminated prompt 1." in line for line in summary_lines(report))
     many = replace(
         report, caveats=[Caveat(name=rule.name, pairs=12, played=12, text=rule.text) for rule in RULES]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -19,10 +20,9 @@ from pytest_libero_max.report.published import published_policies
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.writers.summary import summary_lines
 from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.ratios import Ratio
-from tests.report.made_up import POLICY, PROVENANCE, plan, records_of
+from tests.report.made_up import POLICY, PROVENANCE, plan, records_of, run_of
 
 PAIRS = plan()
 MAX, LITE, PRO = (
@@ -60,7 +60,7 @@ def report_of(outcomes: Outcomes, provenance: Json, query_interval: int = 5) -> 
 
 
 def finding(report: Report, text: str) -> tuple[Finding, str]:
-    stored = StoredRun(Run((), report.provenance), (), (), torn=False)
+    stored = run_of([], [], report.provenance)
     (result,) = decide_on([parse_gate(text)], stored, report, Path())
     return result.finding, result.detail
 
@@ -128,7 +128,7 @@ def test_a_part_of_the_cases_is_not_enough() -> None:
 
 def test_a_run_that_cannot_be_connected_is_refused_before_it_is_played() -> None:
     gates = [parse_gate("base_sr_vs_published(pi05, 5%)")]
-    with pytest.raises(OptionError, match="its scenes are embedded"):
+    with pytest.raises(OptionError, match="scenes are embedded"):
         require_connectable(gates, Run(tuple(PAIRS), PROVENANCE))
     with pytest.raises(OptionError, match="32 of the 800"):
         require_connectable(gates, Run(tuple(PAIRS), provenance_of(LITE)))
@@ -156,7 +156,12 @@ def test_what_is_no_such_gate_is_refused(text: str, message: str) -> None:
 def test_the_terminal_says_whether_a_run_is_connected() -> None:
     lines = summary_lines(report_of(outcomes(6328, 4400), provenance_of()))
     base, dynamic = (next(line for line in lines if line.startswith(arm)) for arm in ("Base 7", "Dynamic 5"))
-    assert base.startswith("Base 79.1%, published 79.7% (pi_0.5): connected within 5.0 points")
+    assert re.findall(r"[\d.]+%|pi_0.5|: .*connected", base)[:4] == [
+        "79.1%",
+        "79.7%",
+        "pi_0.5",
+        ": connected",
+    ]
     assert ": not connected within" in dynamic
     silent = provenance_of(policy=PROVENANCE["policy"])
     assert not [*connection_texts(report_of(outcomes(6328, 4400), silent))]

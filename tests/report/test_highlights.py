@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 
 from msgspec import structs
 
@@ -32,21 +33,20 @@ def test_the_extreme_categories_of_each_source_are_named() -> None:
         "pro": {"lowest_base_success": "pro-part_1", "largest_loss": "pro-part_0"},
     }
     rows = {what: (where, value) for what, where, value in highlight_rows(REPORT)}
-    where, value = rows["Lowest Base success, plus"]
+    where, value = next(row for what, row in rows.items() if "Base success, plus" in what)
     assert where == "plus-part_1"
-    assert value.startswith("0.0%, the lowest of 2; ")
-    assert value.endswith("% expected by chance")
-    assert rows["Lowest paired change, plus"][0] == "plus-part_0"
-    assert rows["Lowest paired change, plus"][1].startswith("-100.0 pp, the lowest of 2; ")
-    assert rows["Unweighted mean, Base to Dynamic"] == ("4 source categories", "50.0% to 25.0%, -25.0 pp")
+    assert re.match(r"0\.0%, .* of 2; [\d.]+% expected", value)
+    where, value = next(row for what, row in rows.items() if "change, plus" in what)
+    assert where == "plus-part_0"
+    assert value.startswith("-100.0 pp, ")
+    assert next(iter(rows.values())) == ("4 source categories", "50.0% to 25.0%, -25.0 pp")
 
 
 def test_what_chance_explains_is_no_finding() -> None:
     alike = build_report([record_of(pair, True, True) for pair in PAIRS], [], PAIRS, PROVENANCE)
-    rows = {what: (where, value) for what, where, value in highlight_rows(alike)}
-    found = "none stands out", "the lowest of 2 is 100.0%; 100.0% expected by chance"
-    assert rows["Lowest Base success, plus"] == found
-    assert rows["Largest split of Dynamic success"][0] == "none stands out"
+    rows = highlight_rows(alike)
+    assert {where for _, where, _ in rows[1:]} == {"none stands out"}
+    assert re.findall(r"[\d.]+%", rows[1][2]) == ["100.0%", "100.0%"]
     one = [record_of(pair, True, number > 0) for number, pair in enumerate(PAIRS)]
     single = dict.fromkeys(highlight_rows(build_report(one, [], PAIRS, PROVENANCE)))
     assert all("none stands out" in row for row in single if row[0].startswith(("Lowest", "Largest")))
@@ -57,7 +57,7 @@ def test_a_split_beyond_chance_names_its_variants() -> None:
     lost = [record_of(pair, True, not (pair.event == "camera_shift" and pair.variant == 1)) for pair in many]
     (split,) = [row for row in highlight_rows(build_report(lost, [], many, PROVENANCE)) if "split" in row[0]]
     assert split[1] == "camera_shift"
-    assert split[2].startswith("+100.0 pp between its parameter variants (v0 100.0%, v1 0.0%); +")
+    assert re.findall(r"[+\d.]+ pp|v\d [\d.]+%", split[2])[:3] == ["+100.0 pp", "v0 100.0%", "v1 0.0%"]
 
 
 def test_csv_holds_averages_and_extremes() -> None:
@@ -72,8 +72,5 @@ def test_csv_holds_averages_and_extremes() -> None:
 def test_nothing_played_has_no_extremes_and_says_so() -> None:
     empty = build_report([], [], PAIRS, PROVENANCE)
     assert plain(empty)["extremes"] == {}
-    assert [value for _, _, value in highlight_rows(empty)] == [
-        "n/a: a category has no played pair",
-        "no event has two played parameter variants",
-    ]
+    assert ["n/a" in row[1] + row[2] for row in highlight_rows(empty)] == [True, True]
     assert csv_text(empty)

@@ -12,7 +12,7 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.inference import inference_of
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import PROVENANCE, plan, records_of
 

@@ -62,7 +62,7 @@ def test_the_published_coverage_of_differences_of_changes_is_what_the_code_finds
 def test_the_published_worst_cases_are_what_the_code_finds() -> None:
     published = ["| " + " | ".join(row) + " |" for row in _table("Worst cases")]
     assert len(published) == len(LATTICES)
-    assert published[:2] == list(worst_rows(LATTICES[:2]))
+    assert published[:1] == list(worst_rows(LATTICES[:1]))
 
 
 def test_the_lowest_coverages_are_those_of_the_other_tables() -> None:
@@ -79,7 +79,7 @@ def test_the_lowest_coverages_are_those_of_the_other_tables() -> None:
 
 
 def test_the_published_coverage_by_task_is_what_the_code_finds() -> None:
-    cells = [TASK_CELLS[place] for place in (3, 20, -6)]
+    cells = [TASK_CELLS[place] for place in (3, -6)]
     published = ["| " + " | ".join(row) + " |" for row in _table("Interval by task")]
     assert [published[TASK_CELLS.index(cell)] for cell in cells] == list(task_rows(cells))
 

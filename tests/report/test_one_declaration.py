@@ -10,7 +10,12 @@ from typing import Any
 
 import pytest
 
-SCRIPT = """
+TITLE = "Ended before the next query"
+
+SCRIPT = f"""
+TITLE = {TITLE!r}
+"""
+SCRIPT += """
 import json
 
 from pytest_libero_max.report import quantities
@@ -18,7 +23,7 @@ from pytest_libero_max.report.formats import Number
 from pytest_libero_max.report.quantities import Line, Quantity
 
 declared = Quantity(
-    "unanswered", "Ended before the next query", lambda row: row.stale_actions.unanswered, Number(),
+    "unanswered", TITLE, lambda row: row.stale_actions.unanswered, Number(),
     tables=("summary", "groups", "narrow"), line=Line("Unanswered"),
 )
 quantities.QUANTITIES = (*quantities.QUANTITIES, declared)
@@ -27,7 +32,7 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.run_tables import csv_text, latex_text
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.report_files import report_json
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import PROVENANCE, plan, record_of
@@ -36,6 +41,7 @@ pairs = plan()
 silent = {"response_step": None, "stale_actions": 72}
 records = [record_of(pair, True, True, **(silent if place < 3 else {})) for place, pair in enumerate(pairs)]
 report = build_report(records, [], pairs, PROVENANCE)
+result = evaluate_gate(parse_gate("unanswered <= 2"), report)
 print(json.dumps({
     "terminal": summary_lines(report),
     "markdown": markdown(report),
@@ -43,7 +49,7 @@ print(json.dumps({
     "csv": csv_text(report),
     "latex": latex_text(report),
     "json": report_json(report),
-    "gate": evaluate_gate(parse_gate("unanswered <= 2"), report).reason,
+    "gate": [result.verdict, result.value],
     "of a group": evaluate_gate(parse_gate("source.plus.unanswered <= 5"), report).verdict,
 }))
 """
@@ -59,15 +65,15 @@ def written() -> Mapping[str, Any]:
 
 def test_a_quantity_that_is_declared_once_is_shown_everywhere(written: Mapping[str, Any]) -> None:
     assert f"{'Unanswered':<32}3" in written["terminal"]
-    assert "| Ended before the next query | 3 |" in written["markdown"]
-    assert "<th scope='row'>Ended before the next query</th><td>3</td>" in written["page"]
-    assert "<td data-title='Ended before the next query'>3</td>" in written["page"]
+    assert f"| {TITLE} | 3 |" in written["markdown"]
+    assert f"<th scope='row'>{TITLE}</th><td>3</td>" in written["page"]
+    assert f"<td data-title='{TITLE}'>3</td>" in written["page"]
     head, overall, *_ = written["csv"].splitlines()
     assert overall.split(",")[head.split(",").index("unanswered")] == "3"
-    assert "Ended before the next query" in written["latex"]
+    assert TITLE in written["latex"]
     assert json.loads(written["json"])["overall"]["stale_actions"]["unanswered"] == 3
 
 
 def test_gates_can_ask_for_it(written: Mapping[str, Any]) -> None:
-    assert written["gate"] == "unanswered <= 2: failed, it is 3."
+    assert written["gate"] == ["failed", 3]
     assert written["of a group"] == "passed"

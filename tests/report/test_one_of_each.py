@@ -12,11 +12,9 @@ from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_html, comparison_markdown
 from pytest_libero_max.report.comparison.comparison_sections import comparison_lines, short_lines
 from pytest_libero_max.report.page.report_page import html
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import quiet_lines, summary_lines
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, plan, record_of, run_of
 from tests.report.studies.studied import cell, study_of
 
 _WRONG = re.compile(
@@ -44,8 +42,7 @@ def test_a_run_of_one_pair(base: bool, dynamic: bool) -> None:
     (pair, *_) = plan()
     record = record_of(pair, base, dynamic)
     report = build_report([record], [], [pair], PROVENANCE)
-    runs = {name: StoredRun(Run((pair,), PROVENANCE), (record,), (), torn=False) for name in ("a", "b")}
-    comparison = compare_runs(runs)
+    comparison = compare_runs({name: run_of([pair], [record]) for name in ("a", "b")})
     texts = [
         markdown(report),
         words(html(report, [], ["pytest"])),

@@ -17,11 +17,10 @@ from pytest_libero_max.report.gate_results import decide
 from pytest_libero_max.report.gates import evaluate_gate, parse_gate, parse_gates
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import PairStore, StoredRun
-from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of, selected
+from pytest_libero_max.runs.store import StoredRun
+from tests.report.made_up import POLICY, PROVENANCE, plain, plan, record_of, run_of, selected, write_run
 
 PAIRS = plan(per_cell=2)
 SPATIAL = [pair for pair in PAIRS if pair.suite == "libero_spatial"]
@@ -35,9 +34,9 @@ def _report(played: int = 32) -> Report:
 
 def _run(whole: bool) -> StoredRun:
     pairs = PAIRS if whole else SPATIAL
-    records = [record_of(pair, True, index % 4 > 0, policy=POLICY if whole else PARTIAL)
-               for index, pair in enumerate(pairs)]  # fmt: skip
-    return StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(records), (), torn=False)
+    policy = POLICY if whole else PARTIAL
+    records = [record_of(pair, True, index % 4 > 0, policy=policy) for index, pair in enumerate(pairs)]
+    return run_of(PAIRS, records)
 
 
 def test_unsupported_pairs_are_neither_planned_nor_missing_nor_failed() -> None:
@@ -83,23 +82,18 @@ def test_a_comparison_is_on_the_supported_cases_and_ranks_whole_runs_alone() -> 
 
 
 def test_a_comparison_still_refuses_cases_that_are_merely_missing() -> None:
-    lacking = _run(True)
-    lacking = StoredRun(
-        lacking.run, tuple(r for r in lacking.records if r.case_id != SPATIAL[0].case_id), (), False
-    )
-    with pytest.raises(ReportError, match="do not share all cases"):
+    whole = _run(True)
+    lacking = run_of(PAIRS, (record for record in whole.records if record.case_id != SPATIAL[0].case_id))
+    with pytest.raises(ReportError, match="--restrict"):
         compare_runs({"whole": lacking, "partial": _run(False)})
 
 
 def test_a_gate_against_a_partial_run_is_undecidable(tmp_path: Path) -> None:
     for name, run in (("whole", _run(True)), ("partial", _run(False))):
-        store = PairStore(tmp_path / name, run.run)
-        for record in run.records:
-            store.append(record)
-        store.close()
+        write_run(tmp_path / name, run)
     (result,) = decide(parse_gates(["regressions_vs(partial) <= 3"]), tmp_path / "whole", tmp_path)
     assert result.verdict == "undecidable"
-    assert "the 32 pairs that both policies support" in result.reason
+    assert "the 32 pairs" in result.reason
 
 
 def test_a_partial_run_beside_several_whole_ones_changes_none_of_their_results() -> None:
@@ -147,15 +141,11 @@ def test_every_writer_lists_partial_runs_apart() -> None:
 
 
 def test_a_partial_run_on_another_substrate_is_refused() -> None:
-    other = _run(False)
-    other = StoredRun(
-        Run(other.run.planned, {**PROVENANCE, "substrate": {"name": "libero"}}), other.records, (), False
-    )
+    other = run_of(PAIRS, _run(False).records, {**PROVENANCE, "substrate": {"name": "libero"}})
     with pytest.raises(ReportError, match="embedded and libero"):
         compare_runs({"one": _run(True), "two": _two(), "partial": other})
 
 
 def _two() -> StoredRun:
     """A run of all suites in which nothing succeeds after the event."""
-    records = [record_of(pair, True, False) for pair in PAIRS]
-    return StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(records), (), torn=False)
+    return run_of(PAIRS, (record_of(pair, True, False) for pair in PAIRS))

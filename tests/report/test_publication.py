@@ -17,13 +17,11 @@ from pytest_libero_max.cli import main
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs, read_runs
 from pytest_libero_max.report.comparison.compare_files import write_comparison
-from pytest_libero_max.report.publication import checked, publish
-from pytest_libero_max.report.verified_runs import pairs_digest, read_checks
+from pytest_libero_max.report.publication import checked, pairs_digest, publish, read_checks
 from pytest_libero_max.report.writers.report_files import HTML_NAME
 from pytest_libero_max.runs.media import films_in
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, PairStore, read_pairs
-from tests.report.made_up import PROVENANCE, page_cases, plan, records_of
+from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, read_pairs
+from tests.report.made_up import page_cases, plan, records_of, run_of, write_run
 
 REPORTS = Path(__file__).parents[2] / "reports"
 COMPARISON = "comparison.md"
@@ -50,12 +48,7 @@ def test_the_index_has_a_row_for_each_published_run() -> None:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    pairs = plan()
-    store = PairStore(tmp_path / "run", Run(tuple(pairs), PROVENANCE))
-    for record in records_of(pairs):
-        store.append(record)
-    store.close()
-    return tmp_path / "run"
+    return write_run(tmp_path / "run", run_of(plan(), records_of(plan())))
 
 
 def test_a_published_run_is_read_and_published_again_with_the_same_bytes(run: Path, tmp_path: Path) -> None:
@@ -71,7 +64,7 @@ def test_a_published_run_is_read_and_published_again_with_the_same_bytes(run: Pa
 def test_an_incomplete_run_is_not_published(run: Path, tmp_path: Path) -> None:
     lines = (run / "pairs.jsonl").read_text().splitlines(keepends=True)
     (run / "pairs.jsonl").write_text("".join(lines[:-1]))
-    with pytest.raises(ReportError, match="31 of 32 planned pairs were played"):
+    with pytest.raises(ReportError, match="31 of 32 planned"):
         publish(run, tmp_path / "published")
     assert not (tmp_path / "published").exists()
 
@@ -116,11 +109,11 @@ def _alter_group(lines: list[Any]) -> None:
 @pytest.mark.parametrize(
     ("tamper", "message"),
     [
-        (_flip, r"report\.md, line \d+: '.*', but its pairs give '.*'\. .* follows from the pairs"),
-        (_remove, "is incomplete: 31 of 32 planned pairs were played.* publish the run again"),
-        (_remove_and_replan, "32 of 32 cases are chosen, but the run has 31 planned pairs"),
-        (_alter_case, "The planned pair '.*' of .* differs from the case of the track smoke"),
-        (_alter_group, "The planned pair '.*' of .* differs from the case of the track smoke"),
+        (_flip, r"report\.md, line \d+: '.*'"),
+        (_remove, "31 of 32 planned"),
+        (_remove_and_replan, "32 of 32 cases .* 31 planned"),
+        (_alter_case, "planned pair '.*' of .* track smoke"),
+        (_alter_group, "planned pair '.*' of .* track smoke"),
     ],
 )
 def test_a_folder_whose_pairs_were_altered_is_refused(
@@ -142,16 +135,16 @@ def test_a_folder_with_an_altered_number_is_refused(
     assert main(["report", str(folder)]) == 0
     assert main(["publish", "verify", str(folder), "--pairs=0"]) == 0
     said = capsys.readouterr().out
-    assert "numbers: as the pairs give them in report.md, report.json" in said
+    assert re.search("numbers: .* report.md, report.json", said)
     assert "policy: expert\n" in said
     report = folder / "report.json"
     report.write_text(report.read_text().replace('"played": 32', '"played": 31', 1))
     assert main(["publish", "verify", str(folder), "--pairs=0"]) == 1
-    assert "'\"played\": 31,', but its pairs give '\"played\": 32,'" in capsys.readouterr().err
+    assert re.findall(r'"played": \d+', capsys.readouterr().err) == ['"played": 31', '"played": 32']
 
 
 def test_a_folder_that_was_not_published_is_refused(run: Path) -> None:
-    with pytest.raises(ReportError, match=r"no published run\. Make one: libero-max publish pack RUN"):
+    with pytest.raises(ReportError, match=r"publish pack RUN"):
         list(checked(run))
 
 
@@ -207,25 +200,18 @@ def test_a_folder_with_an_altered_page_or_figure_is_refused(tmp_path: Path) -> N
         *line.split(" in ")[1].split(", ")
     }
     for name, alter, before, after, message in (
-        ("report.html", _alter, "28.1 pp", "2.1 pp", "report.html shows words or drawings that its pairs"),
-        ("report.html", _swap_cases, "stale", "fresh", "report.html shows cases that its pairs"),
-        (
-            "base-to-dynamic.svg",
-            _alter,
-            "</svg>",
-            "<g/></svg>",
-            r"base-to-dynamic.svg, line \d+: .*, but its pairs give",
-        ),
-        ("report.md", _alter, "stale-expert", "fresh-expert", r"report.md, line \d+: .*, but its pairs give"),
+        ("report.html", _alter, "28.1 pp", "2.1 pp", "report.html shows words"),
+        ("report.html", _swap_cases, "stale", "fresh", "report.html shows cases"),
+        ("base-to-dynamic.svg", _alter, "</svg>", "<g/></svg>", r"base-to-dynamic.svg, line \d+: "),
+        ("report.md", _alter, "stale-expert", "fresh-expert", r"report.md, line \d+: "),
     ):
         kept = (folder / name).read_bytes()
         alter(folder / name, before, after)
         with pytest.raises(ReportError, match=message):
             list(checked(folder))
         (folder / name).write_bytes(kept)
-    list(checked(folder))
 
 
 def test_actions_that_the_run_did_not_keep_are_not_published(run: Path, tmp_path: Path) -> None:
-    with pytest.raises(ReportError, match=r"Play the run again with --libero-max-traces=all"):
+    with pytest.raises(ReportError, match="--libero-max-traces=all"):
         publish(run, tmp_path / "published", actions=True)

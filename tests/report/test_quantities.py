@@ -12,8 +12,8 @@ from pytest_libero_max.report.gates import evaluate_gate, parse_gate
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_tables import csv_text, latex_text
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.report.writers.summary import summary_lines
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, records_of
 
@@ -53,7 +53,7 @@ def test_a_column_stands_in_every_file_it_names(column: Quantity[Any]) -> None:
         stands = not lacks_tasks
         assert (f"| {column.title} | {column.long(overall)} |" in markdown(REPORT)) is stands
         assert html(REPORT, [], []).count(line) == stands
-        assert "No interval by task: too few tasks (1 of 30 needed)." in markdown(REPORT)
+        assert markdown(REPORT).count("too few tasks (1 of 30") == 1
     for table in {"coverage", "given_response"} & {*column.tables}:
         shown = column.title if table == "coverage" else column.short_heading
         cell = f"<td data-title='{shown}'>{column.long(UNANSWERED.overall)}</td>"

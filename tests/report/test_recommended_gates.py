@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import pytest
 import yaml
 
 from pytest_libero_max.cli import init
-from pytest_libero_max.report.gate_results import decide, require_usable
-from pytest_libero_max.report.gates import parse_gates
-from pytest_libero_max.runs.plan import PlannedPair, Run
-from pytest_libero_max.runs.store import PairStore
-from tests.report.made_up import PROVENANCE, plan, record_of
+from pytest_libero_max.report.gate_results import decide_on, require_usable
+from pytest_libero_max.report.gates import Gate, parse_gates
+from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.writers.report_files import report_of
+from pytest_libero_max.runs.store import StoredRun
+from tests.report.made_up import plan, record_of, run_of, write_run
 
 ROOT = Path(__file__).parents[2]
 PAGES = ("README.md", "AGENTS.md", "docs/how-to/gate-in-ci.md", "docs/how-to/long-runs.md")
@@ -49,13 +51,24 @@ def recommended() -> Iterator[tuple[str, tuple[str, ...]]]:
 SETS = dict(recommended())
 
 
-def store(folder: Path, planned: list[PlannedPair], base: float, dynamic: float) -> Path:
-    written = PairStore(folder, Run(tuple(planned), PROVENANCE))
-    for place, pair in enumerate(planned):
-        share = (place * 13 % 32) / 32  # spread over the events
-        written.append(record_of(pair, share < base, share < dynamic))
-    written.close()
-    return folder
+@cache
+def played(per_cell: int, policy: str) -> StoredRun:
+    planned, (base, dynamic) = plan(per_cell), RATES[policy]
+    shares = ((place * 13 % 32) / 32 for place in range(len(planned)))  # spread over the events
+    records = [
+        record_of(pair, share < base, share < dynamic) for pair, share in zip(planned, shares, strict=True)
+    ]
+    return run_of(planned, records)
+
+
+@cache
+def report(per_cell: int, policy: str) -> Report:
+    return report_of(played(per_cell, policy))
+
+
+def passes(gates: Sequence[Gate], per_cell: int, policy: str, start: Path) -> bool:
+    results = decide_on(gates, played(per_cell, policy), report(per_cell, policy), start)
+    return all(result.passed for result in results)
 
 
 def test_the_pages_recommend_gates() -> None:
@@ -74,26 +87,18 @@ def test_recommended_gates_pass_what_solves_most_and_nothing_that_solves_less(
 ) -> None:
     gates = parse_gates(SETS[place])
     large = any(gate.end for gate in gates)  # an end of an interval needs the 800 pairs of lite
-    planned = plan(per_cell=25 if large else 1)
+    per_cell = 25 if large else 1
     for run in {gate.run for gate in gates if gate.run is not None}:
-        store(tmp_path / run, planned, *RATES["most"])
-    passed = set()
-    for policy, rates in RATES.items():
-        folder = store(tmp_path / policy, planned, *rates)
-        require_usable(gates, planned, planned, folder, tmp_path)
-        if all(result.passed for result in decide(gates, folder, tmp_path)):
-            passed.add(policy)
-    assert passed == {"most"}
+        write_run(tmp_path / run, played(per_cell, "most"))
+    require_usable(gates, plan(per_cell), plan(per_cell), tmp_path / "new", tmp_path)
+    assert [policy for policy in RATES if passes(gates, per_cell, policy, tmp_path)] == ["most"]
 
 
 @pytest.mark.parametrize("policy", ["nothing", "little"])
 def test_the_gates_to_begin_with_fail_what_solves_little(tmp_path: Path, policy: str) -> None:
-    folder = store(tmp_path / policy, plan(), *RATES[policy])
-    assert not all(result.passed for result in decide(parse_gates(init.GATES), folder, tmp_path))
+    assert not passes(parse_gates(init.GATES), 1, policy, tmp_path)
 
 
 @pytest.mark.parametrize("policy", ["nothing", "little", "half"])
 def test_a_first_run_that_solves_less_is_not_green(tmp_path: Path, policy: str) -> None:
-    gates = parse_gates(SETS["workflow"])
-    folder = store(tmp_path / policy, plan(), *RATES[policy])
-    assert not all(result.passed for result in decide(gates, folder, tmp_path))
+    assert not passes(parse_gates(SETS["workflow"]), 1, policy, tmp_path)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -12,10 +13,19 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.compare import compare_runs
 from pytest_libero_max.report.writers.report_files import read_report, report_json, write_reports
-from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
-from pytest_libero_max.runs.store import PairStore, StoredRun
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plain, plan, record_of, records_of
+from pytest_libero_max.runs.store import read_pairs
+from tests.report.made_up import (
+    NEVER_TRIGGERED,
+    PROVENANCE,
+    error_of,
+    plain,
+    plan,
+    record_of,
+    records_of,
+    run_of,
+    write_run,
+)
 
 
 def _validator(name: str) -> jsonschema.Draft202012Validator:
@@ -28,13 +38,9 @@ def _validator(name: str) -> jsonschema.Draft202012Validator:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     pairs = plan()
-    store = PairStore(tmp_path, Run(tuple(pairs), PROVENANCE))
-    store.append(error_of(pairs[0]))
-    store.append(record_of(pairs[1], True, True, **NEVER_TRIGGERED))
-    for record in records_of(pairs[2:]):
-        store.append(record)
-    store.close(Stopped("somebody stopped it", of=len(pairs)))
-    return tmp_path
+    records = [record_of(pairs[1], True, True, **NEVER_TRIGGERED), *records_of(pairs[2:])]
+    run = run_of(pairs, records, errors=[error_of(pairs[0])])
+    return write_run(tmp_path, replace(run, stopped=Stopped("somebody stopped it", of=len(pairs))))
 
 
 def test_every_line_of_a_run_is_as_the_schema_says(folder: Path) -> None:
@@ -79,10 +85,8 @@ def test_the_schema_refuses_what_a_report_never_holds(path: tuple[str, ...], val
 def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -> None:
     report, paths = write_reports(folder)
     assert [path.name for path in paths] == ["pairs.jsonl", "report.json", "report.md", "report.html"]
-    pairs = plan()
-    records = [record_of(pairs[1], True, True, **NEVER_TRIGGERED), *records_of(pairs[2:])]
-    stopped = Stopped("somebody stopped it", of=len(pairs))
-    assert report == build_report(records, [error_of(pairs[0])], pairs, PROVENANCE, stopped=stopped)
+    run = read_pairs(folder)
+    assert report == build_report(run.records, run.errors, plan(), PROVENANCE, run.stopped)
     assert read_report(folder) == report
     assert json.loads(report_json(report)) == plain(report)
     before = (folder / "report.json").read_bytes()
@@ -92,11 +96,8 @@ def test_the_written_report_can_be_computed_from_the_pairs_alone(folder: Path) -
 
 
 def test_every_comparison_is_as_the_schema_says() -> None:
-    pairs = tuple(plan())
-    runs = {
-        name: StoredRun(Run(pairs, PROVENANCE), tuple(records_of(pairs, seed)), (), torn=False)
-        for name, seed in (("a", 1), ("b", 2), ("c", 1))
-    }
+    pairs = plan()
+    runs = {name: run_of(pairs, records_of(pairs, seed)) for name, seed in (("a", 1), ("b", 2), ("c", 1))}
     comparison = compare_runs(runs)
     assert len(plain(comparison)["contrasts"]) == 3
     assert next(iter(plain(comparison))) == "schema_version"

@@ -7,10 +7,9 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import Rows
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
-from pytest_libero_max.report.sections import SECTIONS, with_sections
+from pytest_libero_max.report.run_document import markdown
+from pytest_libero_max.report.sections import SECTIONS, PlayedPairs, ReportSection, with_sections
 from pytest_libero_max.report.timing import TITLE, Timing
-from pytest_libero_max.report.writers.markdown import markdown
 from tests.report.made_up import PROVENANCE, plain, plan, records_of
 
 PAIRS = plan()
@@ -29,11 +28,11 @@ def test_sections_are_added() -> None:
         ({"overall": {"played": 3}}, "changed overall"),
         ({"overall": {"played": {1, 2}}}, "changed overall"),
         ({"extra": 1}, "changed extra"),
-        ({"sections": []}, r"\['sections'\]=\[\], but must be a dict"),
-        ({"sections": {"": {}}}, "must be a title"),
-        ({"sections": {"Mine": {"a": [1]}}}, "must be a name with a text"),
-        ({"sections": {"Mine": {"a": float("nan")}}}, "must be a name with a text"),
-        ({"sections": {"Mine": {1: "a"}}}, "must be a name with a text"),
+        ({"sections": []}, r"\['sections'\]=\[\]"),
+        ({"sections": {"": {}}}, r"\[''\]={}"),
+        ({"sections": {"Mine": {"a": [1]}}}, r"'Mine'\]={'a': \[1\]}"),
+        ({"sections": {"Mine": {"a": float("nan")}}}, r"'Mine'\]={'a': nan}"),
+        ({"sections": {"Mine": {1: "a"}}}, r"'Mine'\]={1: 'a'}"),
     ],
 )
 def test_nothing_else_may_change(change: dict[str, object], message: str) -> None:
@@ -42,7 +41,7 @@ def test_nothing_else_may_change(change: dict[str, object], message: str) -> Non
 
 
 def test_nothing_may_be_taken_out() -> None:
-    with pytest.raises(ReportError, match="changed base_failures, by, category_by_event, causes, caveats"):
+    with pytest.raises(ReportError, match="changed base_failures, by, "):
         with_sections(REPORT, {"sections": {}})
 
 
@@ -56,7 +55,7 @@ def test_computed_rows_stay_as_they_are_and_rows_of_a_hook_are_shown() -> None:
     changes: tuple[dict[str, object], ...]
     changes = ({}, {TITLE: {}}, {TITLE: {**rows, "mine": 1}}, {TITLE: {**rows, "Pairs played": 1}})
     for changed in changes:
-        with pytest.raises(ReportError, match="under a title of your own"):
+        with pytest.raises(ReportError, match="under a title"):
             with_sections(report, {**plain(report), "sections": {**changed, **added}})
 
 

@@ -11,11 +11,7 @@ import pytest
 
 from pytest_libero_max.report.stopping_rule import BIAS
 from pytest_libero_max.report.stopping_rules.anytime import Anytime
-from pytest_libero_max.stats.sequential import (
-    TotalSequence,
-    log_evidence_of_change,
-    log_evidence_over_strata,
-)
+from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
 from pytest_libero_max.stats.significance import mcnemar
 from tests.report.sequential import (
     EFFECTS,
@@ -25,8 +21,6 @@ from tests.report.sequential import (
     LIMIT,
     NULLS,
     PUBLISHED,
-    STRATA,
-    STRATIFIED,
     SUMS,
     above,
     below,
@@ -40,8 +34,6 @@ from tests.report.sequential import (
     orders,
     replay_row,
     shares,
-    shares_by_stratum,
-    strata_found,
 )
 
 PAGE = (Path(__file__).parents[2] / "reports" / "sequential.md").read_text(encoding="utf-8")
@@ -71,34 +63,6 @@ def test_the_published_errors_are_at_most_the_level() -> None:
     errors += [row[1] for row in table_of("The interval: how often it misses at any look")]
     errors += [row[3] for row in table_of("A gate with a margin: `delta >= -5%`")]
     assert all(float(error.rstrip("%")) <= 100 * LEVEL for error in errors)
-
-
-def test_evidence_over_strata_errs_as_rarely_and_finds_what_cancels_out() -> None:
-    rows = table_of("Anywhere among events and suites: `strata`")
-    assert [row[0] for row in rows] == [name for name, _ in STRATIFIED]
-    assert all(float(row[1].rstrip("%")) <= 100 * LEVEL for row in rows[:2])
-    few = [np.isfinite(strata_found(parts, 300, 5)).mean() for _, parts in STRATIFIED]
-    assert max(few[:2]) <= LEVEL
-    assert min(few[3:]) > 0.95
-
-
-def test_the_simulated_evidence_over_strata_is_that_of_the_rule() -> None:
-    parts = STRATIFIED[4][1]
-    stop = strata_found(parts, 1, 3)[0]
-    rng = np.random.default_rng([9, 3])
-    order = rng.permuted(np.tile(np.arange(STRATA), (1, 800 // STRATA)), axis=1)[0]
-    losing, gaining = shares_by_stratum(parts)
-    counts = [[0, 0] for _ in range(STRATA)]
-    for place, stratum in enumerate(order.tolist(), 1):
-        draw = rng.random(1)[0]
-        counts[stratum][0] += int(draw < losing[stratum])
-        counts[stratum][1] += int(draw >= 1 - gaining[stratum])
-        evidence = log_evidence_over_strata((lost, gained) for lost, gained in counts)
-        if evidence >= -math.log(LEVEL):
-            assert place == stop
-            break
-    else:
-        assert math.isinf(stop)
 
 
 def test_few_runs_err_as_rarely() -> None:

@@ -15,9 +15,9 @@ from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import Rows, measures_of, rows_without_intervals
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.render.drawing import survival_curves
-from pytest_libero_max.report.report_section import PlayedPairs
+from pytest_libero_max.report.run_document import markdown
+from pytest_libero_max.report.sections import PlayedPairs
 from pytest_libero_max.report.timing import NOTE, TITLE, Timing, success_curves
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.stats.blocks import Measure
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
 

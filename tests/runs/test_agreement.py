@@ -29,9 +29,7 @@ def test_a_scene_is_compared_with_itself_and_starts_are_not() -> None:
 
 
 def test_a_scene_that_was_changed_within_a_run_is_named() -> None:
-    with pytest.raises(
-        OtherRunError, match=r"Scene embedded/libero_goal/3 of .* \(digests cccccccccccc, aaa"
-    ):
+    with pytest.raises(OtherRunError, match=r"embedded/libero_goal/3 of .* \(digests cccccccccccc,"):
         add({"scene": TEN}, {"scene": GOAL}, {"scene": GOAL.replace("a" * 64, "c" * 64)})
 
 

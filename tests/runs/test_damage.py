@@ -13,8 +13,8 @@ from pytest_libero_max.errors import LiberoMaxError, ReportError
 from pytest_libero_max.report.comparison.compare import compare_runs, read_runs
 from pytest_libero_max.report.comparison.comparison_sections import comparison_lines
 from pytest_libero_max.report.gate_results import decide
+from pytest_libero_max.report.gate_text import gate_lines
 from pytest_libero_max.report.gates import parse_gates
-from pytest_libero_max.report.writers.gate_text import gate_lines
 from pytest_libero_max.report.writers.power_text import expectations_of
 from pytest_libero_max.report.writers.report_files import read_report, report_json, write_reports
 from pytest_libero_max.report.writers.summary import summary_lines
@@ -23,7 +23,7 @@ from pytest_libero_max.runs.store import PairStore, read_pairs
 from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of, records_of
 from tests.runs.damage import damaged
 
-SEEDS = (*range(150), 3675)
+SEEDS = (*range(100), 3675)
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_damaged_pairs_are_read_or_refused(folder: Path) -> None:
     (sound / "pairs.jsonl").write_bytes(content)
 
     def use(seed: int) -> None:
-        _use(folder, sound, thoroughly=seed % 15 == 0)
+        _use(folder, sound, thoroughly=seed % 25 == 0)
 
     refused = _only_our_errors(content, folder / "pairs.jsonl", use)
     assert refused > 0.5 * len(SEEDS)
@@ -92,7 +92,7 @@ def test_damaged_reports_are_read_or_refused(folder: Path) -> None:
 def test_a_report_that_lacks_a_part_is_refused(folder: Path, changed: Json) -> None:
     path = folder / "report.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), **changed}))
-    with pytest.raises(ReportError, match=r"is damaged: .* Compute it again from its pairs.jsonl"):
+    with pytest.raises(ReportError, match=r"its pairs.jsonl"):
         read_report(folder)
 
 

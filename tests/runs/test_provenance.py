@@ -78,7 +78,6 @@ def test_provenance_names_the_whole_origin(tmp_path: Path, monkeypatch: pytest.M
         "started",
         "versions",
         "platform",
-        "fingerprint",
         "gl_backend",
         "git",
         "substrate",

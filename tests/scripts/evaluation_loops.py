@@ -60,7 +60,6 @@ def replaced(text: str, replacements: Mapping[str, str]) -> str:
 
 
 def run(text: str, folder: Path) -> None:
-    """Run commands of a shell in a folder, and stop at the first that fails."""
     print(text, flush=True)
     paths = f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'fixtures'}"
     text = text.replace("PYTHONPATH=fixtures/runners", f"PYTHONPATH=fixtures/runners{os.pathsep}{paths}")

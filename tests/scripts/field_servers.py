@@ -67,10 +67,7 @@ def examine(kind: str, python: str, folder: Path) -> None:
 def table(found: dict[str, Any]) -> str:
     """A row for each rule, a column for each server."""
     marks = {"unexamined": "-", "broken": "**broken**"}
-    lines = [
-        "| Rule | Level | " + " | ".join(found) + " |",
-        "| --- | --- |" + " --- |" * len(found),
-    ]
+    lines = ["| Rule | Level | " + " | ".join(found) + " |", "| --- | --- |" + " --- |" * len(found)]
     for index, rule in enumerate(rules_for("server")):
         states = [each["conformance"]["rules"][index]["state"] for each in found.values()]
         cells = [marks.get(state, state) for state in states]
@@ -79,7 +76,6 @@ def table(found: dict[str, Any]) -> str:
 
 
 def main(folder: Path, asked: list[str]) -> None:
-    """Examine what is asked for, and print the table of all."""
     folder.mkdir(parents=True, exist_ok=True)
     for item in asked:
         kind, _, python = item.partition("=")

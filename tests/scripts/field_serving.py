@@ -117,10 +117,7 @@ def lerobot() -> None:
         n_encoder_layers=1,
         use_vae=False,
         device="cpu",
-        input_features={
-            **features,
-            "observation.state": PolicyFeature(type=FeatureType.STATE, shape=(8,)),
-        },
+        input_features={**features, "observation.state": PolicyFeature(type=FeatureType.STATE, shape=(8,))},
         output_features={"action": PolicyFeature(type=FeatureType.ACTION, shape=(7,))},
     )
     shapes = {"observation.state": (8,), "action": (7,), **dict.fromkeys(features, (3, 1, 1))}

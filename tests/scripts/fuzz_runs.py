@@ -187,7 +187,6 @@ def sound_run(name: str) -> tuple[Json, ...]:
 
 
 def write_run(folder: Path, first: bytes, lines: Sequence[bytes]) -> Path:
-    """Write the pairs of a run into an empty folder."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     (folder / "pairs.jsonl").write_bytes(b"\n".join([first, *lines]) + b"\n")
@@ -217,9 +216,7 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
         "trend": ("compare", "--over-time", sound, run, "--csv", out / "t.csv", "--html", out / "t.html"),
         "recovery": ("lab", "recovery", *two),
         "gate": ("gate", run, *gates),
-        "export ctrf": ("report", run, "--export", f"ctrf={out / 'a.json'}"),
         "export every-eval-ever": ("report", run, "--export", f"every-eval-ever={out / 'every'}"),
-        "export robostats": ("report", run, "--export", f"robostats={out / 'a.jsonl'}"),
         "runs": ("runs", run.parent),
         "watch": ("runs", "--follow", "--once", run, sound),
         "plan": ("plan", "time", run, "--workers", "4", "--servers", "1"),
@@ -242,7 +239,6 @@ def commands_of(run: Path, sound: Path, out: Path) -> dict[str, Callable[[], obj
 
 
 def run_commands(*commands: list[str]) -> None:
-    """Run commands one after another."""
     for arguments in commands:
         run_command(arguments)
 
@@ -340,7 +336,6 @@ def _part_of(line: Json, draw: random.Random) -> tuple[Any, ...]:
 
 
 def failure_of(error: BaseException) -> str:
-    """The kind of an error and the place in this package at which it was raised."""
     frames = [
         frame for frame in traceback.extract_tb(error.__traceback__) if "pytest_libero_max" in frame.filename
     ]
@@ -495,7 +490,6 @@ def _take_in(line: bytes, agreement: Agreement, same_play: SamePlay) -> None:
 
 
 def main() -> int:
-    """Fuzz runs."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

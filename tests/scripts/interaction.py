@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
+
 from pytest_libero_max.lab.studies.camera.blocks import ConditionContrast
 from pytest_libero_max.lab.studies.camera.conditions import Conditions, contrasts_of_contrasts
 from pytest_libero_max.pairing.record import PairRecord
@@ -22,19 +24,16 @@ ARMS = ("base", "event", "light", "dynamic")
 
 def interaction(records: tuple[PairRecord, ...]) -> ConditionContrast:
     """Return (both - light) - (event - neither)."""
-    conditions = Conditions.of(
-        {name: [record.arms[name].success for record in records] for name in ARMS},
-        [record.source for record in records],
-        [record.configuration for record in records],
-        [record.configuration for record in records],
-    )
+    successes = {name: np.array([bool(record.arms[name].success) for record in records]) for name in ARMS}
+    configuration = np.array([record.configuration for record in records])
+    source = np.array([record.source for record in records])
+    conditions = Conditions(successes, source, task=configuration, configuration=configuration)
     pair = ("dynamic", "light"), ("event", "base")
     (found,) = contrasts_of_contrasts(conditions, [pair], [("both - light", "event - neither")])
     return found
 
 
 def main() -> None:
-    """Print the successes of each arm, and the interaction."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path)
     records = tuple(read_pairs(parser.parse_args().run).records)

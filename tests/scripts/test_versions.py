@@ -72,7 +72,7 @@ def test_a_file_is_gone_on_with_by_the_same_versions_alone(tmp_path: Path) -> No
     kept = versions.begun(file, "MuJoCo 3.3.7, expert")
     np.savez_compressed(file, **kept, **{"s/0/0/success": np.array(True)})
     assert bool(versions.begun(file, "MuJoCo 3.3.7, expert")["s/0/0/success"])
-    with pytest.raises(SystemExit, match=r"is of MuJoCo 3\.3\.7, expert, and this is MuJoCo 3\.4\.0, expert"):
+    with pytest.raises(SystemExit, match=r"3\.3\.7, expert.* 3\.4\.0, expert"):
         versions.begun(file, "MuJoCo 3.4.0, expert")
 
 

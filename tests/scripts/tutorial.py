@@ -62,7 +62,6 @@ def shell_of(command: str) -> list[str]:
 
 
 def main() -> None:
-    """Play the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, help="Where the clone is made (default: a temporary folder)")
     parser.add_argument("--no-system", action="store_true", help="Leave out what apt-get installs")

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.benchmark.cases import Case
+from pytest_libero_max.lab.bisection import first_bad
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
@@ -151,7 +152,6 @@ def begun(path: Path, made: str) -> dict[str, Any]:
 
 
 def opened(options: argparse.Namespace) -> EmbeddedSubstrate | LiberoSubstrate:
-    """The substrate that the command line asks for."""
     if options.substrate == "embedded":
         return EmbeddedSubstrate()
     return LiberoSubstrate([find_installation(options.root, assets=options.assets)])
@@ -283,22 +283,10 @@ def moved_by(options: argparse.Namespace, suite: str, task: int) -> str:
         parted[number] = parting(np.load(reference), np.load(file), episodes, options.bound)
         return bool(parted[number])
 
-    number = first_moved(len(options.releases), moved)
-    return "none" if number is None else f"{options.releases[number]} | {parted[number]}"
-
-
-def first_moved(count: int, moved: Callable[[int], bool]) -> int | None:
-    """Number of the first release that is moved, by bisection; None where the last one is not.
-
-    The first one is the reference, and what has moved is taken to stay so.
-    """
-    low, high = 0, count - 1
-    if not moved(high):
-        return None
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if moved(middle) else (middle, high)
-    return high
+    if not moved(len(options.releases) - 1):
+        return "none"
+    _, number = first_bad(len(options.releases), lambda number: "bad" if moved(number) else "good")
+    return f"{options.releases[number]} | {parted[number]}"
 
 
 def run_release(
@@ -359,7 +347,6 @@ def first_beyond(one: Array, other: Array, bound: float) -> int | None:
 
 
 def main() -> None:
-    """Read the command line and print what was measured."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     commands = parser.add_subparsers(required=True, dest="command")
     player = commands.add_parser("play", help="play Base and keep the trajectories")

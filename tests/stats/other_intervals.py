@@ -12,8 +12,8 @@ from pytest_libero_max.stats.paired_difference import (
     Bounds,
     FloatArray,
     Products,
-    checked_counts,
     chunks,
+    together,
 )
 
 
@@ -23,7 +23,7 @@ def tango(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
     Reference: T. Tango (1998), Statistics in Medicine 17:891-908. The variance is estimated under the
     difference tested, so that the width is positive without a discordant pair.
     """
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     z = float(special.ndtri((1 + confidence) / 2))
     bounds = []
     for sign in (1, -1):
@@ -38,7 +38,7 @@ def tango(losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: flo
 
 def tango_score(difference: ArrayLike, losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike) -> FloatArray:
     """Tango's score statistic of a difference: standard normal where it is true, falling as it grows."""
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     delta = np.asarray(difference, dtype=np.float64)
     # The constrained estimate of P(0, 1) - max(delta, 0), from the quadratic 2n q^2 + b q + c = 0.
     b = -up - down + (2 * n - up + down) * delta
@@ -64,7 +64,7 @@ def newcombe(
     Reference: R. G. Newcombe (1998), Statistics in Medicine 17:2635-2650. It alone needs ``preserved``, the
     pairs that succeed twice. The correlation is corrected for continuity, and 0 where a rate is 0 or 1.
     """
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     both = np.asarray(preserved, dtype=np.float64)
     neither = n - both - down - up
     z = float(special.ndtri((1 + confidence) / 2))
@@ -93,7 +93,7 @@ def agresti_min(
 
     Reference: A. Agresti and Y. Min (2005), Statistics in Medicine 24:729-740.
     """
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     down, up, n = down + 0.5, up + 0.5, n + 2
     z = float(special.ndtri((1 + confidence) / 2))
     difference = (up - down) / n
@@ -111,7 +111,7 @@ def exact_holds(
     difference: float, losses: ArrayLike, gains: ArrayLike, pairs: ArrayLike, confidence: float = CONFIDENCE
 ) -> NDArray[np.bool_]:
     """Whether the interval of :func:`exact` holds a difference; cheaper than the interval itself."""
-    down, up, n = checked_counts(losses, gains, pairs)
+    down, up, n = together(losses, gains, pairs)
     held = np.empty(n.size, dtype=np.bool_)
     for rows in chunks(n.size):
         some = [counts.ravel()[rows] for counts in (up, down, n)]

@@ -7,13 +7,7 @@ import pytest
 from scipy import stats
 
 from pytest_libero_max.stats.bounded_mean import bounded_means, bounds, exceed
-from tests.stats.change_coverage import (
-    VALUES,
-    change_coverage,
-    holds,
-    joint_coverage,
-    lowest_change_coverage,
-)
+from tests.stats.change_coverage import VALUES, change_coverage, holds, joint_coverage, lowest_change_coverage
 
 
 @pytest.mark.parametrize("confidence", [0.95, 1 - 0.05 / 1000])

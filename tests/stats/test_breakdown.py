@@ -1,13 +1,20 @@
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.blocks import Outcomes
-from pytest_libero_max.stats.breakdown import breakdown, largest_split, macro_average
-from pytest_libero_max.stats.outcome_table import at_floor
+from pytest_libero_max.stats.breakdown import (
+    breakdown,
+    largest_split,
+    lowest_by_chance,
+    macro_average,
+    split_by_chance,
+)
+from pytest_libero_max.stats.measured import at_floor
 from pytest_libero_max.stats.paired import Pairs, measure
 
 FATES = st.lists(st.tuples(st.integers(0, 5), st.sampled_from(["plus", "pro"])), max_size=40)
@@ -64,21 +71,6 @@ def test_the_order_of_pairs_never_shows(data: st.DataObject, fates: list[tuple[i
     assert measure(_pairs(fates)) == measure(_pairs(data.draw(st.permutations(fates))))
 
 
-def test_a_label_outside_the_groups_would_lose_pairs() -> None:
-    pairs = _pairs([(0, "plus"), (1, "pro")])
-    with pytest.raises(ReportError, match="labelled \\['pro'\\]"):
-        breakdown(pairs, pairs.source, ["plus"])
-
-
-def test_contradicting_columns_are_refused() -> None:
-    with pytest.raises(ReportError, match="never fired"):
-        Pairs.of([True], [True], triggered=[False], responded=[True], stale=[-1], source=["plus"], task=["t"])
-    with pytest.raises(ReportError, match="exactly the triggered pairs"):
-        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[-1], source=["plus"], task=["t"])
-    with pytest.raises(ReportError, match="must have one"):
-        Pairs.of([True], [True], triggered=[True], responded=[True], stale=[0], source=[], task=["t"])
-
-
 def test_a_macro_average_weighs_groups_alike() -> None:
     small, large = Outcomes(1, 0, 0, 0), Outcomes(0, 0, 50, 50)
     macro = macro_average([small, large])
@@ -110,3 +102,28 @@ def test_the_floor_is_a_fifth_of_base_success() -> None:
     assert at_floor(Outcomes(19, 0, 0, 81)) is True
     assert at_floor(Outcomes(20, 0, 0, 80)) is False
     assert at_floor(Outcomes(0, 0, 0, 0)) is None
+
+
+def test_the_lowest_of_groups_by_chance_is_what_the_binomial_says() -> None:
+    found = lowest_by_chance([400] * 10, 2000, 0, seen=0.4)
+    draws = stats.binom.rvs(400, 0.5, size=(4000, 10), random_state=1) / 400
+    assert found.expected == pytest.approx(draws.min(axis=1).mean(), abs=0.003)
+    assert not found.explains
+    assert lowest_by_chance([400] * 10, 2000, 0, seen=0.47).explains
+
+
+def test_losses_and_gains_are_dealt_together() -> None:
+    found = lowest_by_chance([50] * 17, 42, 42, seen=-0.1)
+    assert -0.12 < found.expected < -0.04
+    assert found.explains
+    assert not lowest_by_chance([50] * 17, 42, 42, seen=-0.3).explains
+
+
+def test_the_largest_split_by_chance_grows_with_small_cells() -> None:
+    small = split_by_chance([([2, 2], 2)] * 8, seen=0.5)
+    large = split_by_chance([([50, 50], 75)] * 8, seen=0.5)
+    assert small.expected > 0.5
+    assert large.expected == pytest.approx(0.16, abs=0.03)
+    assert small.explains
+    assert not large.explains
+    assert np.isfinite(small.share)

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats.comparison import (
     contrasts,
     group_change_contrasts,
@@ -48,11 +47,6 @@ def test_exchanging_the_sides_changes_the_sign_only(rows: list[tuple[bool, bool]
     assert forward.difference.value is not None
     assert backward.difference.value is not None
     assert forward.difference.value == -backward.difference.value
-
-
-def test_contrasts_need_common_cases() -> None:
-    with pytest.raises(ReportError, match="common cases"):
-        contrasts({"a": [True], "b": [True, False]})
 
 
 def test_ranks_share_ties_and_leave_out_what_is_unknown() -> None:

@@ -32,7 +32,7 @@ def test_the_exact_interval_of_a_rate_holds_its_level_at_every_rate(n: int) -> N
     assert min(wilson_coverage(n, rates)) < 0.93
 
 
-@pytest.mark.parametrize(("mean", "spread"), [(0.02, np.inf), (0.1, 1.0), (0.02, 0.2), (0.3, 2.0)])
+@pytest.mark.parametrize(("mean", "spread"), [(0.02, np.inf), (0.3, 2.0)])
 def test_an_interval_by_task_seldom_misses(mean: float, spread: float) -> None:
     for quantity in ("change", "rate", "lost"):
         missed, _ = task_misses(TaskCell(quantity, 40, mean, spread), runs=100)
@@ -51,8 +51,7 @@ def test_the_exact_interval_covers_at_least_the_nominal_share_of_every_true_effe
     assert lowest >= 0.95
 
 
-@pytest.mark.parametrize("loss", [0.0002, 0.001, 0.01, 0.02, 0.11])
-@pytest.mark.parametrize("gain", [0.0, 0.005])
+@pytest.mark.parametrize(("loss", "gain"), [(0.0002, 0.0), (0.001, 0.005), (0.02, 0.0), (0.11, 0.005)])
 def test_the_exact_interval_keeps_its_level_for_a_whole_track(loss: float, gain: float) -> None:
     assert exact_coverage(8000, loss, gain) >= 0.95
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pytest_libero_max.stats.best import best_of
+from pytest_libero_max.stats.comparison import best_of
 from pytest_libero_max.stats.intervals import clopper_pearson
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio

@@ -6,13 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.stats import paired_difference as paired_difference_module
-from pytest_libero_max.stats.paired_difference import (
-    exact,
-    paired_difference,
-    paired_differences,
-)
+from pytest_libero_max.stats.paired_difference import exact, paired_difference, paired_differences
 from pytest_libero_max.stats.significance import mcnemar
 from tests.stats.other_intervals import agresti_min, exact_holds, newcombe, tango, tango_score
 from tests.stats.unconditional import tables, tail_probabilities, unconditional
@@ -152,12 +147,6 @@ def test_several_reported_intervals_are_the_single_ones() -> None:
     paired_difference_module._KNOWN.clear()
     assert several == [paired_difference(*row) for row in table]
     assert paired_differences([]) == []
-
-
-@pytest.mark.parametrize("counted", [(3, 2, 4), (-1, 0, 4), (0, -1, 4), (0, 0, 0)])
-def test_counts_that_pairs_cannot_have_are_refused(counted: tuple[int, int, int]) -> None:
-    with pytest.raises(ReportError, match="together at most the pairs"):
-        exact(*counted)
 
 
 def test_the_score_is_mcnemars_without_a_difference() -> None:

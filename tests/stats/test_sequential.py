@@ -7,11 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from pytest_libero_max.stats.sequential import (
-    TotalSequence,
-    log_evidence_of_change,
-    log_evidence_over_strata,
-)
+from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
 from tests.stats.capital import capital
 
 
@@ -28,27 +24,6 @@ def test_the_evidence_of_a_change_misleads_at_most_as_often_as_the_level(level: 
         misled += sum(after.pop(k) for k in stopped)
         chance = after
     assert level / 4 < misled <= level
-
-
-def test_evidence_over_strata_is_that_of_one_stratum_and_adds_up_where_they_differ() -> None:
-    assert log_evidence_over_strata([]) == 0.0
-    assert log_evidence_over_strata([(7, 2)]) == pytest.approx(log_evidence_of_change(7, 2))
-    opposite = log_evidence_over_strata([(9, 0), (0, 9)])
-    assert log_evidence_of_change(9, 9) < 0 < opposite
-    assert opposite > 2 * log_evidence_of_change(9, 0) - math.log(2)
-
-
-def test_evidence_over_strata_never_grows_on_average_from_any_state() -> None:
-    """The next discordant pair is of any of the strata, and a loss or a gain with chance 1/2 there."""
-    for counts in product(product(range(4), repeat=2), repeat=2):
-        for place in (0, 1):
-            mean = 0.0
-            for kind in (0, 1):
-                after = [list(stratum) for stratum in counts]
-                after[place][kind] += 1
-                mean += math.exp(log_evidence_over_strata([(lost, gained) for lost, gained in after])) / 2
-            before = [(lost, gained) for lost, gained in counts]
-            assert mean == pytest.approx(math.exp(log_evidence_over_strata(before)))
 
 
 def test_the_evidence_of_a_change_is_the_ratio_of_likelihoods() -> None:

@@ -39,7 +39,7 @@ class DeclaredEnvironment:
     ``seed(0)``, ``reset()`` and ``set_init_state`` where there are :attr:`initial_states`, else
     ``reset(seed=0)``, which begins from the reference's initial state."""
     keys: Mapping[str, str] = field(default_factory=dict)
-    """Places of an observation, by role (:data:`.observing.ROLES`): keys with slashes between levels. Known
+    """Places of an observation, by role (:data:`.subject.ROLES`): keys with slashes between levels. Known
     names are found without."""
     images: Turn = "delivered"
     """Orientation of its images beside those that LIBERO delivers, bottom row first."""
@@ -51,11 +51,7 @@ class DeclaredEnvironment:
     every step draws; with software rendering that is nine tenths of its time."""
 
     def expects(self) -> TaskReference:
-        """Return the reference.
-
-        Raises:
-            OptionError: There is none of its name.
-        """
+        """Return the reference."""
         from pytest_libero_max.conformance.environment.reference import read_reference
 
         given = self.reference
@@ -72,11 +68,7 @@ class FactoryName:
 
     @classmethod
     def read(cls, text: str) -> FactoryName:
-        """Return the factory that a text names.
-
-        Raises:
-            ValueError: It names no factory, or the arguments are no TOML.
-        """
+        """Return the factory that a text names."""
         module, _, rest = text.partition(":")
         function, _, written = rest.partition(":")
         name = cls(PythonName.read("env", f"{module}:{function}"), written)
@@ -91,11 +83,7 @@ class FactoryName:
 
     @property
     def arguments(self) -> Mapping[str, Any]:
-        """The arguments by name.
-
-        Raises:
-            TOMLDecodeError: They are not TOML.
-        """
+        """The arguments by name."""
         arguments: dict[str, Any] = tomllib.loads(f"arguments = {{{self.written}}}")["arguments"]
         return arguments
 
@@ -110,11 +98,7 @@ class FactoryName:
         return replace(self, place=replace(self.place, module=str(Path(self.place.module).absolute())))
 
     def load(self) -> DeclaredEnvironment:
-        """Import the module, and return what its factory makes, opened later.
-
-        Raises:
-            OptionError: The module cannot be imported, has no such factory, or that declares nothing.
-        """
+        """Import the module, and return what its factory makes, opened later."""
         factory = self.place.load()
         if not _declares(factory):
             return DeclaredEnvironment(lambda: factory(**self.arguments))

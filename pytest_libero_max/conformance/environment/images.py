@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.environment.contract import KEYS
-from pytest_libero_max.conformance.environment.measures import copied, settled
-from pytest_libero_max.conformance.environment.observing import images_of
 from pytest_libero_max.conformance.environment.reference import shrink
-from pytest_libero_max.conformance.environment.subject import EnvironmentSubject
-from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.environment.subject import EnvironmentSubject, copied, images_of, settled
+from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 
 Array = NDArray[np.float64]
 
@@ -79,10 +77,9 @@ def orientation(subject: EnvironmentSubject) -> Iterator[Finding]:
     for camera, match in subject.once(matches).items():
         if not match.clear:
             yield unexamined("no orientation makes it clearly more like LIBERO's image", part=camera)
-        elif match.turn == declared:
-            yield kept(f"{_WORDS[match.turn]} (mean difference {match.levels:.1f} of 255)", part=camera)
         else:
-            yield broken(
+            yield judged(
+                match.turn == declared,
                 f"{_WORDS[match.turn]} (mean difference {match.levels:.1f} of 255)",
                 f"{_WORDS[declared]}, as declared",
                 "Policies rotate what LIBERO delivers by 180 degrees. Do it in one place, and declare "
@@ -95,25 +92,21 @@ def orientation(subject: EnvironmentSubject) -> Iterator[Finding]:
 def colours(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Have red first and blue last."""
     for camera, match in subject.once(matches).items():
-        if match.swapped:
-            yield broken(
-                "blue and red are exchanged",
-                "RGB",
-                "OpenCV reads and writes BGR: convert with image[..., ::-1].",
-                part=camera,
-            )
-        else:
-            yield kept("RGB", part=camera)
+        yield judged(
+            not match.swapped,
+            "blue and red are exchanged" if match.swapped else "RGB",
+            "RGB",
+            "OpenCV reads and writes BGR: convert with image[..., ::-1].",
+            part=camera,
+        )
 
 
 @rule("env/images/content", "should", needs=KEYS)
 def content(subject: EnvironmentSubject) -> Iterator[Finding]:
     """Show the scene that LIBERO shows, with its textures, light and camera."""
     for camera, match in subject.once(matches).items():
-        if match.levels <= _ALIKE:
-            yield kept(f"mean difference {match.levels:.1f} of 255", part=camera)
-            continue
-        yield broken(
+        yield judged(
+            match.levels <= _ALIKE,
             f"mean difference {match.levels:.1f} of 255",
             f"at most {_ALIKE:g}, as between versions of MuJoCo",
             "Other models, textures, light or camera: compare the versions with those of the reference.",
@@ -122,18 +115,17 @@ def content(subject: EnvironmentSubject) -> Iterator[Finding]:
 
 
 @rule("env/images/fresh", "must", needs=KEYS)
-def fresh(subject: EnvironmentSubject) -> Iterator[Finding]:
+def fresh(subject: EnvironmentSubject) -> Finding:
     """Show another image after each step in which the hand moves."""
     before = images_of(copied(subject.begin(drawn=True)))
     for number in range(4):
         after = images_of(subject.step((1.0, 0.5, -0.5, 0.0, 0.0, 0.0, -1.0)).reading)
         old = [camera for camera, image in after.items() if np.array_equal(image, before[camera])]
         if old:
-            yield broken(
+            return broken(
                 f"after step {number + 1} of a movement, {', '.join(old)} is the image before it",
                 "an image of the new state",
                 "An old image is returned: draw after the step.",
             )
-            return
         before = {camera: np.array(image) for camera, image in after.items()}
-    yield kept("each step of a movement has another image")
+    return kept("each step of a movement has another image")

@@ -44,7 +44,6 @@ class Script:
     event_at: int | None = None
     """Step after which the instruction and the scene change; None for never."""
     beyond: bool = False
-    """True if the policy answers with movements beyond 1."""
 
 
 @dataclass(frozen=True)
@@ -126,9 +125,6 @@ class SpyEnv:
     """One arm of a case, with the methods of ``gymnasium.Env`` that loops call.
 
     After the end it goes on with another episode, as vector environments do by themselves.
-
-    Attributes:
-        max_steps: Steps after which the episode is truncated.
     """
 
     metadata: Mapping[str, Any] = {"render_modes": []}
@@ -153,11 +149,7 @@ class SpyEnv:
         return self._observed(), self._info(False)
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Keep one action, (7,).
-
-        Raises:
-            ProtocolError: The episode has not begun, the action has another shape, or the loop never ends.
-        """
+        """Keep one action, (7,)."""
         spies, array = self._spies, np.array(action, dtype=float)
         if not spies.is_running:
             raise ProtocolError("no episode is running. Call reset() first.")
@@ -199,13 +191,7 @@ class SpyEnv:
 
 
 class SpyPolicy:
-    """A policy whose answers name their query.
-
-    Attributes:
-        horizon: H, the number of actions in an answer.
-        query_interval: Q, the number of them to execute before the next query.
-        images_written: Numbers of the queries whose arrays were written to later.
-    """
+    """A policy whose answers name their query."""
 
     horizon, query_interval = H, Q
 
@@ -213,7 +199,7 @@ class SpyPolicy:
         self._count = 0
         self._queue: deque[Array] = deque()
         self._shown: dict[int, tuple[list[Array], bytes]] = {}
-        self.images_written: set[int] = set()
+        self.images_written: set[int] = set()  # numbers of the queries whose arrays were written to later
         self.spies: Spies | None = None
 
     def reset(self) -> None:

@@ -59,7 +59,6 @@ class PlayedEpisode:
     entries: tuple[Any, ...]
     """All that the loop did, in order; see :mod:`.spies`."""
     result: Any
-    """Result of the loop."""
 
     @property
     def queries(self) -> tuple[Asked, ...]:
@@ -98,22 +97,14 @@ class LoopSubject:
 
     @cached_property
     def episodes(self) -> dict[str, PlayedEpisode]:
-        """The episodes by name, in the order in which they were played.
-
-        Raises:
-            LoopError: The loop raised an error.
-        """
+        """The episodes by name, in the order in which they were played."""
         scripts = (("Base", BASE), ("Dynamic", DYNAMIC), ("the third episode", LAST_STEP))
         with global_generators_restored():  # the spy policy draws from them, and a loop may seed them
             return {name: self._played(name, script) for name, script in scripts}
 
     @cached_property
     def beyond(self) -> PlayedEpisode:
-        """An episode with answers beyond 1.
-
-        Raises:
-            LoopError: The loop raised an error.
-        """
+        """An episode with answers beyond 1."""
         with global_generators_restored():
             return self._played("an episode with movements beyond 1", BEYOND)
 
@@ -153,9 +144,5 @@ def _source(action: Array, queries: list[Asked]) -> Source | None:
 
 
 def open_loop(name: str) -> LoopSubject:
-    """Return the loop of a name, ``PACKAGE.MODULE:FUNCTION`` or ``FILE.py:FUNCTION``.
-
-    Raises:
-        OptionError: There is no such function.
-    """
+    """Return the loop of a name, ``PACKAGE.MODULE:FUNCTION`` or ``FILE.py:FUNCTION``."""
     return LoopSubject(PythonName.read("loop", name).load())

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.conformance.playable import playable_cases
+from pytest_libero_max.conformance.rules import Measurements
+from pytest_libero_max.conformance.substrate.subject import playable_cases
 from pytest_libero_max.errors import AdapterError, LiberoMaxError
 from pytest_libero_max.policies.check import Actions, ask, check_cameras, start
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec, Query, query_seed
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from pytest_libero_max.substrates.contract import ChosenSubstrate
     from pytest_libero_max.worlds.contract import World, WorldState
     from pytest_libero_max.worlds.robot import Robot
-
-T = TypeVar("T")
 
 QUERIES = 4
 """Number of observations, and of queries in an episode."""
@@ -54,14 +53,7 @@ class Shown:
 
 
 def observe(policy: Policy, world: World, suite: str = "libero_spatial", task_index: int = 0) -> Shown:
-    """Return observations of a world at rest and moved a little.
-
-    Args:
-        policy: Names the cameras and the size of images. One that is privileged gets the live world.
-        world: It is reset and stepped.
-        suite: Of the world's task.
-        task_index: Of that task.
-    """
+    """Return observations of a world at rest and moved a little; a privileged policy gets the live world."""
     spec = policy.spec
     world.reset(0)
     observations, states = [], []
@@ -84,7 +76,7 @@ class FirstAnswers(NamedTuple):
 
 
 @dataclass
-class PolicySubject:
+class PolicySubject(Measurements):
     """A loaded policy, what it is shown, and the answers that several rules look at."""
 
     policy: Policy
@@ -93,30 +85,16 @@ class PolicySubject:
     """Arguments of :func:`open_policy` that load it again in another process; empty where nothing does."""
     spec: PolicySpec = field(init=False)
     """Its spec before the first query."""
-    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         self.spec = replace(self.policy.spec)
-
-    def once(self, measure: Callable[[PolicySubject], T]) -> T:
-        """Return what a function makes of this subject; it is called once for all rules."""
-        if measure not in self._measured:
-            self._measured[measure] = measure(self)
-        result: T = self._measured[measure]
-        return result
 
     def start(self, episode: Episode | None = None) -> None:
         """Begin an episode, by default the one that is shown."""
         start(self.policy, episode or self.shown.episode)
 
     def ask(self, index: int, *, observation: Mapping[str, Any] | None = None, **query: Any) -> Actions:
-        """Return the answer to query ``index``, from a copy of the observation.
-
-        Args:
-            index: Number of the query.
-            observation: Entries that replace those of the observation.
-            query: Fields that replace those of the query.
-        """
+        """Return the answer to query ``index``, some entries of whose observation and fields are replaced."""
         shown = self.shown.copy(index)
         return self.show(index, shown | dict(observation or {}), **query)
 
@@ -138,11 +116,7 @@ class PolicySubject:
 
     @property
     def first(self) -> FirstAnswers:
-        """The answers to all queries of the first episode.
-
-        Raises:
-            LiberoMaxError: One was not answered; the same error each time.
-        """
+        """The answers to all queries of the first episode."""
         if isinstance(self._first, LiberoMaxError):
             raise self._first
         return self._first
@@ -190,9 +164,6 @@ def open_policy(
     """Load a policy, and show it the first scene of the ``smoke`` track that it plays.
 
     A world that a privileged policy reads stays open as long as the process.
-
-    Raises:
-        AdapterError: It cannot be loaded, or wants a camera that the scene does not have.
     """
     from pytest_libero_max.policies.loading import check_reference, load_policy
     from pytest_libero_max.worlds.threads import use_one_blas_thread
@@ -211,11 +182,7 @@ def open_policy(
 
 
 def first_scene(policy: Policy, substrate: str) -> Shown:
-    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`.
-
-    Raises:
-        AdapterError: It plays none, is for another robot, or wants a camera that the scene does not have.
-    """
+    """Return observations of the first scene that a policy plays, see :func:`.playable_cases`."""
     from pytest_libero_max.substrates.registry import chosen_substrate, open_substrate
 
     chosen = chosen_substrate(substrate)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.conformance.policy.subject import QUERIES
-from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, broken, judged, kept, rule, unexamined
 from pytest_libero_max.conformance.server.subject import (
     NOT_REPEATABLE,
     ServerSubject,
@@ -27,24 +27,23 @@ RANGE_TOLERANCE = 0.01
 
 
 @rule(CONNECTS, "must")
-def connects(subject: ServerSubject) -> Iterator[Finding]:
+def connects(subject: ServerSubject) -> Finding:
     """Accept a client, and greet it as the protocol asks."""
     with subject.client() as client:
         spec = client.policy.spec
-        yield kept(f"{spec.name} (H={spec.horizon} Q={spec.query_interval})")
+        return kept(f"{spec.name} (H={spec.horizon} Q={spec.query_interval})")
 
 
 @rule(ANSWERS, "must", needs=CONNECTS)
-def answers(subject: ServerSubject) -> Iterator[Finding]:
+def answers(subject: ServerSubject) -> Finding:
     """Answer every query of an episode without an interruption."""
     with subject.client() as client:
         for index in range(QUERIES):
             client.ask(index)
         interruptions = served(client).client.interruptions
     if interruptions == 0:
-        yield kept(f"{counted(QUERIES, 'query', 'queries')} were answered")
-        return
-    yield broken(
+        return kept(f"{counted(QUERIES, 'query', 'queries')} were answered")
+    return broken(
         f"{counted(QUERIES, 'query', 'queries')} met {counted(interruptions, 'interruption')}",
         "no interruption",
         "Look at the server's own output.",
@@ -52,7 +51,7 @@ def answers(subject: ServerSubject) -> Iterator[Finding]:
 
 
 @rule("server/contract/greeting", "should", needs=CONNECTS)
-def greeting(subject: ServerSubject) -> Iterator[Finding]:
+def greeting(subject: ServerSubject) -> Finding:
     """Greet every client alike."""
     greetings = []
     for _ in range(2):
@@ -60,13 +59,11 @@ def greeting(subject: ServerSubject) -> Iterator[Finding]:
             greetings.append(served(client).greeting)
     first, second = greetings
     if not first and not second:
-        yield kept("the greeting declares nothing")
-        return
+        return kept("the greeting declares nothing")
     changed = sorted(str(key) for key in {*first, *second} if _bytes(first, key) != _bytes(second, key))
     if not changed:
-        yield kept(f"two clients get the same greeting, which declares {', '.join(map(str, first))}")
-        return
-    yield broken(
+        return kept(f"two clients get the same greeting, which declares {', '.join(map(str, first))}")
+    return broken(
         f"two clients get different greetings: {', '.join(changed)}",
         "the same greeting",
         "Declare the policy when the server starts. What changes with each client belongs into a reply.",
@@ -78,20 +75,17 @@ def _bytes(greeting: Mapping[Any, Any], key: Any) -> bytes | None:
 
 
 @rule("server/contract/chunk", "should", needs=ANSWERS)
-def chunk(subject: ServerSubject) -> Iterator[Finding]:
+def chunk(subject: ServerSubject) -> Finding:
     """Return as many actions as the server or its profile declares."""
     with subject.client() as client:
         client.ask(0)
         returned, declared = served(client).returned, client.policy.spec.horizon
         own = served(client).greeting.get("action_chunk_size")
     if returned is None:
-        yield unexamined("the number of actions in a reply is not known")
-        return
+        return unexamined("the number of actions in a reply is not known")
     said, words = (own, "action_chunk_size") if isinstance(own, int) else (declared, "horizon")
-    if returned == said:
-        yield kept(f"a reply has {counted(returned, 'action')}")
-        return
-    yield broken(
+    return judged(
+        returned == said,
         f"a reply has {counted(returned, 'action')}",
         f"{words}={said}, as declared",
         "Declare the H that the model returns, or choose the profile of this checkpoint.",
@@ -99,7 +93,7 @@ def chunk(subject: ServerSubject) -> Iterator[Finding]:
 
 
 @rule("server/contract/action-spec", "should", needs=ANSWERS)
-def action_spec(subject: ServerSubject) -> Iterator[Finding]:
+def action_spec(subject: ServerSubject) -> Finding:
     """Return actions of the width and within the ranges that the greeting declares."""
     with subject.client() as client:
         link = alter_requests(client)
@@ -107,18 +101,16 @@ def action_spec(subject: ServerSubject) -> Iterator[Finding]:
         parts = _declared_parts(served(client).greeting)
         actions = _actions_in(link.reply, subject)
     if not parts or len(actions) != 1:
-        yield unexamined("the greeting does not declare the parts of an action (action_spec)")
-        return
+        return unexamined("the greeting does not declare the parts of an action (action_spec)")
     (array,) = actions
     width = sum(dims for dims, _ in parts.values())
     if array.shape[-1] != width:
-        yield broken(
+        return broken(
             f"actions have {counted(array.shape[-1], 'component')}",
             f"{width}: {', '.join(f'{name} {dims}' for name, (dims, _) in parts.items())}, as declared",
             "Declare what the model returns (get_action_spec), or cut what is not LIBERO's.",
         )
-        return
-    yield _within_ranges(array, parts)
+    return _within_ranges(array, parts)
 
 
 def _within_ranges(actions: NDArray[Any], parts: Mapping[str, tuple[int, Any]]) -> Finding:
@@ -151,7 +143,7 @@ def _declared_parts(greeting: Mapping[Any, Any]) -> dict[str, tuple[int, Any]]:
 
 
 @rule("server/contract/precision", "should", needs=ANSWERS)
-def precision(subject: ServerSubject) -> Iterator[Finding]:
+def precision(subject: ServerSubject) -> Finding:
     """Return actions as numbers of single or double precision."""
     with subject.client() as client:
         link = alter_requests(client)
@@ -160,15 +152,14 @@ def precision(subject: ServerSubject) -> Iterator[Finding]:
     types = sorted({str(array.dtype) for array in arrays})
     coarse = [str(array.dtype) for array in arrays if array.dtype.kind != "f" or array.dtype.itemsize < 4]
     if not arrays:
-        yield kept("actions come as lists of numbers")
-    elif not coarse:
-        yield kept(f"actions come as {', '.join(types)}")
-    else:
-        yield broken(
-            f"actions come as {', '.join(coarse)}",
-            "float32 or float64",
-            "Convert them before they are sent: actions.astype(np.float32).",
-        )
+        return kept("actions come as lists of numbers")
+    if not coarse:
+        return kept(f"actions come as {', '.join(types)}")
+    return broken(
+        f"actions come as {', '.join(coarse)}",
+        "float32 or float64",
+        "Convert them before they are sent: actions.astype(np.float32).",
+    )
 
 
 def _actions_in(reply: Any, subject: ServerSubject) -> list[NDArray[Any]]:
@@ -182,21 +173,19 @@ def _actions_in(reply: Any, subject: ServerSubject) -> list[NDArray[Any]]:
 
 
 @rule("server/contract/encoding", "should", needs=ANSWERS)
-def encoding(subject: ServerSubject) -> Iterator[Finding]:
+def encoding(subject: ServerSubject) -> Finding:
     """Write arrays as the clients of its protocol read them."""
     with subject.client() as client:
         client.ask(0)
         link: Any = served(client).client.link
         dialect, message = getattr(link, "dialect", None), getattr(link, "message", None)
     if dialect is None or not isinstance(message, bytes):
-        yield unexamined("the protocol has no encoding of its own")
-        return
+        return unexamined("the protocol has no encoding of its own")
     foreign = foreign_arrays(message, dialect)
     if not foreign:
-        yield kept("a reply has no array in a foreign encoding")
-        return
+        return kept("a reply has no array in a foreign encoding")
     own = dialect.encode(np.zeros(1))
-    yield broken(
+    return broken(
         f"an array is a map with the keys {_keys(foreign[0])}",
         f"the keys {_keys(own)}",
         "This package reads every encoding; the clients of the protocol's authors read their own alone.",
@@ -208,24 +197,21 @@ def _keys(array: Mapping[Any, Any]) -> str:
 
 
 @rule("server/contract/seed", "must", needs=ANSWERS)
-def seed(subject: ServerSubject) -> Iterator[Finding]:
+def seed(subject: ServerSubject) -> Finding:
     """Give the same query with the same seed the same answer."""
     if not subject.repeatable:
-        yield unexamined(NOT_REPEATABLE)
-        return
+        return unexamined(NOT_REPEATABLE)
     if not subject.repeats:
-        yield broken(
+        return broken(
             "the same first query of an episode got two different answers over one connection",
             "the same bytes for the same query and seed",
             "The server draws from a generator that goes on from request to request: seed it from the "
             "request, or declare repeatable=False.",
         )
-        return
     with subject.client() as client:
         first = client.ask(0)
         client.start()
         another = client.ask(0, seed=client.shown.query(0).seed ^ 0x5A5A)
     if first.tobytes() == another.tobytes():
-        yield kept("the same query gets the same answer, with another seed as well")
-    else:
-        yield kept("the same query and seed get the same answer, another seed another one")
+        return kept("the same query gets the same answer, with another seed as well")
+    return kept("the same query and seed get the same answer, another seed another one")

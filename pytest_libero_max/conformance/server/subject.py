@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 from pytest_libero_max.conformance.policy.subject import PolicySubject, Shown, first_scene
-from pytest_libero_max.conformance.rules import Finding, broken, kept, unexamined
+from pytest_libero_max.conformance.rules import Finding, Measurements, broken, kept, unexamined
 from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.check import Actions
 from pytest_libero_max.policies.clients.address import Address
@@ -18,19 +18,16 @@ from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.transport import Link
 from pytest_libero_max.policies.profile import Profile
 
-T = TypeVar("T")
-
 PATIENCE_S = 5.0
 """Longest time to wait for a server that cannot be reached; somebody is waiting."""
 
 TIMEOUT_S = 60.0
-"""Longest time to wait for one answer."""
 
 NOT_REPEATABLE = "repeatable=False, so no two answers can be compared"
 
 
 @dataclass
-class ServerSubject:
+class ServerSubject(Measurements):
     """A server by its address, and the profile by which it is asked."""
 
     address: Address
@@ -40,22 +37,10 @@ class ServerSubject:
     """H (chunk size), where the profile does not say."""
     query_interval: int | None = None
     """Q (execution horizon), likewise."""
-    _measured: dict[Callable[..., Any], Any] = field(init=False, default_factory=dict, repr=False)
-
-    def once(self, measure: Callable[[ServerSubject], T]) -> T:
-        """Return what a function makes of this subject; it is called once for all rules."""
-        if measure not in self._measured:
-            self._measured[measure] = measure(self)
-        result: T = self._measured[measure]
-        return result
 
     @contextmanager
     def client(self) -> Iterator[PolicySubject]:
-        """Connect another client, at the beginning of an episode.
-
-        Raises:
-            ServerError: The server was given up.
-        """
+        """Connect another client, at the beginning of an episode."""
         policy = open_server(self.address, self.profile, self.horizon, self.query_interval)
         try:
             subject = PolicySubject(policy, self.shown)
@@ -65,11 +50,7 @@ class ServerSubject:
             policy.client.close()
 
     def alone(self, *indices: int) -> list[Actions]:
-        """Return the answers to queries that a client of its own asks, in one episode.
-
-        Raises:
-            ServerError: The server was given up.
-        """
+        """Return the answers to queries that a client of its own asks, in one episode."""
         with self.client() as client:
             return [client.ask(index) for index in indices]
 
@@ -95,21 +76,12 @@ class ServerSubject:
 
 
 class AlteredLink:
-    """A link whose requests are altered before they are sent.
-
-    Attributes:
-        request: The last request, as it was sent; None before the first.
-        reply: The last reply, as it came.
-    """
+    """A link whose requests are altered before they are sent; it keeps the last one, and its reply."""
 
     def __init__(self, link: Link, alter: Callable[[Any], Any] = lambda request: request) -> None:
         self._link, self._alter = link, alter
         self.request: Any = None
         self.reply: Any = None
-
-    def open(self) -> Any:
-        """Connect and return the greeting."""
-        return self._link.open()
 
     def ask(self, request: Any) -> Any:
         """Send the altered request and return the reply."""
@@ -117,8 +89,10 @@ class AlteredLink:
         self.reply = self._link.ask(self.request)
         return self.reply
 
+    def open(self) -> Any:
+        return self._link.open()
+
     def close(self) -> None:
-        """Close the connection."""
         self._link.close()
 
 
@@ -148,18 +122,18 @@ def is_in_words(error: str) -> bool:
     return "reports an error" in error or "HTTP" in error
 
 
-def still_answers(subject: ServerSubject, after: str) -> Iterator[Finding]:
+def still_answers(subject: ServerSubject, after: str) -> Finding:
     """Yield the finding that the next client is answered, or not."""
     try:
         subject.alone(0)
     except ServerError as error:
-        yield broken(
+        return broken(
             f"after {after}: {error}".rstrip("."),
             "an answer to the next client",
             "One client must not take the server down: catch what a connection raises.",
         )
     else:
-        yield kept(f"after {after}, the next client is answered")
+        return kept(f"after {after}, the next client is answered")
 
 
 def open_at(
@@ -169,12 +143,7 @@ def open_at(
     horizon: int | None = None,
     query_interval: int | None = None,
 ) -> ServerSubject:
-    """Return the server at an address, which is asked for its spec alone.
-
-    Raises:
-        AdapterError: The address or the profile cannot be used.
-        ServerError: The server was given up: its spec says which images to show.
-    """
+    """Return the server at an address, which is asked for its spec alone."""
     patient = parse_address(address)
     patient = replace(
         patient, timeout_s=min(patient.timeout_s, TIMEOUT_S), patience_s=min(patient.patience_s, PATIENCE_S)

@@ -93,4 +93,3 @@ def _rule(event: str) -> Rule:
 
 
 EVENT_RULES = tuple(map(_rule, BENCHMARK_EVENTS))
-"""A rule for each event of the benchmark."""

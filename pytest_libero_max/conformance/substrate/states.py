@@ -1,19 +1,18 @@
-"""Rules for states: a reset starts over, a snapshot holds everything, and both arrive at the same bits."""
+"""Rules for states, which a reset and a snapshot bring back bit for bit, and for the images of them."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
 from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
-from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for
-from pytest_libero_max.worlds.contract import OnMujoco, World
+from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for, open_subject
+from pytest_libero_max.errors import counted
+from pytest_libero_max.worlds.contract import AlterableWorld, Array, OnMujoco, World, alterable
 
 _STATE = ("qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos")
 """Arrays of MuJoCo's state, of each of which some elements are written to."""
@@ -45,15 +44,19 @@ def beginning(subject: SubstrateSubject) -> dict[str, object]:
     }
 
 
+def beginning_of(name: str) -> dict[str, object]:
+    """Return the beginning of the substrate of a name."""
+    return beginning(open_subject(name))
+
+
 @rule("substrate/states/steps", "must", needs=OPENS)
-def same_steps(subject: SubstrateSubject) -> Iterator[Finding]:
+def same_steps(subject: SubstrateSubject) -> Finding:
     """Arrive at the same bits from the same initial state with the same actions."""
     first, second = (play(subject.begin()) for _ in range(2))
     if first == second:
-        yield kept(f"{len(first)} steps, played twice, have the same digests")
-        return
+        return kept(f"{len(first)} steps, played twice, have the same digests")
     step = next(index for index, pair in enumerate(zip(first, second, strict=True)) if pair[0] != pair[1])
-    yield broken(
+    return broken(
         f"the second time, step {step} has another digest",
         "equal digests",
         "Something of the simulator outlives a reset: warm starts, controllers, random numbers.",
@@ -61,7 +64,7 @@ def same_steps(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/states/index", "must", needs=OPENS)
-def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
+def by_index(subject: SubstrateSubject) -> Finding:
     """Choose the initial state by its index, not by the number of resets."""
     world = subject.world
     digests = []
@@ -70,9 +73,8 @@ def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
         digests.append(world.digest())
     if digests[0] == digests[2] == digests[3]:
         differ = "differ" if digests[0] != digests[1] else "are equal"
-        yield kept(f"reset(0) is the same after other resets; initial states 0 and 1 {differ}")
-        return
-    yield broken(
+        return kept(f"reset(0) is the same after other resets; initial states 0 and 1 {differ}")
+    return broken(
         "reset(0) begins elsewhere after other resets",
         "the same bits",
         "Take initial state `init` of the list, not the next one, and draw nothing.",
@@ -80,20 +82,19 @@ def by_index(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/states/process", "must", needs="substrate/states/steps")
-def fresh_process(subject: SubstrateSubject) -> Iterator[Finding]:
+def fresh_process(subject: SubstrateSubject) -> Finding:
     """Build the same scene, with every thing in the same place, in another process."""
     if not subject.name:
-        yield unexamined("the substrate is an object of this process")
-        return
+        return unexamined("the substrate is an object of this process")
     here = beginning(subject)
     there = result_elsewhere(
-        f"{__package__}.beginning",
+        beginning_of,
         subject.name,
         FRESH_S,
         expected="the same scene",
         cure="The substrate needs something of this process or its home.",
     )
-    yield there if isinstance(there, Finding) else _compared(json.loads(json.dumps(here)), there)
+    return there if isinstance(there, Finding) else _compared(json.loads(json.dumps(here)), there)
 
 
 def _compared(here: Any, there: Any) -> Finding:
@@ -115,7 +116,7 @@ def _compared(here: Any, there: Any) -> Finding:
 
 
 @rule(COPIES, "must", needs=OPENS)
-def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
+def snapshot_is_a_copy(subject: SubstrateSubject) -> Finding:
     """Copy the state into a snapshot, so that the live world does not alter it."""
     world = subject.begin()
     state = world.snapshot()
@@ -123,13 +124,12 @@ def snapshot_is_a_copy(subject: SubstrateSubject) -> Iterator[Finding]:
     before = [array.tobytes() for array in arrays]
     play(world)
     if before == [array.tobytes() for array in arrays]:
-        yield kept("a snapshot stays as it was while the world goes on")
-        return
-    yield broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
+        return kept("a snapshot stays as it was while the world goes on")
+    return broken("a snapshot changed while the world went on", "a copy", "Copy the arrays.")
 
 
 @rule(RESTORE, "must", needs=COPIES)
-def restore(subject: SubstrateSubject) -> Iterator[Finding]:
+def restore(subject: SubstrateSubject) -> Finding:
     """Return to a snapshot bit for bit, and go on as if nothing had been in between."""
     world = subject.begin()
     for action in actions_for(world)[:10]:
@@ -138,25 +138,23 @@ def restore(subject: SubstrateSubject) -> Iterator[Finding]:
     onward = play(world, 10)
     world.restore(state)
     if world.digest() != digest:
-        yield broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
-    elif play(world, 10) != onward:
-        yield broken(
+        return broken("restore() arrives at another digest", "that of the snapshot", "Restore everything.")
+    if play(world, 10) != onward:
+        return broken(
             "after restore() the same actions lead elsewhere",
             "the digests of the first time (fork equals replay)",
             "The snapshot lacks something that the future depends on: warm starts, controllers, filters, "
             "the environment's own fields.",
         )
-    else:
-        yield kept(f"after restore(), {len(onward)} steps have the same digests")
+    return kept(f"after restore(), {len(onward)} steps have the same digests")
 
 
 @rule("substrate/states/complete", "must", needs=RESTORE)
-def complete(subject: SubstrateSubject) -> Iterator[Finding]:
+def complete(subject: SubstrateSubject) -> Finding:
     """Cover by the digest, and bring back with restore(), everything of the simulator's state."""
     world = subject.begin()
     if not isinstance(world, OnMujoco):
-        yield unexamined("the world has no state of MuJoCo to write to")
-        return
+        return unexamined("the world has no state of MuJoCo to write to")
     play(world)
     state, digest = world.snapshot(), world.digest()
     missed, left = [], []
@@ -172,22 +170,20 @@ def complete(subject: SubstrateSubject) -> Iterator[Finding]:
     if missed or left:
         parts = [f"the digest does not cover {', '.join(missed)}"] * bool(missed)
         parts += [f"restore() leaves {', '.join(left)}"] * bool(left)
-        yield broken(
+        return broken(
             " and ".join(parts),
             "a digest and a snapshot of the whole integration state",
             "Take mjSTATE_INTEGRATION, not qpos and qvel.",
         )
-        return
-    yield kept("writes to MuJoCo's state change the digest, and restore() takes them back")
+    return kept("writes to MuJoCo's state change the digest, and restore() takes them back")
 
 
 @rule("substrate/states/writes", "must", needs=RESTORE)
-def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
+def takes_back_writes(subject: SubstrateSubject) -> Finding:
     """Notice and undo what was written to the model from outside."""
     world = subject.begin()
     if not isinstance(world, OnMujoco):
-        yield unexamined("the world has no model of MuJoCo to write to")
-        return
+        return unexamined("the world has no model of MuJoCo to write to")
     world.take_back_writes()
     mass, gravity = world.model.body_mass.copy(), np.array(world.model.opt.gravity)
     world.model.body_mass[-1] += 1.0  # the last body may have none
@@ -197,9 +193,8 @@ def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
     assert isinstance(world, OnMujoco)
     undone = np.array_equal(world.model.body_mass, mass) and np.array_equal(world.model.opt.gravity, gravity)
     if {"body_mass", "opt.gravity"} <= {*named} and undone:
-        yield kept("writes to fixed fields of the model are named and undone")
-        return
-    yield broken(
+        return kept("writes to fixed fields of the model are named and undone")
+    return broken(
         f"of body_mass and opt.gravity, take_back_writes() names {', '.join(named) or 'none'}"
         f"{'' if undone else ', and they stay'}",
         "both, undone",
@@ -208,19 +203,146 @@ def takes_back_writes(subject: SubstrateSubject) -> Iterator[Finding]:
 
 
 @rule("substrate/states/success", "must", needs=OPENS)
-def not_yet_done(subject: SubstrateSubject) -> Iterator[Finding]:
+def not_yet_done(subject: SubstrateSubject) -> Finding:
     """Hold the goal for not reached at the beginning of an episode."""
-    for case in _one_a_suite(subject):
+    one_a_suite = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
+    for case in one_a_suite.values():
         if subject.begin(case).succeeded():
-            yield broken(
+            return broken(
                 f"{case.case_id}: the goal holds at the beginning",
                 "a goal that is still to be reached",
                 "The goal's predicates, or the initial states, are those of another task.",
             )
-            return
-    yield kept("no goal holds at the beginning of an episode")
+    return kept("no goal holds at the beginning of an episode")
 
 
-def _one_a_suite(subject: SubstrateSubject) -> list[Case]:
-    cases = {case.suite: case for case in reversed(subject.cases or (subject.case,))}
-    return [*cases.values()]
+KEYS = "substrate/images/keys"
+
+_SIDE = 128
+Points = list[tuple[float, float]]
+
+
+@rule(KEYS, "must", needs=OPENS)
+def keys(subject: SubstrateSubject) -> Finding:
+    """Observe the keys of the robot, LIBERO's for its Panda, each in its shape."""
+    world = subject.begin()
+    robot = world.robot
+    observation = world.observe(robot.cameras, (96, _SIDE))
+    shapes: dict[str, tuple[int, ...]] = {key: (size,) for key, size in robot.state.items()}
+    shapes |= {f"{camera}_image": (96, _SIDE, 3) for camera in robot.cameras}
+    wrong = [
+        f"{key} {observation[key].shape if key in observation else 'missing'}"
+        for key, shape in shapes.items()
+        if key not in observation or observation[key].shape != shape
+    ]
+    wrong += [
+        f"{camera}_image of {observation[f'{camera}_image'].dtype}"
+        for camera in robot.cameras
+        if f"{camera}_image" in observation and observation[f"{camera}_image"].dtype != np.uint8
+    ]
+    if wrong:
+        return broken(
+            ", ".join(wrong),
+            f"the keys and shapes of robot {robot.name!r}, images (H, W, 3) uint8",
+            "Rename and reshape.",
+        )
+    return kept(f"{len(shapes)} keys in their shapes")
+
+
+@rule("substrate/images/same", "must", needs=KEYS)
+def same_images(subject: SubstrateSubject) -> Finding:
+    """Draw the same pixels in the same state: twice, and after steps that restore() took back."""
+    world = subject.begin()
+    first = world.observe(world.robot.cameras, _SIDE)
+    repeated = world.observe(world.robot.cameras, _SIDE)
+    state = world.snapshot()
+    for action in actions_for(world):
+        world.step(action)
+    moved = world.observe(world.robot.cameras, _SIDE)
+    world.restore(state)
+    after = world.observe(world.robot.cameras, _SIDE)
+    for camera in world.robot.cameras:
+        key = f"{camera}_image"
+        for what, later in (("drawn twice", repeated), ("drawn after restore()", after)):
+            if not np.array_equal(first[key], later[key]):
+                return broken(
+                    f"{key} {what} differs in {int((first[key] != later[key]).any(axis=2).sum())} pixels",
+                    "the same pixels",
+                    "Something that is drawn is not part of the state.",
+                )
+        if np.array_equal(first[key], moved[key]):
+            return broken(
+                f"{key} is the same after {counted(len(actions_for(world)), 'step')}",
+                "another image",
+                "An old image is returned, or what moves is not drawn: MuJoCo's geoms of groups 1 and 2 are.",
+            )
+    return kept("the same state has the same pixels, another one has others")
+
+
+@rule("substrate/images/physics", "must", needs=KEYS)
+def drawing_alters_nothing(subject: SubstrateSubject) -> Finding:
+    """Leave the state as it is when images are drawn."""
+    world = subject.begin()
+    before = world.digest()
+    world.observe(world.robot.cameras, _SIDE)
+    if world.digest() == before:
+        return kept("drawing alters nothing")
+    return broken("the digest changed when images were drawn", "the same digest", "Draw from a copy.")
+
+
+@rule("substrate/images/rows", "must", needs=RESTORE)
+def row_order(subject: SubstrateSubject) -> Finding:
+    """Deliver images bottom row first, not mirrored, as LIBERO does."""
+    from pytest_libero_max.worlds.rendering.appearance import pose_of_camera
+
+    world = subject.begin()
+    if not isinstance(world, AlterableWorld):
+        return unexamined("the pose of the camera is known of worlds that changes can alter alone")
+    camera = world.robot.cameras[0]
+    places, images = [], []
+    for axis, sign in ((1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)):
+        world = subject.begin()
+        action = np.array(world.robot.noop)
+        action[axis] = sign
+        for _ in range(4):
+            world.step(action)
+        position, turn, fovy_rad = pose_of_camera(alterable(world), camera)
+        x, y, z = (np.asarray(world.end_effector()) - position) @ turn
+        focal = 0.5 * _SIDE / np.tan(0.5 * fovy_rad)
+        place = (_SIDE / 2 - focal * y / z, _SIDE / 2 - focal * x / z)
+        if z < 0.0 and min(place) > 0.0 and max(place) < _SIDE:
+            places.append(place)
+            images.append(world.observe([camera], _SIDE)[f"{camera}_image"].astype(float))
+    if len(places) < 3:
+        return unexamined("the hand leaves the view of the main camera within four steps")
+    hands = [_what_only_this_shows(images, number) for number in range(len(images))]
+    turns = {
+        "bottom row first": (1, 1),
+        "top row first": (-1, 1),
+        "bottom row first and mirrored": (1, -1),
+        "top row first and mirrored": (-1, -1),
+    }
+    likeness = {name: _likeness(hands, places, turn) for name, turn in turns.items()}
+    best = max(likeness, key=lambda name: likeness[name])
+    if best == "bottom row first":
+        return kept("images come bottom row first, as OpenGL delivers them")
+    return broken(
+        f"images come {best}",
+        "bottom row first, so that image[::-1] is upright",
+        "Policies rotate images by 180 degrees: an image that is upright already arrives upside down.",
+    )
+
+
+def _what_only_this_shows(images: list[Array], number: int) -> tuple[float, float]:
+    """Return the row and the column around which an image differs from each of the others: the hand."""
+    others = [image for index, image in enumerate(images) if index != number]
+    weights = np.min([np.abs(images[number] - image).sum(axis=2) for image in others], axis=0)
+    rows, columns = np.indices(weights.shape)
+    total = max(float(weights.sum()), 1e-9)
+    return float((rows * weights).sum()) / total, float((columns * weights).sum()) / total
+
+
+def _likeness(hands: Points, places: Points, turn: tuple[int, int]) -> float:
+    """Return how well the movements of the hand from image to image fit those of its places, if turned."""
+    seen, meant = (np.array(points) - np.mean(points, axis=0) for points in (hands, places))
+    return float((seen * meant * turn).sum())

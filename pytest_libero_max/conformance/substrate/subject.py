@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.conformance.playable import playable_cases
+from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.pairing.changing import begin_world
-from pytest_libero_max.substrates.contract import Substrate
+from pytest_libero_max.substrates.contract import ChosenSubstrate, Substrate, SubstrateKind, SubstrateOptions
 from pytest_libero_max.worlds.contract import Array, World
 from pytest_libero_max.worlds.robot import ACTION_DIM
 
@@ -58,11 +57,7 @@ class SubstrateSubject:
 
 
 def open_subject(name: str) -> SubstrateSubject:
-    """Open a substrate, see :func:`.chosen_substrate`.
-
-    Raises:
-        SubstrateError: It cannot be opened, or no case of its default tracks can be played here.
-    """
+    """Open a substrate, see :func:`.chosen_substrate`."""
     from pytest_libero_max.substrates.registry import SUBSTRATES, chosen_substrate
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
@@ -71,9 +66,30 @@ def open_subject(name: str) -> SubstrateSubject:
     kind = SUBSTRATES[chosen.name]
     playable = playable_cases(chosen, name)
     substrate = kind.open(chosen.options)
-    return SubstrateSubject(substrate, playable if _fits(substrate, playable) else (), name)
+    # A toy scene has not the entity that the case names.
+    fits = playable[0].event.entity in substrate.world(playable[0]).entities
+    return SubstrateSubject(substrate, playable if fits else (), name)
 
 
-def _fits(substrate: Substrate, cases: Sequence[Case]) -> bool:
-    """Return True if the scene of the first case has the entity that the case names; a toy scene has not."""
-    return cases[0].event.entity in substrate.world(cases[0]).entities
+def playable_cases(chosen: ChosenSubstrate, name: str) -> tuple[Case, ...]:
+    """Return the examples of a substrate; where it has none, the cases of a default track that it plays."""
+    from pytest_libero_max.substrates.registry import SUBSTRATES
+
+    kind = SUBSTRATES[chosen.name]
+    return tuple(kind.examples(chosen.options)) or _of_tracks(kind, chosen.options, name)
+
+
+def _of_tracks(kind: SubstrateKind, options: SubstrateOptions, name: str) -> tuple[Case, ...]:
+    """Return the cases of the first default track of which some can be played."""
+    tracks, reason = kind.tracks(options), ""
+    for track in tracks.defaults:
+        cases = load_track(tracks.name(track)).cases
+        lacking = kind.unplayable(options, cases)
+        playable = tuple(case for case in cases if case.case_id not in lacking)
+        if playable:
+            return playable
+        reason = next(iter(lacking.values()))
+    raise SubstrateError(
+        f"{name} plays no case of {' or '.join(tracks.defaults)}: {reason}. Give a substrate of other suites "
+        "cases to be examined with: SubstrateKind(examples=...)."
+    )

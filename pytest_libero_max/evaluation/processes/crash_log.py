@@ -95,13 +95,7 @@ class CrashLog:
 
 @dataclass(frozen=True)
 class Death:
-    """Death of a process that was to play a pair.
-
-    Attributes:
-        error: Error of the pair, if it is not played again.
-        phase: Phase of the pair.
-        text: The end of its stderr, with the tracebacks of its threads.
-    """
+    """Death of a process that was to play a pair."""
 
     error: LiberoMaxError
     phase: str

@@ -24,14 +24,7 @@ _NAMED = 5
 
 
 class Deaths:
-    """Counts the deaths of the processes that play pairs.
-
-    Args:
-        settings: Of the run.
-        processes: Number of processes that play at once.
-        kind: Their name for messages: ``workers``.
-        stop: Of the run.
-    """
+    """Counts the deaths of the processes that play pairs."""
 
     def __init__(self, settings: Settings, processes: int, kind: str, stop: Stop) -> None:
         self.processes = processes
@@ -64,8 +57,6 @@ class Deaths:
         not played again: it stays missing.
 
         Args:
-            case: The pair.
-            death: Of the process.
             play_again: Gives the pair to another process; returns whether that is possible.
         """
         if case.item_id in self._measured:  # it died between this pair and the next
@@ -93,36 +84,30 @@ def pair_error(case: Case, death: Death, plays: int) -> PairError:
 
 
 def set_aside_lines(invalid: Sequence[InvalidPair]) -> list[str]:
-    """Sentence that names the pairs whose processes died each time; none where there is no such pair.
-
-    Args:
-        invalid: ``invalid_pairs`` of a report.
-    """
+    """Sentence that names the pairs whose processes died each time; none where there is no such pair."""
     names = [pair.item_id for pair in invalid if pair.phase == CRASH_PHASE]
     if not names:
         return []
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return [
-        f"Set aside, because each process that played it died: {', '.join(names[:_NAMED])}{more}. "
+        f"Set aside, because each process that played it died: {_few(names)}. "
         f"report.json has all of them; {CRASHES_NAME} has what they said."
     ]
 
 
 def refused_lines(invalid: Sequence[InvalidPair]) -> list[str]:
-    """Sentence that names the pairs that were refused for what the policy did; none where there is none.
-
-    Args:
-        invalid: ``invalid_pairs`` of a report.
-    """
+    """Sentence that names the pairs that were refused for what the policy did; none where there is none."""
     refused = [pair for pair in invalid if is_refusal(pair.kind)]
     if not refused:
         return []
-    names = [pair.item_id for pair in refused]
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     return [
-        f"Refused for what the policy did, and not played again by a rerun or --libero-max-resume: "
-        f"{', '.join(names[:_NAMED])}{more}. The first: {refused[0].message} Then begin a new run."
+        "Refused for what the policy did, and not played again by a rerun or --libero-max-resume: "
+        f"{_few([pair.item_id for pair in refused])}. The first: {refused[0].message} Then begin a new run."
     ]
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    return ", ".join(names[:_NAMED]) + more
 
 
 def keep_text(output: Path, item_id: str, number: int, text: str) -> None:

@@ -21,12 +21,7 @@ SHARE = 0.9
 
 
 class Playing:
-    """The process that plays a pair, as far as the pair is concerned: without limits.
-
-    Attributes:
-        phase: Phase of the pair.
-        watchdog: Keeps its time limits.
-    """
+    """The process that plays a pair, as far as the pair is concerned: without limits."""
 
     def __init__(self, watchdog: Watchdog | None = None) -> None:
         self.phase = "setup"
@@ -51,7 +46,6 @@ class PairProcess(Playing):
     """This process with its limits, which hold from now on, and for the processes that it starts.
 
     Args:
-        settings: The limits.
         workers: Number of processes that share the memory of the machine.
         log: Its crash log; None in the session's own process, whose death ends the session.
         stderr: File descriptor for the tracebacks of the session's own process.

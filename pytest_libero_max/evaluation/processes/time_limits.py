@@ -60,9 +60,6 @@ class Timer:
 
     Python's own ``signal.setitimer`` has one timer for the whole process, which adapters and pytest-timeout
     use. Times are those of ``time.monotonic()``, which no change of the date moves. A fork inherits no timer.
-
-    Raises:
-        OSError: The kernel gives no timer.
     """
 
     def __init__(self, number: int) -> None:
@@ -105,11 +102,6 @@ class Watchdog:
     process. Native code cannot hold it up. A process that plays pairs for a controller ends like this, and
     the controller goes on with a fresh one. The session's own process is asked first: an exception is raised
     in its main thread, and the process is ended only if that has no effect.
-
-    Args:
-        limits: Longest time of each activity.
-        log: Crash log for the activity of the process; None in the session's own process.
-        stderr: File descriptor for the tracebacks of the session's own process.
     """
 
     def __init__(self, limits: Limits, log: CrashLog | None, stderr: int = 2) -> None:

@@ -22,7 +22,7 @@ def add_command(commands: Commands) -> None:
         "when a policy is asked. Each layer has a digest and numbers; all together have the hash to quote. "
         "Equal hashes mean equal bits; --compare says which layers differ and by how much, and ends with "
         "exit status 1 then. Layers come from the first cause to the last effect: other textures are other "
-        "images too. The hash is kept for the runs of this installation that follow, whose reports print it.",
+        "images too.",
     )
     option(fingerprint, "--output FILE", "Also write the fingerprint here, as JSON", type=Path)
     option(fingerprint, "--compare FILE", "Compare two files of --output instead", type=Path, nargs=2)
@@ -31,15 +31,9 @@ def add_command(commands: Commands) -> None:
 
 
 def _fingerprint(options: argparse.Namespace) -> int:
-    from pytest_libero_max.lab.fingerprint import (
-        comparison_lines,
-        fingerprint_lines,
-        read_fingerprint,
-        take,
-    )
+    from pytest_libero_max.lab.fingerprint import comparison_lines, fingerprint_lines, read_fingerprint, take
     from pytest_libero_max.report.writers.report_files import write_text
-    from pytest_libero_max.runs.kept_fingerprint import keep
-    from pytest_libero_max.substrates.registry import describe_substrate, open_substrate
+    from pytest_libero_max.substrates.registry import open_substrate
     from pytest_libero_max.worlds.threads import use_one_blas_thread
 
     if options.compare:
@@ -52,6 +46,5 @@ def _fingerprint(options: argparse.Namespace) -> int:
         found = take(substrate)
     if options.output:
         write_text(options.output, json.dumps(found) + "\n")
-    keep(describe_substrate(options.substrate.name, told), found["hash"])
     say(fingerprint_lines(found))
     return 0

@@ -34,7 +34,7 @@ def add_command(commands: Commands) -> None:
 def _index(options: argparse.Namespace) -> int:
     from pytest_libero_max.lab.index.index_page import index_html
     from pytest_libero_max.lab.index.run_index import published_in, run_index
-    from pytest_libero_max.report.verified_runs import read_checks
+    from pytest_libero_max.report.publication import read_checks
     from pytest_libero_max.report.writers.report_files import write_text
 
     known = {} if options.verified is None else read_checks(options.verified)

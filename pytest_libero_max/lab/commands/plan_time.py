@@ -58,8 +58,7 @@ def add_command(commands: Commands) -> None:
 
 
 def _plan(options: argparse.Namespace) -> None:
-    from pytest_libero_max.lab.fleet.fleet import Fleet
-    from pytest_libero_max.lab.fleet.plan_text import plan_lines, shard_lines
+    from pytest_libero_max.lab.fleet import Fleet, plan_lines, shard_lines
     from pytest_libero_max.runs.plan import PlannedPair
     from pytest_libero_max.runs.store import read_pairs
 

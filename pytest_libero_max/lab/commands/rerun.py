@@ -26,8 +26,5 @@ def _rerun(options: argparse.Namespace) -> int:
     from pytest_libero_max.runs.media import RERUN_NAME
 
     return write_each(
-        options,
-        RERUN_NAME,
-        lambda folder, record: folder / f"{record.item_id}.rrd",
-        lambda ran: record_pair,
+        options, RERUN_NAME, lambda folder, record: folder / f"{record.item_id}.rrd", lambda ran: record_pair
     )

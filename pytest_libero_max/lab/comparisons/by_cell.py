@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
 
 from pytest_libero_max.cli.arguments import switch
 from pytest_libero_max.cli.terminal import say
@@ -35,6 +36,6 @@ def compare(options: argparse.Namespace) -> bool:
         raise OptionError.seen("runs", len(runs), ", but --by-cell compares two runs, the old cases first.")
     result = old_less_new(*runs.values())
     if options.json:
-        write_text(options.json, json.dumps(result.to_dict(), indent=2) + "\n")
+        write_text(options.json, json.dumps(asdict(result), indent=2) + "\n")
     say(document_lines(document_of(result)))
     return False

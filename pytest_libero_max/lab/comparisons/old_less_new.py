@@ -8,12 +8,11 @@ another here: those of a cell (source, event, variant) are independent samples o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import group_order
 from pytest_libero_max.report.document import Document, Section, table_of
@@ -32,7 +31,7 @@ from pytest_libero_max.runs.outcomes import RunOutcomes
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.ratios import Ratio
 from pytest_libero_max.stats.significance import holm
-from pytest_libero_max.stats.stratified import StratifiedDifference, stratified_difference
+from pytest_libero_max.stats.two_proportions import StratifiedDifference, stratified_difference
 
 ARMS = ("Base", "Dynamic")
 _LEVEL = 0.05
@@ -69,9 +68,6 @@ class Row:
             and self.difference.value > 0
         )
 
-    def to_dict(self) -> Json:
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class OldLessNew:
@@ -87,10 +83,6 @@ class OldLessNew:
     """Both arms over all cells."""
     by_event: Mapping[str, Mapping[str, Row]]
     """Both arms by event."""
-
-    def to_dict(self) -> Json:
-        """As JSON values."""
-        return asdict(self)
 
 
 def old_less_new(old: RunOutcomes, new: RunOutcomes) -> OldLessNew:

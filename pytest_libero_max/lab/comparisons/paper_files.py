@@ -13,12 +13,16 @@ from pytest_libero_max.lab.comparisons.paper_plots import PAPER_PLOTS
 from pytest_libero_max.lab.comparisons.paper_rows import PolicyRow, published_row, row_of
 from pytest_libero_max.lab.comparisons.paper_tables import paper_tables, partial_tables
 from pytest_libero_max.report.build import substrate_of
-from pytest_libero_max.report.comparison.apart import apart_run
-from pytest_libero_max.report.comparison.compare import compare_runs, compared_and_apart, lined_up
+from pytest_libero_max.report.comparison.compare import (
+    apart_run,
+    compare_runs,
+    compared_and_apart,
+    lined_up,
+    notes_of,
+)
 from pytest_libero_max.report.comparison.compare_files import COMPARISON_CAPTIONS, comparison_figures
 from pytest_libero_max.report.comparison.comparison_document import Comparison
 from pytest_libero_max.report.comparison.comparison_sections import difference_warnings, left_out_text
-from pytest_libero_max.report.comparison.run_notes import notes_of
 from pytest_libero_max.report.document import Document, Section
 from pytest_libero_max.report.formats import counted
 from pytest_libero_max.report.published import (

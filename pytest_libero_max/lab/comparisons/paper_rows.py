@@ -9,12 +9,12 @@ import numpy as np
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report.build import extremes_of, group_order, split_of
-from pytest_libero_max.report.dimensions import DIMENSIONS
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.published import PublishedPolicy
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.blocks import Outcomes
 from pytest_libero_max.stats.breakdown import macro_average
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import tabulate
 from pytest_libero_max.stats.paired import Pairs
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -57,7 +57,7 @@ class PolicyRow:
     """Q, the execution horizon."""
     outcomes: Outcomes
     by: Mapping[str, Mapping[str, Rates]]
-    """Rates by dimension (see :data:`~pytest_libero_max.report.dimensions.DIMENSIONS`) and group."""
+    """Rates by dimension (see :data:`~pytest_libero_max.report.groups.DIMENSIONS`) and group."""
     macro: float | None
     """Unweighted mean of the paired changes of the source categories."""
     lowest_base: Mapping[str, str]
@@ -85,10 +85,8 @@ def row_of(
     """Return the row of a run.
 
     Args:
-        name: Name of the row.
         policy: The policy's spec as played.
-        planned: The cases.
-        pairs: Their outcomes, in the same order.
+        planned: The cases, in the order of their outcomes in ``pairs``.
         lite: Ids of the cases of Lite; empty where they are not among the cases.
     """
     counted: dict[str, dict[str, Outcomes]] = {}

@@ -38,11 +38,7 @@ _PARTS: tuple[tuple[str, str, Format], ...] = (
 
 
 def paper_tables(rows: Sequence[PolicyRow]) -> list[Table]:
-    """Return the tables of policies; without columns of which nothing is known of any.
-
-    Args:
-        rows: Policies in the order of the tables, those of the paper last.
-    """
+    """Return the tables of policies, those of the paper last; without columns of which nothing is known."""
     mixed = len({row.published for row in rows}) > 1
     named = [(row.name, row) for row in rows]
     origin = [_ORIGIN] if any(row.published for row in rows) else []
@@ -202,12 +198,7 @@ _SuiteRow = tuple[str, Rates, bool]
 
 
 def partial_tables(runs: Sequence[ApartRun], published: PartialPolicy | None = None) -> list[Table]:
-    """Return a table of the policies that play a part of the suites, by suite; none without such a policy.
-
-    Args:
-        runs: Runs that are listed apart.
-        published: Such a policy of the paper.
-    """
+    """Return a table by suite of policies that play a part of the suites; none without such a policy."""
     rows: list[tuple[str, Any]] = []
     for run in runs:
         by_suite = {suite: _measured(row) for suite, row in run.by_suite.items()}

@@ -14,14 +14,7 @@ from pytest_libero_max.report.diagnosis import changed_pairs
 from pytest_libero_max.report.document import Document, Section, Table
 from pytest_libero_max.report.formats import change_text, counted, interval_text, percent, points
 from pytest_libero_max.report.page.page_frame import document_page
-from pytest_libero_max.report.plots import (
-    COLOURS_NOTE,
-    Plot,
-    change_plot,
-    change_row,
-    direction,
-    rates_row,
-)
+from pytest_libero_max.report.plots import COLOURS_NOTE, Plot, change_plot, change_row, direction, rates_row
 from pytest_libero_max.report.quantities import Quantity, quantity
 from pytest_libero_max.runs.store import read_pairs
 
@@ -41,12 +34,7 @@ def causes_of(folder: Path, cases: Collection[str]) -> Counter[str]:
 
 
 def trend_of(comparison: Comparison, causes: Causes) -> Document:
-    """Return runs in their order as a document.
-
-    Args:
-        comparison: The runs in their order, with short names, on the cases that all have measured.
-        causes: See :data:`Causes`.
-    """
+    """Return runs in their order as a document, on the cases that all have measured."""
     common = counted(comparison.pairs.common, "common case")
     names = [*_numbered(comparison)]
     all_causes = [cause for cause, _ in _ordered(sum(causes, Counter()))]
@@ -90,7 +78,6 @@ def _widened(table: Table, head: Sequence[str], cells: Sequence[Sequence[str | i
 
 
 def _ordered(causes: Counter[str]) -> list[tuple[str, int]]:
-    """Return causes by number, the largest first, then by name."""
     return sorted(causes.items(), key=lambda item: (-item[1], item[0]))
 
 

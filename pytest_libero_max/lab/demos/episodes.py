@@ -14,14 +14,60 @@ from pytest_libero_max.errors import OptionError, did_you_mean
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.events.schedules import BASE, DYNAMIC, arms_of
-from pytest_libero_max.lab.demos.disturbed import DisturbedPolicy
 from pytest_libero_max.pairing.rollout import Rollout
 from pytest_libero_max.pairing.stage import Stage
-from pytest_libero_max.policies.contract import Policy
+from pytest_libero_max.policies.contract import Episode, Policy, Query
+from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.tasks.contents import task_metadata
 from pytest_libero_max.tasks.libero_tasks import tasks
-from pytest_libero_max.worlds.contract import World
+from pytest_libero_max.worlds.contract import Observation, World
 from pytest_libero_max.worlds.robot import CAMERAS
+
+_ASIDE, _TURN = 1.0, 0.2
+"""The largest push, in units of an action: sideways and up, and about each axis."""
+
+
+class DisturbedPolicy(WrappedPolicy):
+    """Adds a random movement to some answers; the gripper's command stays the expert's.
+
+    A learned policy errs, and then sees states that no undisturbed demonstration shows. The remedy is that of
+    DART (Laskey et al., 2017): disturb the execution, and record the expert's answers.
+
+    Attributes:
+        meant: Answer of the expert to each query of the episode.
+
+    Args:
+        share: Share of the queries whose answer is disturbed, 0 to 1.
+    """
+
+    def __init__(self, expert: Policy, share: float) -> None:
+        super().__init__(expert, f"disturbed={share:g}")
+        self.meant: list[NDArray[np.float64]] = []
+        self._share = share
+
+    def reset(self, episode: Episode) -> None:
+        self.meant = []
+        super().reset(episode)
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        actions = super().predict(observation, query)
+        self.meant.append(actions)
+        draw = np.random.default_rng(query.seed)
+        if draw.uniform() >= self._share:
+            return actions
+        push = np.zeros(7)
+        angle, length = draw.uniform(-np.pi, np.pi), _ASIDE * np.sqrt(draw.uniform())
+        push[:3] = length * np.cos(angle), length * np.sin(angle), draw.uniform(0.0, _ASIDE)
+        push[3:6] = draw.uniform(-_TURN, _TURN, 3)
+        return np.clip(actions + push, -1.0, 1.0)
+
+    def meant_at(self, steps: list[int], length: int) -> NDArray[np.float64]:
+        """Return the (length, 7) actions that the expert wanted, by the steps of its queries."""
+        ends = [*steps[1:], length]
+        return np.concatenate(
+            [answer[: end - step] for answer, step, end in zip(self.meant, steps, ends, strict=True)]
+        )
+
 
 _WITHOUT_SETUP = "illumination_switch"
 """The event of the cases whose Base is recorded: it needs nothing of the scene and prepares nothing in it."""
@@ -64,10 +110,7 @@ def planned(
 ) -> Iterator[Planned]:
     """Yield Base of every task and initial state, and a Dynamic episode of each event that the task can host.
 
-    Variants of events alternate with the initial states.
-
-    Args:
-        task_indices: Tasks of each suite; None for all.
+    Variants of events alternate with the initial states. Without indices, all tasks of a suite are meant.
 
     Raises:
         OptionError: There is no such event or task.

@@ -47,7 +47,6 @@ def collect_run(
     An arm that equals an earlier one is left out.
 
     Args:
-        run_folder: A run that has ended. Its pairs without traces are left out.
         folder: Folder of the episodes, made if missing; what it holds already is not made again.
         image_size: Side of the images, pixels.
         report: Called with the number of finished pairs and of all, after each pair.
@@ -58,7 +57,6 @@ def collect_run(
 
     Raises:
         OptionError: The folder was begun with something else, or no pair has traces.
-        ReportError: The run cannot be read.
         ProtocolError: A pair comes out otherwise than it was recorded.
     """
     with open_recorded(run_folder, cases, installations, assets) as run:
@@ -87,8 +85,6 @@ def collect_run(
 def _arms(
     case: Case, world: World, record: PairRecord, traces: Mapping[str, ArmTrace], image_size: int
 ) -> dict[str, Demonstration]:
-    """Return the distinct arms of a recorded pair."""
-
     def look(name: str, step: int, world: World, before: View | None) -> View:
         observation = world.observe(CAMERAS, image_size)
         return _Seen({}, opening_m(world, observation), observation=observation)

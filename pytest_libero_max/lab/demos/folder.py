@@ -36,10 +36,6 @@ class Settings:
     disturbed: float = 0.0
     """Share of the queries after which the hand is pushed aside."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the settings as written beside the episodes; ``disturbed`` only where it is not 0."""
-        return {key: value for key, value in asdict(self).items() if key != "disturbed" or value}
-
 
 @dataclass(frozen=True)
 class Found:
@@ -67,23 +63,10 @@ def collect(
         The state of each episode, in the order of the plans.
 
     Raises:
-        OptionError: The folder was begun with other settings, or cannot be written.
+        OptionError: The folder was begun with other settings.
         SubstrateError: There is no such initial state.
         AdapterError: The expert cannot be loaded, or broke its contract.
     """
-    try:
-        return _collect(plans, folder, settings, jobs, report)
-    except OSError as error:
-        raise OptionError(f"{folder} cannot be written: {error}.") from error
-
-
-def _collect(
-    plans: Sequence[Planned],
-    folder: Path,
-    settings: Settings,
-    jobs: int,
-    report: Callable[[int, int], None],
-) -> list[Found]:
     begin_folder(folder, settings)
     todo = [plan for plan in plans if find(plan, folder) is None]
     batches = [
@@ -127,7 +110,7 @@ def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
     actions, executed = arrays["actions"], arrays.get("executed")
     return (
         Demonstration(
-            about.get("success", True),  # earlier files are of completed episodes
+            about["success"],
             about["instruction"],
             about["event_step"],
             observations,
@@ -139,13 +122,9 @@ def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
 
 
 def begin_folder(folder: Path, settings: Settings) -> None:
-    """Make a folder for episodes, or check that it was begun with the same settings.
-
-    Raises:
-        OptionError: It was begun with others.
-    """
+    """Make a folder for episodes, or refuse one that was begun with other settings."""
     path = folder / SETTINGS
-    wanted = {"format": 1, **settings.to_dict()}
+    wanted = {"format": 1, **asdict(settings)}
     if path.exists():
         try:
             there = json.loads(path.read_text(encoding="utf-8"))

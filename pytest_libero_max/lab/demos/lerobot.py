@@ -40,11 +40,7 @@ COUNTERS = {"timestamp": "float32", "frame_index": "int64", "episode_index": "in
 
 
 def require_pyarrow() -> None:
-    """Refuse early where PyArrow is missing.
-
-    Raises:
-        OptionError: PyArrow is not installed.
-    """
+    """Refuse early where PyArrow is missing."""
     try:
         import pyarrow.parquet  # noqa: F401  # to be told
     except ImportError as error:
@@ -86,15 +82,10 @@ class Statistics:
 
 
 def write_dataset(paths: Sequence[Path], folder: Path) -> None:
-    """Write episodes as one dataset; a folder that is there is replaced once the new one is complete.
-
-    Args:
-        paths: The episodes' files, at least one, in the order that they shall have.
-        folder: Must not exist, or hold a dataset of LeRobot.
+    """Write episodes in their order as one dataset, which replaces an older one once it is complete.
 
     Raises:
-        OptionError: PyArrow is not installed, there is no episode, one cannot be read, or the folder holds
-            something else.
+        OptionError: PyArrow is missing, no episode can be read, or the folder holds something else.
     """
     require_pyarrow()
     if not paths:
@@ -123,7 +114,6 @@ class Writer:
         self._side = 0
 
     def write(self, paths: Sequence[Path]) -> None:
-        """Write everything."""
         import pyarrow.parquet as parquet
 
         number, size, writer = -1, FILE_BYTES, None
@@ -305,13 +295,7 @@ _INDEXED_BY_TASK = {
     "index_columns": ["task"],
     "column_indexes": [],
     "columns": [
-        {
-            "name": name,
-            "field_name": name,
-            "pandas_type": kind,
-            "numpy_type": numpy,
-            "metadata": None,
-        }
+        {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
         for name, kind, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
     ],
     "pandas_version": "2.2.0",

@@ -1,1 +1,1 @@
-"""The formats of ``libero-max report RUN --export=ctrf=FILE``: a module for each."""
+"""The formats of ``libero-max report RUN --export=FORMAT=FILE``: a module for each."""

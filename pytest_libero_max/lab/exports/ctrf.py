@@ -9,8 +9,8 @@ from datetime import datetime
 
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import PairError, PairRecord
+from pytest_libero_max.report.gate_text import gate_lines
 from pytest_libero_max.report.gates import GateResult
-from pytest_libero_max.report.writers.gate_text import gate_lines
 from pytest_libero_max.report.writers.junit import PREFIX, properties
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command, replay_text

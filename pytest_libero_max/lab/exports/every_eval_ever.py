@@ -51,7 +51,6 @@ def files(run: StoredRun) -> dict[str, str]:
 
 
 def _whole(run: StoredRun, records: Sequence[PairRecord]) -> Json:
-    """Return the file of the run without the place of its instances."""
     provenance, policy = run.run.provenance, records[0].policy
     began = provenance.get("started")
     moment = f"{datetime.fromisoformat(began).timestamp():.0f}" if began else "0"

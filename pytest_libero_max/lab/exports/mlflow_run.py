@@ -19,11 +19,7 @@ _STORE = "mlflow.db"
 
 
 def write(run: ExportedRun, place: Path) -> list[Path]:
-    """Log a run, into the open run of MLflow or a new one in a store in the folder.
-
-    Raises:
-        OptionError: The package ``mlflow`` is not installed.
-    """
+    """Log a run, into the open run of MLflow or a new one in a store in the folder."""
     mlflow = required("mlflow", _NAME)
     shown, active = tracked(run), mlflow.active_run()
     if active is not None:

@@ -19,9 +19,6 @@ def write(run: ExportedRun, place: Path) -> list[Path]:
     """Write an event file into a folder, with the package ``tensorboard`` alone: no TensorFlow, no PyTorch.
 
     The time of the events is that at which the run began. A film is an animated GIF, under "Images".
-
-    Raises:
-        OptionError: TensorBoard is not installed.
     """
     writers = required("tensorboard.summary.writer.event_file_writer", _NAME)
     events = required("tensorboard.compat.proto.event_pb2", _NAME)
@@ -37,7 +34,6 @@ def write(run: ExportedRun, place: Path) -> list[Path]:
 
 
 def _values(shown: Any) -> Any:
-    """Yield a summary for each number, for the table, and for each film."""
     summaries = required("tensorboard.compat.proto.summary_pb2", _NAME)
     summary, value = summaries.Summary, summaries.Summary.Value
     for name, number in shown.numbers.items():

@@ -17,8 +17,8 @@ from pytest_libero_max.report.broken import named_of
 from pytest_libero_max.report.exit_status import ended_as_declared
 from pytest_libero_max.report.exports import ExportedRun
 from pytest_libero_max.report.measurable import is_measurable
-from pytest_libero_max.report.numbers import main_numbers
 from pytest_libero_max.report.report_document import Report
+from pytest_libero_max.report.run_tables import main_numbers
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.media import films_in
 
@@ -86,9 +86,6 @@ def tracked_numbers(report: Report) -> dict[str, float]:
     interval that its rule gives for the change over all planned pairs, ``stopped`` 1, and no other interval.
     Where no rule gives one, there is none. A run that is incomplete for another reason has counts alone, and
     one in which Base solves nothing or no event happened has no change.
-
-    Args:
-        report: As in ``report.json``.
     """
     pairs, overall = report.pairs, report.overall
     numbers = main_numbers(report)
@@ -175,15 +172,7 @@ def _frames_of_video(film: Path) -> tuple[list[Any], list[int]]:
 
 
 def required(package: str, name: str) -> Any:
-    """Return a package that a format needs.
-
-    Args:
-        package: Name of the package, as it is imported.
-        name: Name of the format.
-
-    Raises:
-        OptionError: It is not installed.
-    """
+    """Return a package that a format needs, or refuse with the command that installs it."""
     try:
         return import_module(package)
     except ImportError as error:

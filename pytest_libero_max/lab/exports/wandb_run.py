@@ -20,11 +20,7 @@ _NAME = "wandb"
 
 
 def write(run: ExportedRun, place: Path) -> list[Path]:
-    """Log a run, into the open run of Weights & Biases or a new one in the folder.
-
-    Raises:
-        OptionError: The package ``wandb`` is not installed.
-    """
+    """Log a run, into the open run of Weights & Biases or a new one in the folder."""
     wandb = required("wandb", _NAME)
     shown = tracked(run)
     if wandb.run is not None:

@@ -52,7 +52,6 @@ def index_html(index: RunIndex, beside: Path) -> str:
     """Render published runs as a page with a table for each set of cases.
 
     Args:
-        index: The runs.
         beside: Folder of the page, from which its links lead to the runs.
     """
     scripts = ("sorting.js",) if index.groups else ()
@@ -136,7 +135,6 @@ def _model(run: IndexedRun) -> str:
 
 
 def _date(report: Report) -> str:
-    """Return the day on which a run began, UTC; empty where that was not recorded."""
     return str(report.provenance.get("started") or "")[:_DAY]
 
 

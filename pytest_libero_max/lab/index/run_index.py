@@ -9,11 +9,9 @@ from pathlib import Path
 
 from pytest_libero_max.benchmark.documents import canonical_digest
 from pytest_libero_max.errors import LiberoMaxError, OptionError
-from pytest_libero_max.report.about import About, about_of
-from pytest_libero_max.report.publication import checked
+from pytest_libero_max.report.publication import About, PlayedAgain, about_of, checked, pairs_digest
 from pytest_libero_max.report.report_document import Report
 from pytest_libero_max.report.run_texts import cases_title
-from pytest_libero_max.report.verified_runs import PlayedAgain, pairs_digest
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.store import PACKED_PAIRS_NAME, StoredRun, read_pairs
 from pytest_libero_max.worlds.rendering.context import DEVICE, drawn_by
@@ -30,7 +28,7 @@ class IndexedRun:
     report: Report
     """Computed from its pairs."""
     digest: str
-    """See :func:`~pytest_libero_max.report.verified_runs.pairs_digest`."""
+    """See :func:`~pytest_libero_max.report.publication.pairs_digest`."""
     versions: str
     """MuJoCo and what drew its images, as its records have them."""
     cases_checked: bool
@@ -74,9 +72,7 @@ def run_index(folders: Sequence[Path], known: Mapping[str, PlayedAgain]) -> RunI
     """Check published runs as :func:`~pytest_libero_max.report.publication.checked` does, and order them.
 
     Args:
-        folders: Of the runs.
-        known: Checks that played pairs, by
-            :func:`~pytest_libero_max.report.verified_runs.pairs_digest`.
+        known: Checks that played pairs, by :func:`~pytest_libero_max.report.publication.pairs_digest`.
     """
     groups: dict[tuple[str, str], list[IndexedRun]] = {}
     refused = []

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import AdapterError
-from pytest_libero_max.lab.metaworld.robot import SAWYER
-from pytest_libero_max.lab.metaworld.suite import MT50
+from pytest_libero_max.lab.metaworld.robot import MT50, SAWYER
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds.contract import Observation
 

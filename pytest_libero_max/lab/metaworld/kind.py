@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pytest_libero_max.lab.metaworld.installation import lacking_packages
-from pytest_libero_max.lab.metaworld.suite import MT50
+from pytest_libero_max.lab.metaworld.robot import MT50, lacking_packages
 from pytest_libero_max.substrates.contract import Substrate, SubstrateKind, SubstrateOptions, Tracks
 
 if TYPE_CHECKING:

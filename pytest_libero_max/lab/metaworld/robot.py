@@ -1,10 +1,28 @@
-"""Meta-World's Sawyer: three components of an action pull the hand along, the fourth moves the fingers."""
+"""Meta-World's Sawyer, the suite of its fifty tasks, and the package that has to be installed apart."""
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from types import MappingProxyType
 
+from pytest_libero_max.benchmark.suites import Suite
 from pytest_libero_max.worlds.robot import GRIPPER, ROBOT, MujocoRobot
+
+PACKAGES = ("metaworld", "gymnasium", "imageio")
+INSTALL = f"pip install --no-deps {' '.join(PACKAGES)}"
+
+
+def lacking_packages() -> str:
+    """Return the packages that are missing with the command that installs them; empty for none."""
+    missing = [name for name in PACKAGES if find_spec(name) is None]
+    if not missing:
+        return ""
+    return f"the package {' and '.join(missing)} is not installed: {INSTALL} (it pins another MuJoCo)"
+
+
+MT50 = Suite("metaworld_mt50", 500, "metaworld", "mt50", tasks=50, states=50)
+"""Meta-World's own number of steps; its initial states are drawn from the seeds 0 to 49."""
+
 
 MAIN_CAMERA, HAND_CAMERA = "corner2", "gripperPOV"
 
@@ -19,9 +37,7 @@ SAWYER = MujocoRobot(
     noop=(0.0, 0.0, 0.0, -1.0),
     control_hz=80,
     cameras=(MAIN_CAMERA, HAND_CAMERA),
-    state=MappingProxyType(
-        {"agent_pos": 4, "hand_quat": 4, "joint_pos": 7, "joint_vel": 7, "finger_pos": 2},
-    ),
+    state=MappingProxyType({"agent_pos": 4, "hand_quat": 4, "joint_pos": 7, "joint_vel": 7, "finger_pos": 2}),
     joints_key="joint_pos",
     fingers_key="finger_pos",
     arm_joints=tuple(f"right_j{number}" for number in range(7)),

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.lab.metaworld.installation import lacking_packages
-from pytest_libero_max.lab.metaworld.robot import MAIN_CAMERA, SAWYER
+from pytest_libero_max.lab.metaworld.robot import MAIN_CAMERA, SAWYER, lacking_packages
 from pytest_libero_max.lab.metaworld.spares import SPARES, add_to
 from pytest_libero_max.lab.metaworld.tasks import TABLE, Task
 from pytest_libero_max.worlds.contract import Entity, EntityKind
@@ -28,10 +27,7 @@ _FOREVER = 2**31
 
 
 def build(task: Task, spares: Collection[str]) -> Any:
-    """Return the environment of a task, whose places are drawn from its own generator.
-
-    Args:
-        spares: Names of the spare objects that are compiled into its model.
+    """Return the environment of a task and some spare objects, whose places its own generator draws.
 
     Raises:
         SubstrateError: The package is not installed.

@@ -8,8 +8,8 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 from pytest_libero_max.errors import SubstrateError
+from pytest_libero_max.lab.metaworld.robot import MT50
 from pytest_libero_max.lab.metaworld.spares import SPARES
-from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.lab.metaworld.tasks import task
 from pytest_libero_max.lab.metaworld.world import MetaworldWorld
 from pytest_libero_max.substrates.kept_worlds import KeptWorlds

@@ -14,9 +14,8 @@ from pytest_libero_max.errors import SubstrateError
 from pytest_libero_max.events.kinds.receptacle_relocation import DISTANCES_M as _RECEPTACLE_M
 from pytest_libero_max.events.kinds.target_relocation import DISTANCES_M as _TARGET_M
 from pytest_libero_max.events.relocation import has_room
-from pytest_libero_max.lab.metaworld.robot import HAND_CAMERA, MAIN_CAMERA
+from pytest_libero_max.lab.metaworld.robot import HAND_CAMERA, MAIN_CAMERA, MT50
 from pytest_libero_max.lab.metaworld.spares import SPARES
-from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.tasks.contents import InitialPlacement, Relation, Room, TaskMetadata
 
 TABLE = "table"
@@ -130,7 +129,6 @@ def _room(corners: tuple[float, float, float, float]) -> Room:
 
 
 def _impossible(row: Task, metadata: TaskMetadata) -> dict[str, str]:
-    """Return the events that a task cannot host, with the reason."""
     moves = {
         "target_relocation": (row.target, _TARGET_M[-1]),
         "receptacle_relocation": (row.receptacle, _RECEPTACLE_M[-1]),

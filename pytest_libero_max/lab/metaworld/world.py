@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from pytest_libero_max.errors import SubstrateError
-from pytest_libero_max.lab.metaworld.robot import SAWYER
+from pytest_libero_max.lab.metaworld.robot import MT50, SAWYER
 from pytest_libero_max.lab.metaworld.scene import build, entities_of, numeric_fields, write_fields
-from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.lab.metaworld.tasks import Task, Thing
 from pytest_libero_max.worlds.contract import Array, Control, Entity, WorldState
 from pytest_libero_max.worlds.mujoco_scenery import ALTERABLE
@@ -38,14 +37,10 @@ _FRAME = slice(18, 36)  # of an observation: the frame before
 
 
 class MetaworldWorld(MujocoWorld):
-    """One of the fifty tasks.
+    """One of the fifty tasks, with some spare objects compiled into its scene.
 
     Initial state ``i`` is what ``env.seed(i)`` and ``env.reset()`` lead to in an environment that has just
     been built, computed once.
-
-    Args:
-        task: The task.
-        spares: Names of the spare objects that are compiled into its scene.
     """
 
     alterable_fields = (*ALTERABLE, "site_pos")

@@ -24,7 +24,6 @@ class ActionSpread(Monitor[None]):
     def observe(
         self, memory: None, observation: Observation, actions: Actions, step: int
     ) -> tuple[None, float]:
-        """Return no memory, and the spread; grippers do not count."""
         return None, float(actions[:, :6].std(axis=0).mean())
 
 
@@ -41,7 +40,6 @@ class ChunkChange(Monitor[_Chunk]):
     def observe(
         self, memory: _Chunk | None, observation: Observation, actions: Actions, step: int
     ) -> tuple[_Chunk, float]:
-        """Return the answer, and its distance from the one before."""
         before = np.array(memory[1])[step - memory[0] :] if memory else actions[:0]
         both = min(len(before), len(actions))
         difference = actions[:both] - before[:both] if both else np.zeros(1)
@@ -58,7 +56,6 @@ class ImageChange(Monitor[bytes]):
     def observe(
         self, memory: bytes | None, observation: Observation, actions: Actions, step: int
     ) -> tuple[bytes, float]:
-        """Return the image, and its difference from the one before."""
         image = observation["agentview_image"]
         before = np.frombuffer(memory or image.tobytes(), np.uint8).reshape(IMAGE_SIZE, IMAGE_SIZE, 3)
         return image.tobytes(), float(np.abs(image.astype(np.int64) - before).mean())
@@ -77,7 +74,6 @@ class SceneDistance(Monitor[tuple[float, ...]]):
     def observe(
         self, memory: tuple[float, ...] | None, observation: Observation, actions: Actions, step: int
     ) -> tuple[tuple[float, ...], float]:
-        """Return the first feature, and the root mean square distance from it."""
         feature = _feature(observation["agentview_image"])
         first = memory or tuple(feature.tolist())
         return first, float(np.sqrt(np.mean((feature - first) ** 2)))

@@ -58,47 +58,25 @@ class Safety(Probe[Seen]):
     """
 
     name = "safety"
-    schema = (
-        Column(
-            "surroundings_n",
-            "float",
-            "Force between the robot and what is neither itself nor of the goal",
-            "N",
-            least=0,
-        ),
-        Column(
-            "goal_n",
-            "float",
-            "Force between the robot and the objects and fixtures of the goal",
-            "N",
-            least=0,
-        ),
-        Column(
-            "self_steps", "int", "Number of steps after which the robot pressed on itself", "steps", least=0
-        ),
-        Column("torque_nm", "float", "Torque of a motor of the arm", "Nm", least=0),
-        Column(
-            "bystander_m",
-            "float",
-            "Distance of an object that is not of the goal from its place",
-            "m",
-            least=0,
-        ),
-        Column(
-            "tilt_deg", "float", "Lean of an object of the goal while both fingers held it", "deg", least=0
-        ),
-        Column(
-            "loose_m_s",
-            "float",
-            "Speed of an object of the goal once the fingers had touched it and did not any more",
-            "m/s",
-            least=0,
-        ),
+    schema = tuple(
+        Column(name, "int" if unit == "steps" else "float", meaning, unit, least=0)
+        for name, unit, meaning in (
+            ("surroundings_n", "N", "Force between the robot and what is neither itself nor of the goal"),
+            ("goal_n", "N", "Force between the robot and the objects and fixtures of the goal"),
+            ("self_steps", "steps", "Number of steps after which the robot pressed on itself"),
+            ("torque_nm", "Nm", "Torque of a motor of the arm"),
+            ("bystander_m", "m", "Distance of an object that is not of the goal from its place"),
+            ("tilt_deg", "deg", "Lean of an object of the goal while both fingers held it"),
+            (
+                "loose_m_s",
+                "m/s",
+                "Speed of an object of the goal once the fingers had touched it and did not any more",
+            ),
+        )
     )
     cost = "one solution of the contacts, 0.4 ms a step on the embedded substrate"
 
     def start(self, view: View) -> Seen:
-        """Return the places of everything."""
         world = view.world
         rests = rests_of(world)
         subjects = goal_entities(view)
@@ -106,7 +84,6 @@ class Safety(Probe[Seen]):
         return Seen(subjects, rests, last)
 
     def step(self, state: Seen, view: View) -> Seen:
-        """Return what is greater than before."""
         world = view.world
         if len(view.trajectory.firings) != state.firings:
             state = _after_change(state, view)
@@ -136,7 +113,6 @@ class Safety(Probe[Seen]):
         return replace(state, tilt_deg=tilt, loose_m_s=loose, bystander_m=bystander, last=tuple(last))
 
     def columns(self, state: Seen, view: View) -> Mapping[str, Any]:
-        """Return the greatest of each, to four decimals."""
         names = (column.name for column in self.schema)
         return {name: round(getattr(state, name), 4) for name in names}
 

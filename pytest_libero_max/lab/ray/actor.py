@@ -80,7 +80,6 @@ class PairActor:
         return json.dumps(self._answer())
 
     def finish(self) -> None:
-        """End the session, and the process with it."""
         if self._process is not None:
             assert self._process.stdin is not None
             with suppress(OSError):
@@ -97,7 +96,6 @@ class PairActor:
             self._process.stdin.flush()
 
     def _answer(self) -> Json:
-        """Return the next answer of the process, or its death."""
         line = self._line()
         if line is not None:
             answer: Json = json.loads(line)

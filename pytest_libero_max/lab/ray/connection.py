@@ -28,8 +28,7 @@ class Cluster:
 
     Args:
         address: ``auto``, ``HOST:PORT`` or ``ray://HOST:PORT``.
-        cpus: Of an actor.
-        gpus: Of an actor.
+        cpus: Of an actor, like ``gpus``.
         ship: A folder that is sent to the nodes, in which the actors play; None for none.
         kept_back: Paths in it that are not sent.
 
@@ -59,7 +58,6 @@ class Cluster:
             ) from None
 
     def capacity(self) -> int:
-        """Return the number of actors that the cluster has room for now."""
         return actor_capacity(self._ray.nodes(), self._cpus, self._gpus)
 
     def resources(self) -> str:
@@ -97,38 +95,25 @@ class Cluster:
             return Death(CrashError(f"Its actor or node was lost: {_line(error)}"), "", "")
 
     def end(self, actor: Any) -> None:
-        """Kill an actor."""
         with suppress(Exception):  # it is gone already, or the whole cluster is
             self._ray.kill(actor, no_restart=True)
 
     def finish(self, actors: Sequence[Any]) -> None:
-        """Let idle actors end their sessions."""
         answers = [actor.finish.remote() for actor in actors]
         if answers:
             self._ray.wait(answers, num_returns=len(answers), timeout=_FINISH_S)
 
     def close(self) -> None:
-        """Disconnect; the cluster keeps running."""
         self._ray.shutdown()
 
 
 def actor_capacity(nodes: Iterable[Mapping[str, Any]], cpus: float, gpus: float) -> int:
-    """Return the number of actors that the living nodes have room for, whatever else runs there.
-
-    Args:
-        nodes: As ``ray.nodes()`` lists them.
-        cpus: Of an actor.
-        gpus: Of an actor. A fraction lies on one GPU.
-    """
+    """Return the number of actors that the living nodes have room for, whatever else runs there."""
     return sum(actors_on(node.get("Resources", {}), cpus, gpus) for node in nodes if node.get("Alive"))
 
 
 def _require_answer(address: str) -> None:
-    """Connect to the address, because Ray itself takes minutes to find that nothing listens.
-
-    Raises:
-        OSError: Nothing listens there.
-    """
+    """Connect to the address, because Ray itself takes minutes to find that nothing listens."""
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and port.isdigit():
         socket.create_connection((host.strip("[]"), int(port)), _REACH_S).close()

@@ -32,8 +32,7 @@ class RemoteSession:
 
     Args:
         workerinput: Values that the controller sends its workers, as xdist's does.
-        commands: Stream of commands, a line of JSON each.
-        answers: Stream of answers, a line of JSON each.
+        commands: Stream of commands, a line of JSON each, like ``answers``.
     """
 
     def __init__(self, workerinput: Json, commands: BinaryIO, answers: BinaryIO) -> None:
@@ -100,7 +99,6 @@ class RemoteSession:
         self._warnings.append({"told": told, "when": when, "nodeid": nodeid, "location": location})
 
     def answer(self, answer: Json) -> None:
-        """Write an answer, with the warnings since the last one."""
         text = json.dumps(sendable({**answer, "warnings": self._warnings}), default=repr)
         self._warnings.clear()
         self._answers.write(text.encode() + b"\n")

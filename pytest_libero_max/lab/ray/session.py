@@ -23,7 +23,7 @@ from pytest_libero_max.lab.ray.remote import identity
 from pytest_libero_max.plugin.collection import PairItem, only_lists
 from pytest_libero_max.plugin.controller import RunController
 from pytest_libero_max.plugin.options import usage_errors
-from pytest_libero_max.plugin.processes.retries import Retries
+from pytest_libero_max.plugin.processes.workers import Retries
 from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE
 
 CARRIED = (
@@ -72,7 +72,7 @@ class RayRun:
     def __init__(self, controller: RunController) -> None:
         self._config, self._settings = config, settings = controller.config, controller.settings
         _require_alone(config)
-        self._cases, self._progress, self._stop = controller.cases, controller.progress, controller.stop
+        self._cases, self._stop = controller.cases, controller.stop
         assert settings.ray is not None
         self._asked = asked = settings.ray
         self._cluster: Cluster | None = None
@@ -182,7 +182,6 @@ class RayRun:
             self._pending[actor.handle.start.remote()] = actor
 
     def _plan(self, name: str) -> str:
-        """Return the plan by which an actor starts a session like this one."""
         config, settings = self._config, self._settings
         here = str(config.invocation_params.dir)
         node = SimpleNamespace(workerinput={}, config=config, gateway=SimpleNamespace(id=name))
@@ -211,7 +210,6 @@ class RayRun:
             item = self._items[name]
             self._idle.remove(actor)
             actor.pair, self._played_at = item, time.monotonic()
-            self._progress.began(item.case.item_id, actor.name)
             self._config.hook.pytest_runtest_logstart(nodeid=name, location=item.location)
             self._pending[actor.handle.play.remote(name)] = actor
 
@@ -319,7 +317,6 @@ class RayRun:
         self._config.hook.pytest_warning_recorded.call_historic(kwargs=told)
 
     def pytest_unconfigure(self) -> None:
-        """Disconnect from the cluster."""
         if self._cluster is not None:
             self._cluster.close()
 
@@ -331,11 +328,6 @@ _CURE = (
 
 
 def _require_alone(config: pytest.Config) -> None:
-    """Refuse options that also hand out the tests, or need them in this process.
-
-    Raises:
-        pytest.UsageError: There is such an option.
-    """
     if config.getoption("tx", None):
         raise pytest.UsageError(
             "--libero-max-ray and -n both hand out the pairs. Leave -n away; where the ini file has it, add "

@@ -96,7 +96,6 @@ class AuthorsResults(ResultsReader):
 
 
 def _lines(folder: Path, name: str, kind: type[Line]) -> dict[str, Line]:
-    """Return the lines of a file by pair."""
     path = require_inside(folder, folder / name)
     lines: dict[str, Line] = {}
     try:
@@ -154,7 +153,6 @@ def _require_of_case(row: _EndToEnd, planned: Mapping[str, PlannedPair]) -> None
 
 
 def _require_alike(rows: Mapping[str, _EndToEnd], paired: Mapping[str, _Paired]) -> None:
-    """Check that both files say the same of a pair."""
     for line in paired.values():
         row = rows.get(line.pair_id)
         if row is None or not row.response_query_reached:

@@ -9,6 +9,5 @@
 ``substrate``          builds worlds and keeps those used last
 ``expert``             a scripted policy that reads the simulator
 ``door``               its way with the door
-``hands``              the hands, as far as its routes depend on them
 =====================  ===========================================================================
 """

@@ -106,6 +106,5 @@ def _pull(door: _Door, hand: Hand) -> Route:
 
 
 def _turned(hand: Hand, about: Array, vector: Array, turn: Rotation) -> Waypoint:
-    """Return the pose of the closed hand after a rotation about a point."""
     rotation = Rotation.from_rotvec(vector)
     return Waypoint(about + rotation.apply(hand.position - about), 0.0, CLOSED, 0.02, exact=rotation * turn)

@@ -18,13 +18,60 @@ from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.experts.motion import CLOSED, OPEN, Route, Waypoint, follow
 from pytest_libero_max.experts.scene_view import Hand, read_hand
 from pytest_libero_max.lab.robosuite.door import open_door
-from pytest_libero_max.lab.robosuite.hands import HandShape, is_open, shape_of
-from pytest_libero_max.lab.robosuite.robots import ROBOTS
+from pytest_libero_max.lab.robosuite.robots import ROBOTS, SAWYER, UR5E
 from pytest_libero_max.lab.robosuite.tasks import BIN_FLOOR_M, TABLE_TOP_M
 from pytest_libero_max.lab.robosuite.world import TaskWorld
 from pytest_libero_max.policies.contract import Episode, PolicySpec, Query
 from pytest_libero_max.worlds import rotations
 from pytest_libero_max.worlds.contract import Array, Observation
+from pytest_libero_max.worlds.robot import GRIPPER, PANDA
+
+
+@dataclass(frozen=True)
+class HandShape:
+    """A hand that points down."""
+
+    neutral_rad: float
+    """Horizontal direction of the axis of its fingers in the middle of the wrist's range."""
+    tip_m: float
+    """Distance of its fingertips below the grip site."""
+    palm_m: float
+    """Distance of its palm above the grip site."""
+    pads: tuple[str, str]
+    """Geoms of the pads of its fingers."""
+    open_m: float
+    """Distance between the middles of the pads from which it counts as open."""
+
+
+def _pads(first: str, second: str) -> tuple[str, str]:
+    return f"{GRIPPER}_{first}", f"{GRIPPER}_{second}"
+
+
+_UP = math.pi / 2
+_SHAPES = MappingProxyType(
+    {
+        PANDA.name: HandShape(
+            _UP, 0.012, 0.026, _pads("finger1_pad_collision", "finger2_pad_collision"), 0.07
+        ),
+        UR5E.name: HandShape(
+            _UP, 0.009, 0.05, _pads("left_fingerpad_collision", "right_fingerpad_collision"), 0.07
+        ),
+        SAWYER.name: HandShape(_UP, 0.014, 0.04, _pads("l_fingerpad_g0", "r_fingerpad_g0"), 0.06),
+    }
+)
+
+
+def shape_of(robot: str) -> HandShape:
+    """Return the hand of an arm."""
+    return _SHAPES[robot]
+
+
+def is_open(world: TaskWorld) -> bool:
+    """Return True if the fingers of a world's hand are open."""
+    shape = shape_of(world.arm.name)
+    first, second = (world.data.geom(pad).xpos for pad in shape.pads)
+    return bool(np.linalg.norm(first - second) > shape.open_m)
+
 
 _TRAVEL_M = 0.185  # height of the hand above what things stand on, on its way
 _CLOSE_STEPS, _OPEN_STEPS = 13, 10
@@ -83,12 +130,7 @@ JOBS: Mapping[str, Job] = MappingProxyType(
             "Can", BIN_FLOOR_M, point_m=(0.0, 0.0, 0.02), goal=_in_its_bin, near_m=0.05, slack_m=0.02
         ),
         "NutAssemblySquare": Job(
-            "SquareNut",
-            0.82,
-            point_m=(0.06, 0.0, 0.0),
-            across=(0.0, 1.0, 0.0),
-            goal=_on_the_peg,
-            square=True,
+            "SquareNut", 0.82, point_m=(0.06, 0.0, 0.0), across=(0.0, 1.0, 0.0), goal=_on_the_peg, square=True
         ),
     }
 )
@@ -108,12 +150,7 @@ class RobosuiteExpert:
     """Plans anew at every query. It asks for the images that a learned policy would get, and ignores them."""
 
     spec = PolicySpec(
-        "robosuite-expert",
-        horizon=10,
-        query_interval=5,
-        privileged=True,
-        robot=None,
-        suites=tuple(ROBOTS),
+        "robosuite-expert", horizon=10, query_interval=5, privileged=True, robot=None, suites=tuple(ROBOTS)
     )
 
     def reset(self, episode: Episode) -> None:
@@ -151,7 +188,6 @@ def plan(world: TaskWorld, hand: Hand) -> Route:
 
 
 def _is_there(world: TaskWorld, job: Job) -> bool:
-    """Return True if the target lies where it was to be let go."""
     if job.goal is None:
         return False
     off = world.position(job.target) - job.goal(world)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC, SHAM, SHAM_DYNAMIC
 from pytest_libero_max.lab.studies.audit import Audit
 from pytest_libero_max.pairing.record import PairRecord
-from pytest_libero_max.report.document import Document, Section, Table
-from pytest_libero_max.report.formats import Change, Counts, counted
+from pytest_libero_max.report.document import Section, Table
+from pytest_libero_max.report.formats import Change, Counts
 from pytest_libero_max.report.measures import MEASURE, Measured, Rows, measures_of
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 TITLE = "Success without an input"
@@ -52,15 +52,6 @@ _VERDICT = "verdict"
 _NO_BASE = "Base never succeeds"
 _LEVEL = 0.05
 
-_SAYS = {
-    "needed": "It needs: with less of it, it succeeds less than in Base",
-    "better without": "It succeeds more without",
-    "no case differs": "Changed no case",
-    "not shown to matter": "Not shown to matter with so many cases",
-    _NO_BASE: "Nothing is known, because Base never succeeds",
-}
-"""Beginnings of the sentences by verdict, the most important first."""
-
 
 class AuditOfInputs(ReportSection):
     """Cases of the study ``audit``."""
@@ -69,7 +60,6 @@ class AuditOfInputs(ReportSection):
     option = "--libero-max-study=audit"
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return success with an input changed, besides Base over the same cases."""
         study = played.protocol.get("study") or {}
         if not played.records or study.get("name") != Audit.name:
             return {}
@@ -88,14 +78,12 @@ class AuditOfInputs(ReportSection):
         return {TITLE: rows}
 
     def quantity(self, name: str) -> Measured | None:
-        """Return the number with a name such as ``audit.no_state.change``."""
         section, _, rest = name.partition(".")
         arm, _, key = rest.partition(".")
         known = section == self.name and arm and key in QUANTITIES
         return _measured(arm, key) if known else None
 
     def shown(self, report: Report) -> Mapping[str, Section]:
-        """Return one table with an arm in each row."""
         tables = input_tables(report)
         return {TITLE: Section(tables=tables)} if tables else {}
 
@@ -106,7 +94,6 @@ def _measured(arm: str, key: str) -> Measured:
 
 
 def _arms(records: Sequence[PairRecord]) -> list[str]:
-    """Return the arms in which an input is changed, in their order."""
     usual = (BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN)
     return [name for name in dict.fromkeys(name for it in records for name in it.arms) if name not in usual]
 
@@ -116,18 +103,17 @@ def _ends(arm: str, records: Sequence[PairRecord]) -> list[tuple[bool, bool]]:
     return [(record.base_success, bool(record.arms[arm].success)) for record in records if arm in record.arms]
 
 
-def _arm(name: str, ends: Sequence[tuple[bool, bool]], log10_p: float | None) -> Rows:
-    """Return the numbers of an arm."""
+def _arm(name: str, ends: list[tuple[bool, bool]], log10_p: float | None) -> Rows:
     base, changed = zip(*ends, strict=True)
     rows = _measured(name, "success").share(changed, with_interval=False)
     rows |= _measured(name, "change").change(base, changed)
-    rows |= _measured(name, "lost").row([*ends].count((True, False)))
-    rows |= _measured(name, "gained").row([*ends].count((False, True)))
+    rows |= _measured(name, "lost").row(ends.count((True, False)))
+    rows |= _measured(name, "gained").row(ends.count((False, True)))
     return rows | _measured(name, "p").row(None if log10_p is None else 10**log10_p)
 
 
-def _verdict(ends: Sequence[tuple[bool, bool]], log10_p: float | None) -> str:
-    lost, gained = [*ends].count((True, False)), [*ends].count((False, True))
+def _verdict(ends: list[tuple[bool, bool]], log10_p: float | None) -> str:
+    lost, gained = ends.count((True, False)), ends.count((False, True))
     if log10_p is None:
         return "n/a"
     if lost == gained == 0:
@@ -160,35 +146,3 @@ def input_tables(report: Report) -> list[Table]:
         )
     head = ("Arm", "Changed before the first query", "Success", "Less Base", "Lost", "Gained", "p", "Verdict")
     return [Table(TITLE, head, cells, NOTE, narrow=4).explaining_intervals(INTERVAL_NOTE)]
-
-
-def audit_document(report: Report) -> Document:
-    """Return the policy, what it needs in words, and the table.
-
-    Args:
-        report: Of a run of the study ``audit``, with a pair.
-    """
-    assert report.policy is not None
-    (table,) = input_tables(report)
-    policy = report.policy
-    played = (
-        f"{counted(report.pairs.played, 'case')}; H={policy['horizon']}, Q={policy['query_interval']}; "
-        f"cameras: {', '.join(policy['cameras']) or 'none'}."
-    )
-    reads = (
-        "It reads the simulator (privileged): it can do without any of its inputs, and what follows says "
-        "only which of them it uses besides."
-    )
-    return Document(
-        f"Audit: what {policy['name']} needs",
-        texts=[played, *([reads] if policy["privileged"] else [])],
-        sections=[Section(items=[*_sentences(table.texts())]), Section(tables=[table])],
-    )
-
-
-def _sentences(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield one sentence for each verdict, with what was changed in its arms."""
-    for verdict, says in _SAYS.items():
-        arms = [f"{row[1]} ({row[2]})" for row in rows if row[-1] == verdict]
-        if arms:
-            yield f"{says}: {'; '.join(arms)}."

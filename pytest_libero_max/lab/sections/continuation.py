@@ -16,7 +16,7 @@ from pytest_libero_max.report.formats import Change, Counts, counted
 from pytest_libero_max.report.measures import MEASURE, Measured, Rows, measures_of
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 from pytest_libero_max.stats.significance import holm, mcnemar
 
 TITLE = "Controllers that continue one prefix"
@@ -83,7 +83,6 @@ class Continued(ReportSection):
     quantities = (PAIRS,)
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return the numbers of each controller, and their contrasts with each other."""
         study = _study(played.protocol)
         if not played.records or study is None:
             return {}
@@ -96,7 +95,6 @@ class Continued(ReportSection):
         return {TITLE: rows | _contrasts(study, played)}
 
     def quantity(self, name: str) -> Measured | None:
-        """Return the number with a name such as ``continue.expert.change``."""
         section, _, rest = name.partition(".")
         controller, _, key = rest.partition(".")
         known = key in _COLUMNS or (key.startswith((_OVER, _P)) and "." not in key)
@@ -105,7 +103,6 @@ class Continued(ReportSection):
         return super().quantity(name)
 
     def shown(self, report: Report) -> Mapping[str, Section]:
-        """Return tables of Dynamic, of the handover alone, and of the controllers with each other."""
         rows = report.sections.get(TITLE)
         study = _study(report.provenance["protocol"])
         if rows is None or study is None:
@@ -136,7 +133,6 @@ class Continued(ReportSection):
 
 
 def _selection(report: Report) -> str:
-    """Return over which pairs the tables are."""
     pairs = measures_of(report.sections)[PAIRS.key].value or 0
     return (
         f"Over the {pairs:g} of {counted(report.pairs.played, 'pair')} in which the event happened; in the "
@@ -211,7 +207,6 @@ def _number(name: str, key: str, column: _Column, records: Sequence[PairRecord])
 
 
 def _contrasts(study: Continue, played: PlayedPairs) -> Rows:
-    """Return Dynamic of each controller less that of each later one."""
     rows: Rows = {}
     pairs = list(combinations([name for name, _ in study.controllers], 2))
     ends = {pair: _ends(played.records, *(f"{DYNAMIC}_{name}" for name in reversed(pair))) for pair in pairs}

@@ -17,7 +17,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.measures import Measured, Rows
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 
 COLUMNS = {"step", "score"}
 """Those of a monitor."""
@@ -67,7 +67,6 @@ class Monitors(ReportSection):
     name = "monitors"
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return the alarms of each monitor."""
         watched: dict[str, list[PairRecord]] = {}
         for record in played.records:
             both = [record.arms[arm].probes for arm in (BASE, DYNAMIC)]
@@ -77,14 +76,12 @@ class Monitors(ReportSection):
         return {f"Monitor {name}": _alarms(name, watched[name]) for name in sorted(watched)}
 
     def quantity(self, name: str) -> Measured | None:
-        """Return the number with a name such as ``monitor.chunk_change.alarm.dynamic``."""
         kind, _, rest = name.partition(".")
         key = next((key for key in ROWS if kind == "monitor" and rest.endswith(f".{key}")), None)
         return None if key is None else _measured(rest.partition(".")[0], key, name)
 
 
 def _measured(monitor: str, key: str, name: str = "") -> Measured:
-    """Return a number of a monitor."""
     title, unit = ROWS[key]
     return Measured(name or f"monitor.{monitor}.{key}", title, unit, probe=monitor)
 

@@ -9,18 +9,16 @@ from typing import ClassVar
 import numpy as np
 
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
-from pytest_libero_max.lab.sections.nested import variance_components
 from pytest_libero_max.lab.studies.repeats import Repeats, repeated
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.measures import Measured, Rows
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
-from pytest_libero_max.stats.durations import LEAST_DIFFERENT, mean_difference_interval
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
+from pytest_libero_max.stats.intervals import LEAST_DIFFERENT, mean_difference_interval
 
 TITLE = "Repeats with other policy seeds"
 NOTE = (
     "Headline, gates and tests are of the first play of each case, with its own policy seed. Here a case is "
-    "one unit however often it was played. Standard errors are those expected if tasks, cases and seeds were "
-    "drawn again."
+    "one unit however often it was played."
 )
 _LISTED = 20
 
@@ -29,38 +27,24 @@ _CHANGE = Measured("repeats.change", "Paired change, mean over plays", "change")
 _FLIPS = Measured("repeats.flips", "Plays of which Base and Dynamic end differently", "share")
 _BEYOND = Measured("repeats.flips_beyond_seeds", "... beyond what seeds alone make", "change")
 _LOST = Measured("repeats.regression", "Probability of a regression, mean over cases", "share")
-_VARIANCES = tuple(
-    Measured(f"repeats.variance.{key}", f"Variance between {title}", "variance")
-    for key, title in (("tasks", "tasks"), ("cases", "cases of a task"), ("plays", "plays of a case"))
-)
-_ERRORS = {
-    Measured(f"repeats.error{key}", f"Standard error of the paired change {title}", "error"): factors
-    for key, title, factors in (
-        ("", "of these plays", (1, 1)),
-        (".twice_the_cases", "with twice the cases", (2, 1)),
-        (".twice_the_plays", "with twice the plays", (1, 2)),
-    )
-}
-"""By quantity, by how much cases and plays are multiplied."""
 
 
 class RepeatedCases(ReportSection):
     """Cases of the study ``repeats``."""
 
     name = "repeats"
-    quantities = (_DIFFERING, _CHANGE, _FLIPS, _BEYOND, _LOST, *_VARIANCES, *_ERRORS)
+    quantities = (_DIFFERING, _CHANGE, _FLIPS, _BEYOND, _LOST)
     option = "--libero-max-study=repeats"
     notes: ClassVar[Mapping[str, str]] = {TITLE: NOTE}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return changes, flips and variances over the plays of each case."""
         study = played.protocol.get("study") or {}
         if not played.records or study.get("name") != Repeats.name:
             return {}
-        return {TITLE: _repeated_cases(played.records, played.tasks)}
+        return {TITLE: _repeated_cases(played.records)}
 
 
-def _repeated_cases(records: Sequence[PairRecord], tasks: Sequence[str]) -> Rows:
+def _repeated_cases(records: Sequence[PairRecord]) -> Rows:
     plays = 1
     while all(repeated(BASE, plays + 1) in record.arms for record in records):
         plays += 1
@@ -87,7 +71,6 @@ def _repeated_cases(records: Sequence[PairRecord], tasks: Sequence[str]) -> Rows
     lack = f"{np.count_nonzero(means)} of {LEAST_DIFFERENT} needed cases change"
     rows |= _CHANGE.row(fmean(means), interval, lack=lack if interval is None else "")
     rows |= _chance(changes)
-    rows |= _variances(changes, tasks)
     rows |= _LOST.row(fmean(lost))
     shares = sorted((-share, record.item_id) for share, record in zip(lost, records, strict=True) if share)
     for share, name in shares[:_LISTED]:
@@ -110,18 +93,3 @@ def _chance(changes: np.ndarray) -> Rows:
     products = (changes.sum(axis=1) ** 2 - (changes**2).sum(axis=1)) / (plays * (plays - 1))
     flips = float((changes**2).mean())
     return _FLIPS.row(flips) | _BEYOND.row(float(products.mean()))
-
-
-def _variances(changes: np.ndarray, tasks: Sequence[str]) -> Rows:
-    """Return the rows on variances, and on what more cases and more plays would buy."""
-    found = variance_components(changes, tasks)
-    if found is None:
-        return {}
-    if (changes == changes[0, 0]).all():
-        return {"Variances": "n/a: all plays of all cases change alike"}
-    rows: Rows = {}
-    for quantity, variance in zip(_VARIANCES, (found.tasks, found.cases, found.plays), strict=True):
-        rows |= quantity.row(variance, lack="too few" if variance is None else "")
-    for error, factors in _ERRORS.items():
-        rows |= error.row(found.standard_error(*factors))
-    return rows

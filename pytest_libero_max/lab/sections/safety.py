@@ -11,7 +11,7 @@ from typing import Any
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.measures import Measured, Rows, in_both_arms
-from pytest_libero_max.report.report_section import PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import PlayedPairs, ReportSection
 
 PROBE = "safety"
 TITLE = "Safety: successful but unsafe"
@@ -53,7 +53,6 @@ class Safety(ReportSection):
     quantities = (*_UNSAFE, *(one for each in (*_BEYOND.values(), *_SCALED.values()) for one in each))
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return the shares of unsafe successes, by limit and with other limits."""
         watched = [
             record
             for record in played.records
@@ -83,7 +82,6 @@ def _ends(records: Sequence[PairRecord], arm: str, unsafe: _Unsafe) -> list[bool
 
 
 def _paired(quantities: Sequence[Measured], records: Sequence[PairRecord], unsafe: _Unsafe) -> Rows:
-    """Return the paired change of the shares of all watched pairs, and the shares."""
     in_base, in_dynamic = (_ends(records, arm, unsafe) for arm in (BASE, DYNAMIC))
     change, base, dynamic = quantities
     return change.change(in_base, in_dynamic) | base.share(in_base) | dynamic.share(in_dynamic)

@@ -11,10 +11,9 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.formats import percent
 from pytest_libero_max.report.measures import Measured, Rows, measure_text, measures_of
 from pytest_libero_max.report.report_document import Report
-from pytest_libero_max.report.report_section import Chance, PlayedPairs, ReportSection
+from pytest_libero_max.report.sections import Chance, PlayedPairs, ReportSection
 from pytest_libero_max.stats.blocks import Measure
-from pytest_libero_max.stats.measured import mean_difference_of, rate_of
-from pytest_libero_max.stats.outcome_table import tabulate
+from pytest_libero_max.stats.measured import mean_difference_of, rate_of, tabulate
 from pytest_libero_max.stats.paired_difference import paired_difference
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -58,7 +57,6 @@ class NoiseFloor(ReportSection):
     option = "--libero-max-noise=floor:PAIRS"
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return how often the second Base ends otherwise."""
         repeated = [(it.base_success, it.base_repeat) for it in played.records if it.base_repeat]
         if not repeated:
             return {}
@@ -67,7 +65,6 @@ class NoiseFloor(ReportSection):
         return {NOISE_TITLE: flips | alike}
 
     def warnings(self, report: Report) -> list[str]:
-        """Return a note where fewer pairs were played twice than asked for."""
         noise = measures_of(report.sections).get(_NOISE.key)
         asked, pairs = report.provenance["protocol"].get("noise_floor") or 0, noise.of if noise else 0
         if (pairs or 0) >= asked:
@@ -96,7 +93,6 @@ class Sham(ReportSection):
     interval_notes: ClassVar[Mapping[str, str]] = {TITLE: INTERVAL_NOTE}
 
     def tables(self, played: PlayedPairs) -> dict[str, Rows]:
-        """Return the outcomes of the sham event and of the event, and the flips by chance."""
         records = [record for record in played.records if SHAM in record.arms]
         if not records:
             return {}
@@ -116,7 +112,6 @@ class Sham(ReportSection):
         return {TITLE: rows}
 
     def chance(self, measures: Mapping[str, Measure]) -> Chance | None:
-        """Return what the sham event lost and gained."""
         lost, gained = measures.get(_LOST.key), measures.get(_GAINED.key)
         if lost is None or gained is None:
             return None
@@ -124,7 +119,6 @@ class Sham(ReportSection):
         return Chance("the sham event", lost.count or 0, gained.count or 0, pairs)
 
     def warnings(self, report: Report) -> list[str]:
-        """Return notes on a policy that draws noise of its own, and on its floor; else on what was asked."""
         measures, asked = measures_of(report.sections), report.provenance["protocol"].get("sham")
         warnings = []
         if asked and _LOST.key not in measures:

@@ -3,7 +3,6 @@
 =====================  ===========================================================================
 ``servo``              looks, and plans a route where something has moved; the policy
 ``servo_scenes``       its prior knowledge: cameras, sizes, usual places
-``sight``              finding a known object in an image by its colours and its outline
-``nominal_camera``     where a point of the world is in the image of the main camera
+``sight``              the main camera, and finding a known object in its image by colours and outline
 =====================  ===========================================================================
 """

@@ -78,12 +78,7 @@ class ServoPolicy:
     """Looks, plans a route where something has moved, and follows it."""
 
     spec = PolicySpec(
-        "servo",
-        horizon=10,
-        query_interval=5,
-        cameras=(CAMERA,),
-        image_size=IMAGE_SIZE,
-        suites=tuple(SCENES),
+        "servo", horizon=10, query_interval=5, cameras=(CAMERA,), image_size=IMAGE_SIZE, suites=tuple(SCENES)
     )
 
     def reset(self, episode: Episode) -> None:
@@ -162,11 +157,7 @@ def understand(scene: SceneKnowledge, instruction: str) -> Wish:
 def act(
     scene: SceneKnowledge, memory: Memory, image: NDArray[np.uint8], hand: Hand, instruction: str
 ) -> Memory:
-    """Return the objects seen now, and the route to follow from now on.
-
-    Args:
-        image: (256, 256, 3), upright.
-    """
+    """Return the objects seen now in an upright (256, 256, 3) image, and the route to follow from now on."""
     wish = understand(scene, instruction)
     route, target = memory.route, memory.target
     holding = bool(route) and route[0].grip == CLOSED
@@ -219,7 +210,6 @@ def _is_at_end(hand: Hand, route: Route) -> bool:
 
 
 def _is_at(aim: tuple[Array, Array], target: Array, destination: Array) -> bool:
-    """Return True if target and destination are seen where the route leads."""
     moves = [now - then for now, then in zip((target, destination), aim, strict=True)]
     return all(float(np.linalg.norm(move)) <= _MOVED_M for move in moves)
 
@@ -237,13 +227,7 @@ def _pick(scene: SceneKnowledge, hand: Hand, wish: Wish, target: Array) -> Route
 
 
 def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array, start: Array) -> Route:
-    """Up with the target, over the destination, down, open the fingers, and up again.
-
-    Args:
-        target: Its position at the start, (3,) m.
-        destination: Its destination, (3,) m.
-        start: Position of the hand at the start, (3,) m.
-    """
+    """Up with the target, over the destination, down, open the fingers, and up again; (3,) m at the start."""
     hanging = float(wish.grip[2])
     low = hanging + _ON_TOP_M
     if scene.drop:
@@ -265,7 +249,6 @@ def _place(scene: SceneKnowledge, wish: Wish, target: Array, destination: Array,
 def _waypoint(
     wish: Wish, position: Array, grip: float, tolerance_m: float = 0.005, wait: int = 0
 ) -> Waypoint:
-    """Return a waypoint of a hand that points down."""
     return Waypoint(position, wish.angle, grip, tolerance_m, wait)
 
 

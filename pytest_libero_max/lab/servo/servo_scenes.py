@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pytest_libero_max.lab.servo.nominal_camera import NominalCamera
-from pytest_libero_max.lab.servo.sight import Area, Shape
+from pytest_libero_max.lab.servo.sight import Area, NominalCamera, Shape
 
 CAMERA, IMAGE_SIZE = "agentview", 256
 

@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_libero_max.lab.servo.nominal_camera import NominalCamera
+from pytest_libero_max.worlds import rotations
+from pytest_libero_max.worlds.rotations import Quaternion
 
 Array = NDArray[np.float64]
 Chances = NDArray[np.float32]
@@ -35,6 +36,28 @@ _COARSE_M = 0.02
 _FINE_M = (0.01, 0.004, 0.0015)
 _MOST_MOVES = 8
 _SAMPLES = 150
+
+
+@dataclass(frozen=True)
+class NominalCamera:
+    """A pinhole camera."""
+
+    position: tuple[float, float, float]
+    """M, world."""
+    orientation: Quaternion
+    """Wxyz; MuJoCo's cameras look along -z, with x to the right and y up."""
+    fov_deg: float
+    """Vertical field of view, degrees."""
+    size: int
+    """Side of the square image, pixels."""
+
+    def project(self, points: Array) -> Array:
+        """(n, 2) column and row, pixels, in the upright image, of (n, 3) points in front of the camera, m."""
+        local = (points - np.array(self.position)) @ rotations.matrix(self.orientation)
+        focal = self.size / 2 / math.tan(math.radians(self.fov_deg) / 2)
+        middle = (self.size - 1) / 2
+        across, up = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
+        return np.stack([middle + focal * across, middle - focal * up], axis=1)
 
 
 @dataclass(frozen=True)
@@ -121,11 +144,7 @@ def chances(image: NDArray[np.uint8], category: str) -> Chances:
 
 
 def find(likely: Chances, camera: NominalCamera, shape: Shape, area: Area, leash: float = 0.0) -> Sighting:
-    """Return the place in an area where an object is most likely to stand.
-
-    Args:
-        leash: Score that is taken off for each m from the middle of the area.
-    """
+    """Return the likeliest place of an object in an area; ``leash`` is taken off a m from its middle."""
     xs, ys = (
         np.arange(low, high + _COARSE_M / 2, _COARSE_M) for low, high in zip(area.low, area.high, strict=True)
     )
@@ -157,7 +176,6 @@ def _row_scores(
 
 
 def _climb(likely: Chances, camera: NominalCamera, shape: Shape, position: Array) -> Sighting:
-    """Move uphill in ever smaller steps."""
     best = score(likely, camera, shape, position)
     ways = [np.array([i, j, 0.0]) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
     for step in _FINE_M:

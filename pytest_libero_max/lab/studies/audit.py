@@ -34,7 +34,6 @@ class Audit(Study):
     has_section = True
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
-        """Return one arm for each input that the policy is given in the case."""
         changes = (*_without_images(spec, case), *_without_state(), *_other_words(case))
         return tuple(Arm(name, (Entry(AtStart(), change),)) for name, change in changes)
 

@@ -121,7 +121,6 @@ class Continue(Study):
         return [*([OWN_BASE] if self.own_base else []), *map(str, self.latencies)]
 
     def arms(self, case: Case, spec: PolicySpec, strength: float = 1.0) -> tuple[Arm, ...]:
-        """Return the arms of each controller, after those of the run's policy with late answers."""
         from pytest_libero_max.changes.nothing import DelayAnswers, Nothing
 
         dynamic = next(arm for arm in arms_of(case, strength=strength) if arm.name == DYNAMIC)
@@ -151,7 +150,6 @@ class Continue(Study):
 
 
 def _controller(text: str) -> Controller:
-    """Read ``NAME``, ``REFERENCE`` or ``NAME=REFERENCE``."""
     from pytest_libero_max.policies.references import POLICIES
 
     given, sign, reference = text.partition("=")

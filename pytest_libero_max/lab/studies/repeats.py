@@ -26,12 +26,6 @@ class Repeats(Study):
 
     The plays of a case are one item, one record and one pair: no statistic counts them as further pairs.
     Other seeds are given to the queries; what a policy draws from its episode's seed alone stays the same.
-
-    Args:
-        plays: Number of plays of each case, the first included.
-
-    Raises:
-        OptionError: There are fewer than two.
     """
 
     name = "repeats"
@@ -47,11 +41,6 @@ class Repeats(Study):
 
     @classmethod
     def of(cls, settings: str | None) -> Self:
-        """Read the number of plays.
-
-        Raises:
-            OptionError: It is no integer of at least 2.
-        """
         if settings is None:
             return cls()
         if not settings.isdecimal() or int(settings) < LEAST_PLAYS:
@@ -69,14 +58,10 @@ class Repeats(Study):
             later = dynamic.schedule
             for _ in range(play - 1):
                 later = (start, *map(one_later, later))
-            found += [
-                Arm(repeated(BASE, play), (start,) * (play - 1)),
-                Arm(repeated(DYNAMIC, play), later),
-            ]
+            found += [Arm(repeated(BASE, play), (start,) * (play - 1)), Arm(repeated(DYNAMIC, play), later)]
         return tuple(found)
 
     def to_dict(self) -> Json:
-        """Return the study, with the number of plays where it is not the usual one."""
         return super().to_dict() | ({} if self.plays == PLAYS else {"settings": str(self.plays)})
 
 

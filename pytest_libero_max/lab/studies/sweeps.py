@@ -17,14 +17,7 @@ from pytest_libero_max.studies.study import Study
 
 
 class Sweep(Study):
-    """Base and Dynamic as the run plays them, and at each of the settings.
-
-    Args:
-        settings: Texts of the form of the sweep.
-
-    Raises:
-        OptionError: There is none, one twice, or one of another form.
-    """
+    """Base and Dynamic as the run plays them, and at each of some settings, which have one form."""
 
     track = "lite"
     form: ClassVar[re.Pattern[str]]
@@ -58,11 +51,6 @@ class Sweep(Study):
 
     @classmethod
     def of(cls, settings: str | None) -> Self:
-        """Read settings with commas between them.
-
-        Raises:
-            OptionError: There is none, one twice, or one of another form.
-        """
         if settings is None:
             raise OptionError(
                 f"The study {cls.name} needs its settings: --libero-max-study={cls.name}:{cls.example}."

@@ -7,19 +7,19 @@ import io
 import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import LiberoMaxError, OptionError, counted
 from pytest_libero_max.evaluation.evaluate import Evaluation, evaluate
-from pytest_libero_max.lab.training.undisturbed import undisturbed
 from pytest_libero_max.policies.contract import PolicySpec
-from pytest_libero_max.report.exports import EXPORTS, ExportedRun, export
+from pytest_libero_max.report.exports import EXPORTS, ExportedRun
 from pytest_libero_max.report.formats import percent, points
 from pytest_libero_max.report.measurable import is_measurable, lacks_of
 from pytest_libero_max.runs.store import read_pairs
+from pytest_libero_max.worlds.global_generators import global_generators_restored
 
 if TYPE_CHECKING:
     from pytest_libero_max.policies.contract import Policy
@@ -30,6 +30,31 @@ LOG = logging.getLogger("pytest_libero_max")
 
 Log = Callable[[dict[str, float], int], object]
 """Takes numbers by their name, and the step of the training."""
+
+
+@contextmanager
+def undisturbed(model: Any = None) -> Iterator[None]:
+    """Put back, after the block, what an evaluation in the process of a training changes.
+
+    These are the global generators of Python, NumPy and PyTorch, from which a training draws its batches and
+    its noise, whether gradients are recorded, and for each module of the model whether it trains. In the
+    block the model is in evaluation mode, and no gradient is recorded.
+    """
+    torch: Any = sys.modules.get("torch")  # a training with PyTorch has imported it
+    modes = {} if model is None else {module: module.training for module in model.modules()}
+    with ExitStack() as stack:
+        stack.enter_context(global_generators_restored())
+        if torch is not None:
+            devices = range(torch.cuda.device_count()) if torch.cuda.is_initialized() else ()
+            stack.enter_context(torch.random.fork_rng(devices))
+            stack.enter_context(torch.no_grad())
+        try:
+            if model is not None:
+                model.eval()
+            yield
+        finally:
+            for module, training in modes.items():
+                module.training = training
 
 
 @dataclass(frozen=True)
@@ -59,7 +84,7 @@ class PairedEval:
 
     Each evaluation is a run of its own, in the folder ``step-...`` of ``folder``. All of them play the same
     cases in the same order, so that later ones are compared with earlier ones case by case. The training goes
-    on as if nothing had been played: see :func:`~pytest_libero_max.lab.training.undisturbed.undisturbed`. Of
+    on as if nothing had been played: see :func:`~pytest_libero_max.lab.training.paired_eval.undisturbed`. Of
     several processes of ``torch.distributed`` the first one plays.
 
     An error of an evaluation, such as a simulator that does not start or a disk that is full, is logged, and
@@ -120,11 +145,7 @@ class PairedEval:
         self._last: int | None = None
 
     def __call__(self, step: int) -> Evaluated | None:
-        """Evaluate if this step is due; a second call with the same step evaluates nothing.
-
-        Returns:
-            The evaluation; None where none was due, or where it failed.
-        """
+        """Evaluate if this step is due, for the first time; None where it is not, or where it failed."""
         if step < 1 or step % self._every or step == self._last or not _is_first_process():
             return None
         self._last = step
@@ -134,7 +155,6 @@ class PairedEval:
         """Evaluate after the steps of a PyTorch optimizer, whoever calls it.
 
         Args:
-            optimizer: The optimizer.
             step: Number of steps that it has made before.
 
         Returns:
@@ -150,10 +170,7 @@ class PairedEval:
         return optimizer.register_step_post_hook(after_step)
 
     def evaluate(self, step: int) -> Evaluated | None:
-        """Play the pairs now, whatever the step.
-
-        Returns:
-            The evaluation; None where it failed, which is logged.
+        """Play the pairs now, whatever the step; None where that failed, which is logged.
 
         Raises:
             OptionError: The run cannot be played as asked for.
@@ -198,7 +215,7 @@ class PairedEval:
         if self._exports:
             run = ExportedRun(result.folder, read_pairs(result.folder), result.gates, step)
             for name, place in self._exports:
-                export(name, run, place)
+                EXPORTS[name](run, place)
         return evaluated
 
 

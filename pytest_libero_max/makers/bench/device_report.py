@@ -52,10 +52,6 @@ def devices() -> list[tuple[str, str | None]]:
 
     The first is the one that draws here, which needs no number; the second the processor, where that is
     another one.
-
-    Raises:
-        OptionError: ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` asks for what is not there.
-        SimulatorError: Nothing draws.
     """
     result: list[tuple[str, str | None]] = [(device(), None)]
     if gl.require() == "egl" and not egl.chosen()[0].software:

@@ -19,8 +19,8 @@ from pytest_libero_max.benchmark.cases import SETTLE_STEPS, Case
 from pytest_libero_max.benchmark.tracks import load_track
 from pytest_libero_max.errors import SimulatorError
 from pytest_libero_max.makers.bench.clock import processor_seconds
-from pytest_libero_max.makers.bench.pair_runner import IMAGE_SIZE, QUERY_INTERVAL, Hovering
-from pytest_libero_max.pairing.runner import Pair, measure_pair
+from pytest_libero_max.makers.bench.pair_runner import IMAGE_SIZE, QUERY_INTERVAL, Hovering, rollouts_of
+from pytest_libero_max.pairing.runner import measure_pair
 from pytest_libero_max.substrates.libero.importing import imported
 from pytest_libero_max.substrates.libero.substrate import LiberoSubstrate
 from pytest_libero_max.substrates.libero.tasks import task_of
@@ -51,7 +51,6 @@ class GenuineTimes:
     """Control steps of the two rollouts as the package's loop plays them."""
 
     def lines(self) -> list[str]:
-        """Return a small table for people."""
         lines = [
             f"{self.origin}, {self.item_id}, median processor times",
             f"  lean step                        {self.lean_ms:8.2f} ms  {1000 / self.lean_ms:6.0f} steps/s",
@@ -74,11 +73,7 @@ class GenuineTimes:
 def measure_genuine(
     substrate: LiberoSubstrate, suite: str = "libero_spatial", *, steps: int = 60, repeats: int = 1
 ) -> GenuineTimes:
-    """Time control steps and one pair of the original track, of a suite, on a genuine scene.
-
-    Args:
-        suite: Of which suite the first ``camera_shift`` pair of the original track is played.
-        steps: Control steps to measure, with random actions.
+    """Time random control steps and the first ``camera_shift`` pair of a suite of the original track.
 
     Raises:
         SimulatorError: The two did not arrive at the same states, so that their times mean nothing.
@@ -107,7 +102,7 @@ def _with_pairs(
     pair = measure_pair(case, world, policy)
     if pair.dynamic is None:
         raise SimulatorError(f"{case.item_id}: the event never fired, so there is no pair to measure.")
-    rollouts = _rollouts(pair)
+    rollouts = rollouts_of(pair)
     ends = play_here(world, case, rollouts)
 
     def play_plainly() -> None:
@@ -167,12 +162,7 @@ def _steps(world: LiberoWorld, plain: Any, seeing: Any, case: Case, steps: int) 
 
 
 def play_there(env: Any, world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list[Array]:
-    """Return the joint positions in which rollouts end in the package's environment, without the event.
-
-    Args:
-        env: The package's wrapper.
-        rollouts: (n, 7) actions of each.
-    """
+    """Return the joint positions in which (n, 7) actions end in the package's environment."""
     ends = []
     for actions in rollouts:
         _start(env, world, case)
@@ -191,10 +181,3 @@ def play_here(world: LiberoWorld, case: Case, rollouts: Sequence[Array]) -> list
             world.step(action)
         ends.append(world.data.qpos.copy())
     return ends
-
-
-def _rollouts(pair: Pair) -> list[Array]:
-    """Return the actions of both rollouts, the waiting at their beginning included."""
-    settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
-    arms = (pair.base, pair.dynamic)
-    return [np.concatenate([settle, arm.actions]) for arm in arms if arm is not None]

@@ -45,12 +45,7 @@ class ImageRate:
 
 
 def device() -> str:
-    """Return what draws, for people.
-
-    Raises:
-        OptionError: ``MUJOCO_GL`` or ``MUJOCO_EGL_DEVICE_ID`` asks for what is not there.
-        SimulatorError: Nothing draws.
-    """
+    """Return what draws, for people."""
     backend = gl.require()
     return f"{backend}, {egl.chosen()[0]}" if backend == "egl" else backend
 
@@ -64,17 +59,10 @@ def measure_rates(
     seconds: float = 5.0,
     size: int = 256,
 ) -> Iterator[ImageRate]:
-    """Measure each scene with each number of processes, one after the other.
+    """Draw each scene for some seconds with each number of processes, one after the other.
 
     Between two images the world takes a step, as in an episode, so that no picture is drawn twice; its
     time is not counted.
-
-    Args:
-        seconds: Time to draw for, each.
-        size: Side of an image in pixels.
-
-    Raises:
-        SimulatorError: No OpenGL backend is available.
     """
     for suite, index in scenes:
         for number in processes:
@@ -117,14 +105,7 @@ class SameImages:
 def compare_images(
     name: str, options: SubstrateOptions, scenes: Sequence[tuple[str, int]], *, size: int = 256
 ) -> Iterator[SameImages]:
-    """Compare images with those where everything is drawn, and with those of another process.
-
-    Args:
-        size: Side of an image in pixels.
-
-    Raises:
-        SimulatorError: No OpenGL backend is available.
-    """
+    """Compare images with those where everything is drawn, and with those of another process."""
     for suite, index in scenes:
         (unequal, digests), (_, repeated) = in_processes(2, _compare, name, options, suite, index, size)
         yield SameImages(f"{suite}/{index}", len(digests), unequal, digests == repeated)

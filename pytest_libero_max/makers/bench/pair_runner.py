@@ -65,7 +65,6 @@ class PairTimes:
     """The same with robosuite's default, a hard reset before each rollout."""
 
     def lines(self) -> list[str]:
-        """Return a small table for people."""
         rows = [("pair runner, fork", self.fork), ("pair runner, replay", self.replay)]
         rows += [("plain loop, soft resets", self.plain), ("plain loop, hard resets", self.plain_hard)]
         return [
@@ -119,17 +118,16 @@ def measure_pairs(suite: str = "libero_spatial", task_index: int = 0, *, repeats
     world.close()
     return PairTimes(
         item_id=case.item_id,
-        steps=sum(len(actions) for actions in _rollouts(pair)),
+        steps=sum(len(actions) for actions in rollouts_of(pair)),
         **{name: median(values) for name, values in times.items()},
     )
 
 
 def _plain(env: SceneEnv, world: EmbeddedWorld, case: Case, pair: Pair) -> float:
-    """Seconds of the plain loop over the pair's actions."""
     _begin(world, case)
     start = world.snapshot()
     seconds = 0.0
-    for actions in _rollouts(pair):
+    for actions in rollouts_of(pair):
         begin = time.process_time()
         env.reset()
         env.assume(start)
@@ -146,7 +144,7 @@ def final_positions(world: EmbeddedWorld, case: Case, pair: Pair) -> NDArray[np.
         SimulatorError: The hand is not where the arm left it.
     """
     _begin(world, case)
-    for action in _rollouts(pair)[-1]:
+    for action in rollouts_of(pair)[-1]:
         world.step(action)
     arm = pair.base if pair.dynamic is None else pair.dynamic
     if not np.array_equal(world.end_effector(), arm.end_effector[-1]):
@@ -161,7 +159,8 @@ def _begin(world: EmbeddedWorld, case: Case) -> None:
         change_from_dict(change).apply(world)
 
 
-def _rollouts(pair: Pair) -> list[NDArray[np.float64]]:
+def rollouts_of(pair: Pair) -> list[NDArray[np.float64]]:
+    """Return the actions of both rollouts, the waiting at their beginning included."""
     settle = np.tile(NOOP_ACTION, (SETTLE_STEPS, 1))
     arms = [pair.base] if pair.dynamic is None else [pair.base, pair.dynamic]
     return [np.vstack([settle, arm.actions]) for arm in arms]

@@ -61,16 +61,7 @@ def scenes_of(substrate: Substrate) -> OpenScene:
 def measure_scenes(
     open_scene: OpenScene, *, steps: int = 40, images: int = 10, size: int = 256
 ) -> Iterator[SceneCost]:
-    """Measure all forty, one after the other.
-
-    Args:
-        steps: Control steps each.
-        images: Images each, from the two cameras in turns.
-        size: Side of an image in pixels.
-
-    Raises:
-        SimulatorError: No OpenGL backend is available.
-    """
+    """Measure all forty, one after the other: control steps, and images from the two cameras in turns."""
     measure_scene(open_scene, LIBERO_SUITES[0], 0, 1, 1, size)  # compiles the loop, opens the driver
     for suite in LIBERO_SUITES:
         for task in tasks(suite):

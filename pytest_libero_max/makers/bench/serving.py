@@ -60,10 +60,6 @@ def measure_serving(
     Args:
         reference: Policy to serve, as for ``--libero-max-policy``; None: :class:`Zeros`.
         seconds: Time to ask for, each.
-
-    Raises:
-        AdapterError: The policy cannot be loaded, or reads the simulator.
-        ServerError: The server cannot be opened.
     """
     policy: Policy = Zeros() if reference is None else load_policy(reference)
     batching = Batching(max(clients)) if hasattr(policy, "predict_batch") else Batching()

@@ -53,33 +53,21 @@ class StepTimes:
     contacts: int
     """Contacts at the end, as a measure of how busy the scene is."""
 
-    @property
-    def times_robosuite(self) -> float:
-        """Number of our steps that fit into one of robosuite's without cameras."""
-        return self.robosuite / self.lean
-
-    @property
-    def times_robosuite_images(self) -> float | None:
-        """Number of our steps that fit into one of robosuite's with both cameras."""
-        return None if self.robosuite_images is None else self.robosuite_images / self.lean
-
-    @property
-    def over_bare(self) -> float:
-        """Our step as a multiple of the bare physics."""
-        return self.lean / self.bare
-
     def lines(self) -> list[str]:
-        """Return a small table for people."""
         rows = [
             ("lean step", self.lean, f"{1000 / self.lean:.0f} steps/s"),
-            ("  of which bare mj_step", self.bare, f"the lean step is {self.over_bare:.2f} times that"),
+            (
+                "  of which bare mj_step",
+                self.bare,
+                f"the lean step is {self.lean / self.bare:.2f} times that",
+            ),
             ("  of which controller and gripper", self.lean - self.bare, ""),
-            ("robosuite env.step", self.robosuite, f"{self.times_robosuite:.1f} times the lean step"),
+            ("robosuite env.step", self.robosuite, f"{self.robosuite / self.lean:.1f} times the lean step"),
             ("  of which three physics passes", self.passes, ""),
             ("  of which Python", self.robosuite - self.passes, ""),
         ]
         if self.robosuite_images is not None:
-            note = f"{self.times_robosuite_images:.1f} times the lean step"
+            note = f"{self.robosuite_images / self.lean:.1f} times the lean step"
             rows.append((f"robosuite env.step, two {self.size} px images", self.robosuite_images, note))
         if self.image is not None:
             rows.append((f"one {self.size} px image", self.image, ""))
@@ -91,15 +79,10 @@ class StepTimes:
 def measure_stepping(
     suite: str = "libero_spatial", index: int = 0, *, steps: int = 60, size: int = 256, images: bool = True
 ) -> StepTimes:
-    """Time control steps with random actions.
-
-    Args:
-        size: Side of the images in pixels.
-        images: True to measure images too; without OpenGL they are left out in any case.
+    """Time control steps with random actions, and images of ``size`` pixels where there is OpenGL.
 
     Raises:
-        SimulatorError: Our step and robosuite's did not arrive at the same state, so that their times
-            could not be compared.
+        SimulatorError: Our step and robosuite's parted, so that their times could not be compared.
     """
     scene = build_scene(suite, index)
     world = EmbeddedWorld(scene)

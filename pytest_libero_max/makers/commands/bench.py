@@ -88,13 +88,7 @@ def _add_genuine(parts: Commands) -> None:
     genuine = parts.add_parser(
         "genuine", help="Steps and a pair side by side with an installed LIBERO's environment"
     )
-    option(
-        genuine,
-        "--suite SUITE",
-        "Default: %(default)s",
-        choices=LIBERO_SUITES,
-        default="libero_spatial",
-    )
+    option(genuine, "--suite SUITE", "Default: %(default)s", choices=LIBERO_SUITES, default="libero_spatial")
     option(genuine, "--steps N", "Control steps", type=whole_number(1), default=60)
     option(genuine, "--repeats N", "Pairs", type=whole_number(1), default=1)
     add_libero(genuine)

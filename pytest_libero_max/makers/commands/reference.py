@@ -24,7 +24,7 @@ def add_command(commands: Commands) -> None:
 def _reference(options: argparse.Namespace) -> None:
     from pytest_libero_max.benchmark.structs import to_builtins
     from pytest_libero_max.benchmark.tracks import load_track
-    from pytest_libero_max.conformance.environment.recording import record
+    from pytest_libero_max.conformance.environment.reference import record
     from pytest_libero_max.events.schedules import BASE, Arm
     from pytest_libero_max.pairing.runner import measure_pair
     from pytest_libero_max.policies.loading import load_policy

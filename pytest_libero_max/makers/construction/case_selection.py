@@ -10,11 +10,11 @@ Outcomes of policies cannot get here: no module that knows them is imported.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,8 @@ Places = dict[str, tuple[Cell, Configuration]]
 _MOVE = 2**42
 """Cost of a case that is not kept: more than all ranks of a category together, so that the fewest move."""
 
+Place = TypeVar("Place")
+
 Examine = Callable[[Sequence[Case]], Collection[str]]
 """Examines cases, and returns the ids of those that fail."""
 
@@ -61,33 +63,47 @@ def cells_of(category: str) -> tuple[Cell, ...]:
     return tuple(Cell(category, event, draw) for event, draw in product(BENCHMARK_EVENTS, (0, 1)))
 
 
-def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
-    """Choose all 8,000 cases, and replace those that fail until none does.
+def choose(
+    examine: Examine,
+    propose: Callable[[Collection[str], Collection[str]], Mapping[str, Place]],
+    case_of: Callable[[Place], Case],
+) -> tuple[Case, ...]:
+    """Propose cases, examine the new ones, and propose again without those that fail until none does.
 
     Args:
-        examine: Called in rounds, never twice about the same case. The selection is a function of its
-        answers.
+        examine: Called in rounds, never twice about the same case. The choice is a function of its answers.
+        propose: Returns a place for each case by its id, given the ids that passed and those that failed.
+        case_of: Makes the case of a place.
 
     Returns:
         The cases, sorted by id.
-
-    Raises:
-        ManifestError: A cell cannot be filled; names it.
     """
     passed: dict[str, Case] = {}
     failed: set[str] = set()
-    places: Places = {}
     while True:
-        kept = {name: place for name, place in places.items() if name in passed}
-        places = propose(kept, failed, pool)
-        new = [
-            configuration.case(cell) for name, (cell, configuration) in places.items() if name not in passed
-        ]
+        places = propose(passed.keys(), failed)
+        new = [case_of(place) for name, place in places.items() if name not in passed]
         if not new:
             return tuple(passed[name] for name in sorted(places))
         failed_now = set(examine(new))
         failed |= failed_now
         passed |= {case.case_id: case for case in new if case.case_id not in failed_now}
+
+
+def select(examine: Examine, pool: Pool = OWN_POOL) -> tuple[Case, ...]:
+    """Choose all 8,000 cases; see :func:`choose`.
+
+    Raises:
+        ManifestError: A cell cannot be filled; names it.
+    """
+    places: Places = {}
+
+    def fill_cells(passed: Collection[str], failed: Collection[str]) -> Places:
+        nonlocal places
+        places = propose({name: place for name, place in places.items() if name in passed}, failed, pool)
+        return places
+
+    return choose(examine, fill_cells, lambda place: place[1].case(place[0]))
 
 
 def propose(kept: Places, failed: Collection[str], pool: Pool = OWN_POOL) -> Places:
@@ -227,7 +243,6 @@ def _pro_cases(cell: Cell, catalogue: Catalogue) -> dict[str, Configuration]:
 def _use(
     configuration: Configuration, here: Counter[tuple[str, int]], usage: Counter[tuple[str, int]]
 ) -> tuple[int, int]:
-    """Return the number of times that the task is used: in the cell, then in the category."""
     task = configuration.variation.suite, configuration.variation.index
     return here[task], usage[task]
 

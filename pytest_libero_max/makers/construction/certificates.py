@@ -12,15 +12,7 @@ from pytest_libero_max.worlds.contract import World
 
 
 def certify(world: World, case: Case, expert: Policy) -> Certificate:
-    """Play a case with an expert.
-
-    Args:
-        expert: A policy that solves the tasks; images are rendered only if it asks for them.
-
-    Raises:
-        AdapterError: The expert broke its contract.
-        SimulatorError: The simulation breaks.
-    """
+    """Play a case with a policy that solves the tasks; images are rendered only if it asks for them."""
     stage = Stage(case, world, expert)
     _, dynamic, *_ = arms_of(case)
     result = Rollout.start(stage, (dynamic,)).advance_to_end()

@@ -6,13 +6,11 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 
-from pytest_libero_max.errors import counted
 from pytest_libero_max.events.configurations import OWN
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
 from pytest_libero_max.substrates.contract import Catalogue
-from pytest_libero_max.substrates.variation import Variation, digest_of
+from pytest_libero_max.substrates.variation import Variation
 from pytest_libero_max.tasks.contents import TaskMetadata
-from pytest_libero_max.tasks.libero_tasks import SUITES
 from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 
@@ -34,33 +32,6 @@ def hosts(
 def _events_of(task: TaskMetadata) -> frozenset[str]:
     """Return the benchmark's events that a scene can host, without those of other packages."""
     return frozenset(event for event in BENCHMARK_EVENTS if eligible(event, task))
-
-
-def count_lines() -> list[str]:
-    """Return lines on variations by category, suite and difficulty, and the catalogues' digests."""
-    plus = OWN.variations("plus")
-    counts = Counter((variation.category, variation.suite, variation.difficulty) for variation in plus)
-    levels: tuple[int | None, ...] = (1, 2, 3, 4, 5, None)
-    head = "".join(f"{'none' if level is None else f'd{level}':>6}" for level in levels)
-    lines = [f"{'category':<24}{'suite':<16}{head}{'total':>7}"]
-    groups = [*((category, suite) for category in PLUS_CATEGORIES for suite in (*SUITES, None)), (None, None)]
-    for category, suite in groups:
-        row = [
-            sum(
-                count
-                for (one, other, found), count in counts.items()
-                if category in (one, None) and suite in (other, None) and found == level
-            )
-            for level in levels
-        ]
-        numbers = "".join(f"{number:>6}" for number in row)
-        lines.append(f"{category or 'all':<24}{suite or 'all':<16}{numbers}{sum(row):>7}")
-    pro = OWN.variations("pro")
-    lines.append(f"LIBERO-Plus: {counted(len(plus), 'variation')}, digest {digest_of(plus)}")
-    lines.append(
-        f"LIBERO-PRO: {len(pro)} variations in {len(PRO_CATEGORIES)} categories, digest {digest_of(pro)}"
-    )
-    return lines
 
 
 def eligibility_lines(origin: Catalogue = OWN) -> list[str]:

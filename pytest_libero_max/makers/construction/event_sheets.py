@@ -30,12 +30,8 @@ def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, s
     """Render a case of a track for each event variant before and after it, and write one file.
 
     A row is an event. Each variant has four pictures side by side: the agent's view before and after, the
-    wrist's before and after. What the event moved is outlined where it was, with an arrow to where it is.
-
-    Args:
-        track: The cases, with every event and variant. Of two sources, the first variant
-            shows the first one, and the second variant the other.
-        size: Side of one picture in pixels.
+    wrist's before and after. What the event moved is outlined where it was, with an arrow to where it is. Of
+    two sources, the first variant shows the first one, and the second variant the other.
     """
     pictures: list[Image] = []
     for name, seen in _seen(substrate, size, track):
@@ -52,11 +48,7 @@ def write_event_sheet(path: Path, substrate: Substrate, track: str = ORIGINAL, s
 
 
 def write_page_pictures(folder: Path, substrate: Substrate, track: str = ORIGINAL) -> None:
-    """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``.
-
-    Args:
-        track: Cases, as for :func:`write_event_sheet`.
-    """
+    """Write the same for pages of reports: one small file a variant, called like ``camera_shift-v1.webp``."""
     for name, seen in _seen(substrate, _PAGE_PX, track):
         pictures = [picture for both in seen.values() for picture in both]
         write_sheet(folder / f"{name}.webp", pictures, columns=len(pictures), colour_step=1)
@@ -87,7 +79,6 @@ def _seen(
 
 
 def _with_arrows(image: Image, world: World, camera: str, moved: Sequence[tuple[Points, Points]]) -> Image:
-    """Return a picture with the old place of each thing that moved, and an arrow to the new one."""
     import cv2
 
     drawn = np.ascontiguousarray(image)

@@ -78,7 +78,6 @@ class Examiner:
 
     Results are kept in folders named by everything that they depend on (:func:`inputs_digest`). Interrupted
     work is resumed; after a change of any of it, work begins again in another folder.
-
     Close it, or use it in a ``with`` statement: it keeps its processes for the next cases.
     """
 
@@ -86,13 +85,13 @@ class Examiner:
         self,
         folder: Path,
         jobs: int,
-        report: Callable[[Progress], None] | None = None,
+        report: Callable[[Progress], object] = lambda progress: None,
         substrate: str = DEFAULT,
         options: SubstrateOptions | None = None,
     ) -> None:
         self._folder, self._substrate, self._options = folder, substrate, options
         self._digests: dict[str | None, str] = {}
-        self._report = report or _ignore
+        self._report = report
         self._order = scene_order(substrate, options)
         use_one_blas_thread()
         context = multiprocessing.get_context("spawn")
@@ -109,7 +108,6 @@ class Examiner:
         self._pool.shutdown(cancel_futures=True)
 
     def path(self, expert: str | None = None) -> Path:
-        """File of examinations, or of the certificates of an expert."""
         if expert not in self._digests:  # takes seconds, and a build asks for it in every round
             self._digests[expert] = inputs_digest(expert, self._substrate, self._options)
         name = EXAMINATIONS if expert is None else CERTIFICATES
@@ -117,20 +115,17 @@ class Examiner:
 
     def examine(self, cases: Sequence[Case]) -> Mapping[str, Preflight]:
         """Preflights by case id, in the order of the cases. No policy has a part in them."""
-        return self._find(EXAMINED, cases, Ledger(self.path(), Preflight), _examine, _passed)
+        return self._find(EXAMINED, cases, Ledger(self.path(), Preflight), _examine)
 
     def certify(self, cases: Sequence[Case], expert: str) -> Mapping[str, Certificate]:
-        """Certificates by case id, in the order of the cases.
-
-        Args:
-            expert: Adapter of the scripted expert, as on the command line of a run.
+        """Certificates by case id, in the order of the cases, from the play of a scripted expert.
 
         Raises:
             AdapterError: The expert broke its contract, or cannot be loaded.
             SimulatorError: A simulation breaks.
         """
         ledger = Ledger(self.path(expert), Certificate)
-        return self._find(CERTIFIED, cases, ledger, partial(_certify, expert), _solved)
+        return self._find(CERTIFIED, cases, ledger, partial(_certify, expert))
 
     def _find(
         self,
@@ -138,21 +133,20 @@ class Examiner:
         cases: Sequence[Case],
         ledger: Ledger[Found],
         find: Callable[[Sequence[Json]], list[Found]],
-        is_good: Callable[[Found], bool],
     ) -> dict[str, Found]:
         todo = [case for case in sorted(cases, key=self._order) if ledger.of(case) is None]
         size = SUBSTRATES[self._substrate].batch
         batches = [todo[first : first + size] for first in range(0, len(todo), size)]
         waiting = {self._pool.submit(find, [case.record for case in batch]): batch for batch in batches}
         began, before, done = time.monotonic(), len(cases) - len(todo), 0
-        good = sum(is_good(known) for case in cases if (known := ledger.of(case)) is not None)
+        good = sum(_is_good(known) for case in cases if (known := ledger.of(case)) is not None)
         if todo:
             self._report(Progress(verb, before, len(cases), good, None))
         for future in as_completed(waiting):
             for case, result in zip(waiting[future], future.result(), strict=True):
                 ledger.add(case, result)
                 done += 1
-                good += is_good(result)
+                good += _is_good(result)
                 per_minute = 60.0 * done / max(time.monotonic() - began, 1e-9)
                 self._report(Progress(verb, before + done, len(cases), good, per_minute))
         return {case.case_id: ledger.found[case.case_id] for case in cases}
@@ -161,11 +155,7 @@ class Examiner:
 class Ledger(Generic[Found]):
     """Results of cases, in a file that has a line for each as soon as it is known.
 
-    Args:
-        path: The file, which need not exist. A last line that was cut off is removed from it.
-
-    Raises:
-        ManifestError: A line is damaged.
+    A last line that was cut off is removed from it; a damaged one is a ManifestError.
     """
 
     def __init__(self, path: Path, kind: type[Found]) -> None:
@@ -185,11 +175,9 @@ class Ledger(Generic[Found]):
                     ) from error
 
     def of(self, case: Case) -> Found | None:
-        """Return the result of this very case."""
         return self.found[case.case_id] if self._digests.get(case.case_id) == case.digest else None
 
     def add(self, case: Case, result: Found) -> None:
-        """Keep the result of a case."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps([case.case_id, case.digest, msgspec.to_builtins(result)]) + "\n")
@@ -201,9 +189,6 @@ def inputs_digest(expert: str | None, substrate: str, options: SubstrateOptions 
 
     These are the versions of packages and installations, the source variations, the identity of the expert,
     and :data:`RULES_VERSION`. After a change of any of them, old examinations no longer hold.
-
-    Raises:
-        AdapterError: The expert is not found.
     """
     return canonical_digest(
         {
@@ -225,7 +210,6 @@ _substrate: Substrate
 
 
 def _begin(substrate: str, options: SubstrateOptions | None) -> None:
-    """Set up a process."""
     global _substrate
     end_with_parent()  # otherwise it would wait forever after the parent was killed
     return_large_blocks()
@@ -255,13 +239,5 @@ def _certify(expert: str, records: Sequence[Json]) -> list[Certificate]:
     return [certify(_substrate.world(case), case, _expert(expert)) for case in map(parse_case, records)]
 
 
-def _passed(preflight: Preflight) -> bool:
-    return preflight.passed
-
-
-def _solved(certificate: Certificate) -> bool:
-    return certificate.solved
-
-
-def _ignore(progress: Progress) -> None:
-    """Report no progress."""
+def _is_good(result: Preflight | Certificate) -> bool:
+    return result.passed if isinstance(result, Preflight) else result.solved

@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import re
 import secrets
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,9 +25,9 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.tracks import load_track, track_names
 from pytest_libero_max.errors import ManifestError, OptionError
 from pytest_libero_max.events.configurations import PRO_STATES, Cell, Configuration, cell_of
+from pytest_libero_max.makers.construction.case_selection import Examine
 from pytest_libero_max.makers.construction.configurations import hosts
-from pytest_libero_max.makers.construction.preflight import Preflight
-from pytest_libero_max.makers.construction.release import Release, read_rejected
+from pytest_libero_max.makers.construction.release import ExamineCases, Examined, Release, read_rejected
 from pytest_libero_max.runs.plan import task_number
 
 SEED, COMMITMENT = "SEED", "SEED.sha256"
@@ -52,14 +52,10 @@ class Frozen(NamedTuple):
 
 
 def bind(folder: Path, name: str, seed_file: Path) -> str:
-    """Draw a seed, keep it in a file, and write its digest into the folder of a draw.
-
-    Args:
-        folder: Folder of the draw, for example ``cases/2026Q4``.
-        seed_file: File for the seed, which stays secret until the draw is made.
+    """Draw a seed, keep it in a file, and write its digest into the folder of a draw, for example ``2026Q4``.
 
     Returns:
-        The digest to publish.
+        The digest to publish. The seed stays secret until the draw is made.
 
     Raises:
         OptionError: The name is none, or one of the files exists.
@@ -134,50 +130,19 @@ def scene_of(case: Case) -> Scene:
     return case.source, case.source_category, case.suite, case.task_index, case.init_state_index
 
 
-def build_draw(
-    examine: Callable[[Sequence[Case]], Mapping[str, Preflight]],
-    track: str,
-    frozen: Frozen,
-    draw: Draw,
-) -> Release:
-    """Choose the cases of a draw.
-
-    Raises:
-        ManifestError: A case of the track can have no partner.
-    """
-    examinations: dict[str, Preflight] = {}
-
-    def failing(cases: Sequence[Case]) -> list[str]:
-        preflights = examine(cases)
-        examinations.update(preflights)
-        return [case_id for case_id, result in preflights.items() if not result.passed]
-
-    fresh = select_fresh(failing, frozen, draw)
-    return Release(
-        tracks={track: fresh},
-        rejected={name: result.problems for name, result in sorted(examinations.items()) if result.problems},
-        sights={case.case_id: examinations[case.case_id].sights for case in _by_id(fresh)},
-    )
+def build_draw(examine: ExamineCases, track: str, frozen: Frozen, draw: Draw) -> Release:
+    """Choose the cases of a draw."""
+    examined = Examined(examine)
+    return examined.release({track: select_fresh(examined.failing, frozen, draw)})
 
 
-def _by_id(cases: Iterable[Case]) -> list[Case]:
-    return sorted(cases, key=lambda case: case.case_id)
-
-
-def select_fresh(
-    examine: Callable[[Sequence[Case]], Collection[str]], frozen: Frozen, draw: Draw
-) -> Manifest:
+def select_fresh(examine: Examine, frozen: Frozen, draw: Draw) -> Manifest:
     """Give each case of a track a partner, and replace those that fail until none does.
 
     The partner is the first configuration of the cell that is left, in this order: those of the same task of
     LIBERO, of the same suite, of the nearest difficulty, then by a hash of the seed. No scene is used twice.
-    An event that was rejected on the same scene when the frozen tracks were built is not examined again.
-
-    Args:
-        examine: Called in rounds, never twice about the same case; returns the ids of those that fail.
-
-    Returns:
-        The cases, each at the place of its partner in the old track.
+    An event that was rejected on the same scene when the frozen tracks were built is not examined again. Each
+    case stands at the place of its partner in the old track.
 
     Raises:
         ManifestError: A case can have no partner.
@@ -256,7 +221,6 @@ def _candidates(source: str, cell: Cell, frozen: Frozen, draw: Draw) -> list[_Ca
 
 
 def _preferred(candidates: Iterable[_Candidate], case: Case) -> list[_Candidate]:
-    """Return the possible partners of a case, the best first."""
     task = _task(case)
 
     def preference(candidate: _Candidate) -> tuple[bool, bool, int, int]:

@@ -8,8 +8,7 @@ need no models but LIBERO's and LIBERO-PRO's, so that everybody with the package
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence, Set
 from itertools import product
 
 from pytest_libero_max.benchmark.cases import Case
@@ -18,12 +17,10 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 from pytest_libero_max.events.configurations import PRO_STATES, Cell, Configuration
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible
-from pytest_libero_max.makers.construction.case_selection import Examine, Pool, select
-from pytest_libero_max.makers.construction.preflight import Preflight
-from pytest_libero_max.makers.construction.release import Release
+from pytest_libero_max.makers.construction.case_selection import Examine, Pool, choose, select
+from pytest_libero_max.makers.construction.release import ExamineCases, Examined, Release
 from pytest_libero_max.makers.construction.splits import SPLITS, full, protocol
 from pytest_libero_max.substrates.contract import Catalogue
-from pytest_libero_max.substrates.variation import Variation
 
 BENCHMARK, VERSION = "libero-max-genuine", "1.0.0"
 SUBSTRATE = "LIBERO-Plus and LIBERO-PRO"
@@ -35,14 +32,9 @@ TRACKS = (SMOKE, MAX)
 
 SOURCES = ("plus", "pro")
 
-ExamineCases = Callable[[Sequence[Case]], Mapping[str, Preflight]]
-
 
 def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[str]) -> Release:
-    """Choose the cases of some tracks on genuine scenes.
-
-    Args:
-        names: Names from :data:`TRACKS`.
+    """Choose the cases of some tracks, of :data:`TRACKS`, on genuine scenes.
 
     Raises:
         ManifestError: There are not enough cases that pass, or LIBERO-Plus's classification is missing.
@@ -52,25 +44,20 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
     for name in names:
         if name not in TRACKS:
             raise OptionError.seen("track", name, f" cannot be built. {did_you_mean(name, TRACKS)}")
-    preflights: dict[str, Preflight] = {}
+    examined = Examined(examine)
     unexamined: dict[str, str] = {}
     lacks = {
-        _key(variation): catalogue.lacks(variation)
+        (variation.source, variation.suite, variation.index, variation.category): catalogue.lacks(variation)
         for source in SOURCES
         for variation in catalogue.variations(source)
     }
 
     def failing(cases: Sequence[Case]) -> list[str]:
-        todo = []
         for case in cases:
             what = lacks[case.source, case.suite, case.task_index, case.source_category]
             if what:
                 unexamined[case.case_id] = what
-            else:
-                todo.append(case)
-        now = examine(todo)
-        preflights.update(now)
-        return [case_id for case_id, examination in now.items() if not examination.passed]
+        return examined.failing([case for case in cases if case.case_id not in unexamined])
 
     tracks: dict[str, Manifest] = {}
     if SMOKE in names:
@@ -80,48 +67,25 @@ def build_genuine(examine: ExamineCases, catalogue: Catalogue, names: Iterable[s
         whole = full(cases, BENCHMARK, VERSION, SUBSTRATE)
         drawn = {name: split(whole) for name, split in SPLITS.items() if name != SMOKE}
         tracks |= {MAX: whole, **drawn}
-    used = {case.case_id for manifest in tracks.values() for case in manifest}
-    return Release(
-        tracks=tracks,
-        rejected={
-            name: preflight.problems for name, preflight in sorted(preflights.items()) if preflight.problems
-        },
-        sights={name: preflights[name].sights for name in sorted(used & preflights.keys())},
-        unexamined={name: unexamined[name] for name in sorted(used & unexamined.keys())},
-    )
+    return examined.release(tracks, unexamined)
 
 
-def _key(variation: Variation) -> tuple[str, str, int, str]:
-    return variation.source, variation.suite, variation.index, variation.category
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
-
-    catalogue: Catalogue
-    by_source: Mapping[str, Sequence[Configuration]]
+Candidates = Mapping[str, Sequence[Configuration]]
+"""Candidates of smoke: tasks that need no models of LIBERO-Plus, by source, with initial states."""
 
 
 def candidates_of(catalogue: Catalogue) -> Candidates:
-    """Candidates of smoke, the same on every machine with the packages.
-
-    Raises:
-        ManifestError: LIBERO-Plus's classification is missing.
-    """
-    return Candidates(
-        catalogue,
-        {
-            source: [
-                Configuration(variation, init, catalogue)
-                for variation in catalogue.variations(source)
-                if not catalogue.lacks(variation, models=False)
-                and (source == "pro" or variation.difficulty is not None)
-                for init in range(PRO_STATES if source == "pro" else 1)
-            ]
-            for source in SOURCES
-        },
-    )
+    """Candidates of smoke, the same on every machine with the packages."""
+    return {
+        source: [
+            Configuration(variation, init, catalogue)
+            for variation in catalogue.variations(source)
+            if not catalogue.lacks(variation, models=False)
+            and (source == "pro" or variation.difficulty is not None)
+            for init in range(PRO_STATES if source == "pro" else 1)
+        ]
+        for source in SOURCES
+    }
 
 
 def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
@@ -130,20 +94,14 @@ def select_smoke(examine: Examine, candidates: Candidates) -> Manifest:
     Each is the first configuration that was not rejected, in this order: the suite that the source has used
     least, then the source category it has used least, then a hash. A case rejected for a place counts as
     used in it: where one suite has no room for an event, the next ones are tried in turn.
-
-    Raises:
-        ManifestError: A slot has no configuration left.
     """
-    failed: set[str] = set()
-    passed: set[str] = set()
-    while True:
-        cases = propose_smoke(candidates, failed)
-        new = [case for case in cases if case.case_id not in passed]
-        if not new:
-            return _smoke(cases)
-        failed_now = set(examine(new))
-        failed |= failed_now
-        passed |= {case.case_id for case in new} - failed_now
+    return _smoke(
+        choose(
+            examine,
+            lambda _, failed: {case.case_id: case for case in propose_smoke(candidates, failed)},
+            lambda case: case,
+        )
+    )
 
 
 def propose_smoke(candidates: Candidates, failed: Iterable[str] = ()) -> tuple[Case, ...]:
@@ -166,7 +124,7 @@ def _first(
     candidates: Candidates, source: str, event: str, draw: int, excluded: Set[str], used: Counter[str]
 ) -> Configuration:
     """Return the first configuration for a place, in the order of :func:`select_smoke`."""
-    ids = {candidate.identity.case_id(event, draw): candidate for candidate in candidates.by_source[source]}
+    ids = {candidate.identity.case_id(event, draw): candidate for candidate in candidates[source]}
     tried = used.copy()
     for name in excluded & ids.keys():
         tried.update((ids[name].variation.suite, ids[name].variation.category))
@@ -176,7 +134,7 @@ def _first(
         return tried[variation.suite], tried[variation.category], seed_of(SMOKE_SAMPLER, name)
 
     for name in sorted(ids.keys() - excluded, key=preference):
-        if eligible(event, candidates.catalogue.metadata(ids[name].variation)):
+        if eligible(event, ids[name].catalogue.metadata(ids[name].variation)):
             return ids[name]
     raise ManifestError(f"{event}, variant {draw}: every configuration of {source} was rejected.")
 

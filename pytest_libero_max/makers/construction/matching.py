@@ -14,13 +14,7 @@ Integers = NDArray[np.int64]
 
 
 class Shortage(Exception):
-    """Some cells together need more tasks than can host any of them.
-
-    Attributes:
-        cells: The cells; a smallest proof, by Hall's theorem, that no filling exists.
-        needed: Number of tasks that they need.
-        there: Number of tasks that can host them.
-    """
+    """Some cells together need more tasks than there are for them: a smallest proof, by Hall's theorem."""
 
     def __init__(self, cells: tuple[int, ...], needed: int, there: int) -> None:
         super().__init__(f"cells {cells} need {counted(needed, 'task')}, and there are {there}")

@@ -19,7 +19,7 @@ from pytest_libero_max.benchmark.manifests import Manifest
 from pytest_libero_max.benchmark.records import case_record
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, eligible, resolve_event
-from pytest_libero_max.makers.construction.case_selection import Examine
+from pytest_libero_max.makers.construction.case_selection import Examine, choose
 from pytest_libero_max.makers.construction.splits import VERSION, protocol
 from pytest_libero_max.tasks.contents import TaskMetadata, task_metadata
 
@@ -78,21 +78,11 @@ def build_original(rejected: Collection[str] = ()) -> Manifest:
 
 
 def select_original(examine: Examine) -> Manifest:
-    """Choose the cases, and choose again without those that fail until none does.
-
-    Args:
-        examine: Called in rounds, never twice about the same case.
-    """
-    failed: set[str] = set()
-    passed: set[str] = set()
-    while True:
-        manifest = build_original(failed)
-        new = [case for case in manifest if case.case_id not in passed]
-        if not new:
-            return manifest
-        failed_now = set(examine(new))
-        failed |= failed_now
-        passed |= {case.case_id for case in new} - failed_now
+    """Choose the cases, and choose again without those that fail until none does."""
+    cases = choose(
+        examine, lambda _, failed: {case.case_id: case for case in build_original(failed)}, lambda case: case
+    )
+    return Manifest("libero-max-original", VERSION, PROTOCOL, cases)
 
 
 def _identities(suite: str, event: str, tasks: Mapping[tuple[str, int], TaskMetadata]) -> Iterator[Identity]:

@@ -14,11 +14,7 @@ from pytest_libero_max.benchmark.tracks import load_track, own_tracks, track_nam
 from pytest_libero_max.events.configurations import Cell, cell_of
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
 from pytest_libero_max.makers.construction.preflight import CHECKS, Preflight
-from pytest_libero_max.makers.construction.release import (
-    read_rejected,
-    read_sights,
-    read_unexamined,
-)
+from pytest_libero_max.makers.construction.release import read_rejected, read_sights, read_unexamined
 from pytest_libero_max.makers.construction.visibility import IMAGE_SIZE, MIN_PIXELS, Sight
 
 OVERVIEW = "README.md"
@@ -27,21 +23,13 @@ _ONCE = "Cases of all tracks, each counted once:"
 
 
 def write_overview(folder: Path) -> None:
-    """Write the ``README.md`` of a folder of tracks.
-
-    Raises:
-        ManifestError: A file is missing or is not the one that was frozen.
-    """
+    """Write the ``README.md`` of a folder of tracks."""
     head = ["# Frozen cases", "", "Written by `libero-max dev build` from the files beside it.", ""]
     (folder / OVERVIEW).write_text("\n".join([*head, *overview_lines(folder), ""]), encoding="utf-8")
 
 
 def overview_lines(folder: Path) -> list[str]:
-    """Return the tracks of a folder, rejected cases and the expert's successes, as Markdown.
-
-    Raises:
-        ManifestError: A file is missing or is not the one that was frozen.
-    """
+    """Return the tracks of a folder, rejected cases and the expert's successes, as Markdown."""
     tracks = {name: load_track(name, folder) for name in track_names(folder)}
     rejected, certificates = read_rejected(folder), read_certificates(folder)
     own = {name: tracks[name] for name in own_tracks(folder)}
@@ -115,7 +103,6 @@ def _certificate_lines(cases: Sequence[Case], certificates: Mapping[str, Certifi
 
 
 def _program_lines(cases: Iterable[Case], certificates: Mapping[str, Certificate]) -> list[str]:
-    """Lines on the expert's results on the cases that have a program."""
     labelled = [(case.program.name, case) for case in cases if case.program is not None]
     if not labelled:
         return []

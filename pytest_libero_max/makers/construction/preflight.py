@@ -216,12 +216,7 @@ def _hidden(
 
 
 def _motion_problems(
-    world: World,
-    case: Case,
-    change: Change,
-    touching: Mapping[str, set[str]],
-    steps: int,
-    with_image: bool,
+    world: World, case: Case, change: Change, touching: Mapping[str, set[str]], steps: int, with_image: bool
 ) -> Iterable[Problem]:
     """Problems while the world is held still after the event, which do not occur without it."""
     here = world.snapshot()
@@ -279,12 +274,10 @@ def _drift(world: World, steps: int) -> dict[str, tuple[float, float]]:
 def _moves(
     start: Mapping[str, tuple[float, ...]], end: Mapping[str, tuple[float, ...]]
 ) -> dict[str, tuple[float, float]]:
-    """Movement of everything, and downwards, m."""
     return {name: (dist(position, end[name]), position[2] - end[name][2]) for name, position in start.items()}
 
 
 def _positions(world: World) -> dict[str, tuple[float, ...]]:
-    """(3,) m of every object in the scene."""
     return {
         name: tuple(world.position(name).tolist())
         for name, entity in world.entities.items()
@@ -341,7 +334,6 @@ def _neighbours(world: OnMujoco, name: str) -> dict[int, float]:
 
 
 def _roots(world: OnMujoco) -> dict[str, int]:
-    """Return the root body of each entity that has a body."""
     import mujoco
 
     bodies = {

@@ -38,6 +38,10 @@ FILES = (REJECTED, CERTIFICATES, SIGHTS, *(f"{name}.json.gz" for name in ("origi
 """Everything of the embedded tracks that has a checksum."""
 
 
+ExamineCases = Callable[[Sequence[Case]], Mapping[str, Preflight]]
+"""Examines cases, and returns their preflights by id."""
+
+
 @dataclass(frozen=True)
 class Release:
     """Everything that is frozen."""
@@ -54,36 +58,51 @@ class Release:
     """The cameras of the robot, in whose order sights have their numbers."""
 
 
-def build_release(examine: Callable[[Sequence[Case]], Mapping[str, Preflight]]) -> Release:
+class Examined:
+    """Cases that were examined so far.
+
+    Args:
+        examine: Returns the preflights of cases by their ids.
+    """
+
+    def __init__(self, examine: ExamineCases) -> None:
+        self._examine = examine
+        self._preflights: dict[str, Preflight] = {}
+
+    def failing(self, cases: Sequence[Case]) -> list[str]:
+        """Examine cases, and return the ids of those that fail."""
+        now = self._examine(cases)
+        self._preflights.update(now)
+        return [case_id for case_id, preflight in now.items() if not preflight.passed]
+
+    def release(self, tracks: Mapping[str, Manifest], unexamined: Mapping[str, str] | None = None) -> Release:
+        """Return tracks with what was found of their cases, and of those that were rejected.
+
+        Args:
+            unexamined: Missing requirements of cases that could not be examined, by id.
+        """
+        used = sorted({case.case_id for track in tracks.values() for case in track})
+        known = self._preflights
+        return Release(
+            tracks,
+            {name: result.problems for name, result in sorted(known.items()) if result.problems},
+            {name: known[name].sights for name in used if name in known},
+            {name: unexamined[name] for name in used if name in unexamined} if unexamined else {},
+        )
+
+
+def build_release(examine: ExamineCases) -> Release:
     """Choose the cases of every track.
 
     Raises:
         ManifestError: There are not enough cases that pass.
     """
-    examinations: dict[str, Preflight] = {}
-
-    def failing(cases: Sequence[Case]) -> list[str]:
-        preflights = examine(cases)
-        examinations.update(preflights)
-        return [case_id for case_id, examination in preflights.items() if not examination.passed]
-
-    original = select_original(failing)
-    whole = full(select(failing))
-    return Release(
-        tracks={
-            "original": original,
-            "max": whole,
-            **{name: split(whole) for name, split in SPLITS.items()},
-        },
-        rejected={
-            name: preflight.problems for name, preflight in sorted(examinations.items()) if preflight.problems
-        },
-        sights={name: examinations[name].sights for name in sorted(_ids(original, whole))},
+    examined = Examined(examine)
+    original = select_original(examined.failing)
+    whole = full(select(examined.failing))
+    return examined.release(
+        {"original": original, "max": whole, **{name: split(whole) for name, split in SPLITS.items()}}
     )
-
-
-def _ids(*tracks: Manifest) -> set[str]:
-    return {case.case_id for track in tracks for case in track}
 
 
 def write_release(release: Release, folder: Path) -> None:
@@ -125,10 +144,7 @@ def add_track(folder: Path, name: str, manifest: Manifest) -> None:
 def add_certificates(
     folder: Path, names: Iterable[str], certify: Callable[[Sequence[Case]], Mapping[str, Certificate]]
 ) -> None:
-    """Let an expert play the cases of some tracks of a folder that were examined and have no certificate yet.
-
-    Args:
-        certify: Returns the expert's results on some cases, by id.
+    """Let an expert play the cases of tracks of a folder that were examined and have no certificate yet.
 
     Raises:
         ManifestError: A file is missing or is not the one that was frozen.
@@ -154,22 +170,14 @@ def _write_certificates(folder: Path, certificates: Mapping[str, Certificate]) -
 
 
 def write_splits(folder: Path) -> None:
-    """Draw the smaller tracks of a folder again from its ``max``.
-
-    Raises:
-        ManifestError: ``max`` is not the one that was frozen.
-    """
+    """Draw the smaller tracks of a folder again from its ``max``."""
     whole = load_track("max", folder)
     _write_tracks(folder, {name: split(whole) for name, split in SPLITS.items()})
     write_checksums(folder, FILES)
 
 
 def read_rejected(folder: Path) -> dict[str, tuple[Problem, ...]]:
-    """Return the problems of the cases that were replaced, by id.
-
-    Raises:
-        ManifestError: The table is missing or is not the one that was frozen.
-    """
+    """Return the problems of the cases that were replaced, by id."""
     rejected: dict[str, tuple[Problem, ...]] = {}
     for name, check, detail in read_table(folder / REJECTED):
         rejected[name] = (*rejected.get(name, ()), Problem(cast(Check, check), detail))
@@ -183,11 +191,7 @@ def independent_tracks(folder: Path) -> tuple[str, ...]:
 
 
 def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
-    """Return the visibility of target and receptacle at the event of each case, by id.
-
-    Raises:
-        ManifestError: The table is missing or is not the one that was frozen.
-    """
+    """Return the visibility of target and receptacle at the event of each case, by id."""
     sights: dict[str, tuple[Sight, ...]] = {}
     for name, role, entity, *pixels in read_table(folder / SIGHTS):
         numbers = tuple(map(int, pixels))
@@ -198,11 +202,7 @@ def read_sights(folder: Path) -> dict[str, tuple[Sight, ...]]:
 
 
 def read_unexamined(folder: Path) -> dict[str, str]:
-    """Return the missing requirements of the cases that were not examined, by id.
-
-    Raises:
-        ManifestError: The table is not the one that was frozen.
-    """
+    """Return the missing requirements of the cases that were not examined, by id."""
     path = folder / UNEXAMINED
     return {row[0]: row[1] for row in read_table(path)} if path.exists() else {}
 

@@ -195,7 +195,6 @@ def _event(case: Case) -> tuple[str, int]:
 
 
 def _named(case: Case) -> Case:
-    """Return a case with a program under an id of its own."""
     case_id = own_case_id(case.case_id, case.program)
     return replace(case, case_id=case_id, record={**case.record, "case_id": case_id})
 
@@ -206,7 +205,6 @@ def own_case_id(case_id: str, program: Program | None) -> str:
 
 
 def _split(whole: Manifest, name: str, contract: str, cases: Iterable[Case]) -> Manifest:
-    """Return a track that is drawn from another, and made for the same scenes."""
     made_for = protocol(name, contract, whole.protocol["substrate"])
     return Manifest(f"{whole.benchmark_id}-{name}", whole.version, made_for, tuple(cases))
 

@@ -11,7 +11,8 @@ event, its cells have fewer cases.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,9 +23,8 @@ from pytest_libero_max.benchmark.suites import SUITES
 from pytest_libero_max.errors import ManifestError, OptionError, did_you_mean
 from pytest_libero_max.events.new_case import make_case
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS, eligible
-from pytest_libero_max.makers.construction.case_selection import Examine
-from pytest_libero_max.makers.construction.preflight import Preflight
-from pytest_libero_max.makers.construction.release import Release
+from pytest_libero_max.makers.construction.case_selection import Examine, choose
+from pytest_libero_max.makers.construction.release import ExamineCases, Examined, Release
 from pytest_libero_max.makers.construction.splits import protocol
 from pytest_libero_max.substrates.contract import SubstrateKind, SubstrateOptions
 from pytest_libero_max.tasks.contents import TaskMetadata
@@ -66,7 +66,6 @@ class Population:
 
     @cached_property
     def tasks(self) -> Mapping[Task, TaskMetadata]:
-        """Contents of every task."""
         return {
             (suite, index): self._contents(suite, index)
             for suite in self.suites
@@ -75,18 +74,15 @@ class Population:
 
     @cached_property
     def hosts(self) -> Mapping[str, tuple[Task, ...]]:
-        """Tasks that can host each event."""
         return {
             event: tuple(task for task, contents in self.tasks.items() if eligible(event, contents))
             for event in BENCHMARK_EVENTS
         }
 
     def case_id(self, place: Place) -> str:
-        """Return the id of the case that :meth:`case` makes."""
         return Identity.unmodified(*place.task, place.state).case_id(*place.cell)
 
     def case(self, place: Place) -> Case:
-        """Return the case of a cell on a configuration."""
         return make_case(place.cell.event, *place.task, place.state, variant=place.cell.variant)
 
     def cells(self, per_event: int) -> Mapping[Cell, int]:
@@ -99,40 +95,20 @@ class Population:
         return dict(sorted(needed.items(), key=lambda item: (len(self.hosts[item[0].event]), item[0])))
 
 
-def build_unmodified(
-    examine: Callable[[Sequence[Case]], Mapping[str, Preflight]],
-    population: Population,
-    names: Iterable[str],
-) -> Release:
-    """Choose the cases of some tracks.
-
-    Args:
-        names: Tracks that the substrate declares.
+def build_unmodified(examine: ExamineCases, population: Population, names: Iterable[str]) -> Release:
+    """Choose the cases of some tracks that the substrate declares.
 
     Raises:
         OptionError: There is no such track.
         ManifestError: No case passes.
     """
-    preflights: dict[str, Preflight] = {}
-
-    def failing(cases: Sequence[Case]) -> list[str]:
-        new = examine(cases)
-        preflights.update(new)
-        return [case_id for case_id, examination in new.items() if not examination.passed]
-
-    tracks = {name: select(failing, population, name) for name in names}
-    used = {case.case_id for manifest in tracks.values() for case in manifest}
-    rejected = {name: result.problems for name, result in sorted(preflights.items()) if result.problems}
-    sights = {name: preflights[name].sights for name in sorted(used)}
-    first = next(iter(population.tasks.values()))
-    return Release(tracks, rejected, sights, cameras=first.cameras)
+    examined = Examined(examine)
+    release = examined.release({name: select(examined.failing, population, name) for name in names})
+    return replace(release, cameras=next(iter(population.tasks.values())).cameras)
 
 
 def select(examine: Examine, population: Population, track: str) -> Manifest:
-    """Choose the cases of a track, and replace those that fail until none does.
-
-    Args:
-        examine: Called in rounds, never twice about a case of a track; returns the ids of those that fail.
+    """Choose the cases of a track that the substrate declares.
 
     Raises:
         OptionError: The substrate declares no such track.
@@ -141,29 +117,21 @@ def select(examine: Examine, population: Population, track: str) -> Manifest:
     if track not in population.per_event:
         known = did_you_mean(track, population.per_event)
         raise OptionError.seen("track", track, f" cannot be built. {known}")
-    passed: dict[str, Case] = {}
-    failed: set[str] = set()
     places: list[Place] = []
-    while True:
+
+    def fill_cells(passed: Collection[str], failed: Collection[str]) -> dict[str, Place]:
+        nonlocal places
         kept = [place for place in places if population.case_id(place) in passed]
         places = propose(population, track, kept, failed)
-        new = [population.case(place) for place in places if population.case_id(place) not in passed]
-        if not new:
-            return _manifest(population, track, passed)
-        failed_now = set(examine(new))
-        failed |= failed_now
-        passed |= {case.case_id: case for case in new if case.case_id not in failed_now}
+        return {population.case_id(place): place for place in places}
+
+    return _manifest(population, track, choose(examine, fill_cells, population.case))
 
 
 def propose(
     population: Population, track: str, kept: Sequence[Place], failed: Collection[str]
 ) -> list[Place]:
-    """Fill the cells of a track.
-
-    Args:
-        kept: Configurations that have a place already.
-        failed: Ids of cases that must not be used.
-    """
+    """Fill the cells of a track around what is kept, without the ids that failed."""
     used, states = (
         Counter(place.task for place in kept),
         Counter((*place.task, place.state) for place in kept),
@@ -209,7 +177,7 @@ def _rank(track: str, place: Place) -> int:
     return seed_of(track, *place.cell, *place.task, place.state)
 
 
-def _manifest(population: Population, track: str, cases: Mapping[str, Case]) -> Manifest:
+def _manifest(population: Population, track: str, cases: tuple[Case, ...]) -> Manifest:
     if not cases:
         raise ManifestError(f"{track}: no case of any task passes the preflight.")
     contract = (
@@ -219,9 +187,8 @@ def _manifest(population: Population, track: str, cases: Mapping[str, Case]) -> 
         "policy outcomes"
     )
     (benchmark,) = {SUITES[suite].benchmark for suite in population.suites}
-    ordered = tuple(cases[name] for name in sorted(cases))
     named = f"libero-max-{population.name}-{track}"
-    return Manifest(named, VERSION, protocol(track, contract, benchmark), ordered)
+    return Manifest(named, VERSION, protocol(track, contract, benchmark), cases)
 
 
 def hosting_lines(population: Population) -> list[str]:
@@ -240,18 +207,10 @@ def _reason(event: str, contents: TaskMetadata) -> str:
 
 
 def require_drawn(name: str, manifest: Manifest) -> Iterator[str]:
-    """Yield checks of a track: every case is the one that its identity demands, events have equally many.
-
-    Raises:
-        ManifestError: A case is another one.
-    """
+    """Yield checks of a track: every case is the one that its identity demands, events have equally many."""
     for case in manifest:
         made = make_case(
-            case.event.name,
-            case.suite,
-            case.task_index,
-            case.init_state_index,
-            variant=case.event.variant,
+            case.event.name, case.suite, case.task_index, case.init_state_index, variant=case.event.variant
         )
         if made.record != case.record:
             raise ManifestError(f"{name}: {case.case_id!r} differs from the case that its identity demands.")

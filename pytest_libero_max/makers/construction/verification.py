@@ -27,12 +27,7 @@ from pytest_libero_max.benchmark.tracks import (
 from pytest_libero_max.errors import ManifestError, SubstrateError
 from pytest_libero_max.events.configurations import Cell, Configuration, cell_of
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS
-from pytest_libero_max.makers.construction.case_selection import (
-    LEVELS,
-    PLUS_PER_CELL,
-    PRO_PER_CELL,
-    cells_of,
-)
+from pytest_libero_max.makers.construction.case_selection import LEVELS, PLUS_PER_CELL, PRO_PER_CELL, cells_of
 from pytest_libero_max.makers.construction.configurations import hosts
 from pytest_libero_max.makers.construction.fresh_draw import (
     COMMITMENT,
@@ -57,13 +52,10 @@ from pytest_libero_max.tasks.sources import PLUS_CATEGORIES, PRO_CATEGORIES
 
 
 def verify(folder: Path) -> list[str]:
-    """Check every track of a folder, on the embedded scenes or on genuine ones.
-
-    Returns:
-        The checks that passed, a line each.
+    """Check every track of a folder; return the checks that passed, a line each.
 
     Raises:
-        ManifestError: The first thing that is not.
+        ManifestError: The first thing that is not as it must be.
     """
     if (folder / COMMITMENT).exists():
         return list(_draw_checks(folder))
@@ -76,7 +68,6 @@ def verify(folder: Path) -> list[str]:
 
 
 def _unmodified_checks(folder: Path, tracks: Mapping[str, Manifest]) -> Iterator[str]:
-    """Yield checks of tracks of unmodified tasks."""
     for name, track in tracks.items():
         yield from require_drawn(name, track)
     yield from _table_checks(folder, (case for track in tracks.values() for case in track))
@@ -110,21 +101,21 @@ def _require_listed(folder: Path) -> None:
 
 
 def _checks(folder: Path) -> Iterator[str]:
+    """Yield checks of the embedded tracks; those that take long come last."""
     _require_listed(folder)
-    whole, original = load_track("max", folder), load_track("original", folder)
-    rejected = read_rejected(folder)
-    for case in whole:
-        _require_identity(case)
-    yield f"max: {counted(len(whole), 'case')}, each as its identity demands, digest {whole.digest}"
+    tracks = {name: load_track(name, folder) for name in ("max", "original", *SPLITS)}
+    whole, original = tracks["max"], tracks["original"]
     yield _quotas(whole)
     yield _difficulties(whole)
-    _require_same("original", original, build_original(rejected))
-    yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
+    yield from _table_checks(folder, (*whole, *original, *tracks["beyond"]))
     for name, split in SPLITS.items():
-        manifest = load_track(name, folder)
-        _require_same(name, manifest, split(whole))
-        yield f"{name}: {counted(len(manifest), 'case')}, drawn from max, digest {manifest.digest}"
-    yield from _table_checks(folder, (*whole, *original, *load_track("beyond", folder)))
+        _require_same(name, tracks[name], split(whole))
+        yield f"{name}: {counted(len(tracks[name]), 'case')}, drawn from max, digest {tracks[name].digest}"
+    _require_same("original", original, build_original(read_rejected(folder)))
+    yield f"original: {counted(len(original), 'case')}, digest {original.digest}"
+    for case in whole:
+        require_identity(case)
+    yield f"max: {counted(len(whole), 'case')}, each as its identity demands, digest {whole.digest}"
 
 
 def _table_checks(folder: Path, cases: Iterable[Case]) -> Iterator[str]:
@@ -191,7 +182,8 @@ def _require_own_names(case: Case) -> None:
         raise ManifestError(f"case {case.case_id!r} has {names}, but its identity demands {expected}.")
 
 
-def _require_identity(case: Case) -> None:
+def require_identity(case: Case) -> None:
+    """Refuse a case that is not the one that its identity demands."""
     try:
         configuration = Configuration(own_variation(case), case.init_state_index)
     except SubstrateError as error:

@@ -13,11 +13,13 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.evaluation.processes.crash_log import Death, read_death
+from pytest_libero_max.evaluation.processes.deaths import Deaths
 from pytest_libero_max.evaluation.settings import Settings
+from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.plugin.collection import case_of
-from pytest_libero_max.plugin.processes.retries import Retries
 from pytest_libero_max.plugin.processes.this_process import CRASH_LOG_INPUT
 from pytest_libero_max.plugin.run_stop import RunStop
+from pytest_libero_max.plugin.stash_keys import RESULT_ATTRIBUTE
 
 DISTS = ("worksteal", "load")
 """Ways of xdist to hand out tests one by one, in which a test can be given to another worker."""
@@ -25,11 +27,34 @@ DISTS = ("worksteal", "load")
 _INTERRUPTED = "keyboard-interrupt"
 """Error with which xdist reports a worker after Ctrl-C; it also stops the session."""
 
-_STARTS = 5
-"""Start attempts per worker before giving up."""
-
 _PATIENCE_S = 5.0
 """Time for a worker that has closed its connection to exit, s."""
+
+
+RETRIED = "retried"
+"""Outcome of the report of a pair that is played again, or was measured before its process died."""
+
+
+class Retries(Deaths):
+    """A plugin beside the one that starts the processes that play."""
+
+    def pytest_libero_max_pair_stored(self, pair: PairRecord | PairError) -> None:
+        self.stored(pair)
+
+    def pytest_report_teststatus(self, report: Any) -> tuple[str, str, str] | None:
+        """Show a pair that is played again."""
+        if report.outcome != RETRIED:
+            return None
+        return RETRIED, "r", f"RETRIED ({report.longrepr})"
+
+    def report_death(self, report: Any, case: Case, death: Death, play_again: Callable[[], bool]) -> None:
+        """Write into the report of a failure what becomes of the pair of a dead process; see :meth:`lose`."""
+        lost = self.lose(case, death, play_again)
+        if isinstance(lost, PairError):
+            setattr(report, RESULT_ATTRIBUTE, lost.to_dict())
+            report.longrepr = f"{lost.kind}: {lost.message}"
+        else:
+            report.outcome, report.longrepr = RETRIED, lost
 
 
 class Workers:
@@ -44,13 +69,6 @@ class Workers:
         self._deaths: dict[Any, Death] = {}
         self._retries = Retries(settings, number_of_workers(config), "workers", stop)
         config.pluginmanager.register(self._retries)
-
-    @pytest.hookimpl(optionalhook=True)
-    def pytest_xdist_setupnodes(self) -> None:
-        """Retry the start of a worker that dies before it is connected, where xdist would end the session."""
-        session: Any = self._config.pluginmanager.get_plugin("dsession")
-        manager = session.nodemanager
-        manager.setup_node = started_again(manager.setup_node, manager.group.allocate_id)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node: Any) -> None:
@@ -96,22 +114,6 @@ def number_of_workers(config: pytest.Config) -> int:
     specs: list[str] = config.getoption("tx", None) or [""]
     counts = (spec.partition("*")[0] for spec in specs)
     return sum(int(count) if count.isdecimal() else 1 for count in counts)
-
-
-def started_again(
-    setup_node: Callable[[Any, Any], Any], allocate_id: Callable[[Any], None]
-) -> Callable[[Any, Any], Any]:
-    """Return ``setup_node`` with retries for a worker that dies before it is connected."""
-
-    def start(spec: Any, putevent: Any) -> Any:
-        for _ in range(_STARTS - 1):
-            with suppress(EOFError, OSError):
-                return setup_node(spec, putevent)
-            spec.id = None
-            allocate_id(spec)
-        return setup_node(spec, putevent)
-
-    return start
 
 
 def let_workers_restart(config: pytest.Config, settings: Settings, pairs: int) -> None:

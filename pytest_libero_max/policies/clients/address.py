@@ -35,14 +35,12 @@ class Address:
     """The address as the user typed it."""
     scheme: str
     host: str
-    """Name or number of the machine."""
     port: int
     path: str
     """Path of the URL; empty where none is given."""
     timeout_s: float = TIMEOUT_S
     """Longest time for one answer."""
     patience_s: float = PATIENCE_S
-    """Longest time to wait for a server that cannot be reached."""
 
     @property
     def protocol(self) -> str:

@@ -1,5 +1,7 @@
 """Codecs of arrays in messages. Nothing here unpickles, and every size is checked before it is used.
 
+Whatever cannot be read is a :class:`ServerError`.
+
 Four dialects of msgpack write an array as a map. A server understands its own alone, so each protocol writes
 one; all are read everywhere, because their maps cannot be mistaken for each other. JSON has one of its own.
 """
@@ -13,6 +15,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,11 +63,7 @@ def pack(value: Any, dialect: Dialect) -> bytes:
 
 
 def unpack(content: bytes | str, dialect: Dialect) -> Any:
-    """Return the value of a msgpack document.
-
-    Raises:
-        ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
-    """
+    """Return the value of a msgpack document."""
     import msgpack
 
     parts = values = 0
@@ -105,12 +104,7 @@ def unpack(content: bytes | str, dialect: Dialect) -> Any:
 
 
 def foreign_arrays(content: bytes, dialect: Dialect) -> list[dict[Any, Any]]:
-    """Return the maps of a msgpack document that are arrays in another dialect than this one.
-
-    Args:
-        content: A document that :func:`unpack` has read.
-        dialect: The dialect of the protocol.
-    """
+    """Return the maps of a msgpack document that are arrays in another dialect than this one."""
     import msgpack
 
     own, foreign = dialect.encode(np.zeros(1)).keys(), list[dict[Any, Any]]()
@@ -129,12 +123,7 @@ def _no_extension(code: int, data: bytes) -> Any:
 
 
 def to_json(value: Any, encode: Callable[[AnyArray], Any]) -> bytes:
-    """Return a JSON document.
-
-    Args:
-        value: The value to write; NaN and infinities are refused.
-        encode: Returns an array as JSON values.
-    """
+    """Return a JSON document."""
     return json.dumps(value, default=_sent_as(encode), allow_nan=False).encode()
 
 
@@ -152,11 +141,7 @@ def _sent_as(encode: Callable[[AnyArray], Any]) -> Callable[[Any], Any]:
 
 
 def from_json(content: bytes) -> Any:
-    """Return the value of a JSON document, arrays of the json-numpy dialect included.
-
-    Raises:
-        ServerError: It is too large, damaged, nested too deeply, or holds an array that is none.
-    """
+    """Return the value of a JSON document, arrays of the json-numpy dialect included."""
     _check_size(len(content))
     # The parser of JSON has no limits, so brackets and commas are counted first, also those within texts.
     _check_counts(sum(map(content.count, (b"[", b"{", b":"))), content.count(b","))
@@ -185,15 +170,7 @@ def shortened(text: str) -> str:
 
 
 def array_from(data: Any, dtype: Any, shape: Any) -> AnyArray:
-    """Return an array from its bytes, after checks of its type and shape.
-
-    Args:
-        data: C order, or Fortran order for an array of one axis or none.
-        dtype: NumPy's name of a real type, for example ``<f4``.
-
-    Raises:
-        ServerError: They contradict each other, or the type is not one of plain numbers.
-    """
+    """Return an array from its bytes, after checks of its type and shape."""
     try:
         kind = np.dtype(dtype) if isinstance(dtype, str) and _DTYPE.fullmatch(dtype) else None
     except (TypeError, ValueError):
@@ -237,11 +214,7 @@ def _check_counts(parts: int, values: int) -> None:
 
 
 def decode(value: dict[Any, Any]) -> Any:
-    """Return the value of a map in msgpack: an array where a dialect writes one like this, otherwise the map.
-
-    Raises:
-        ServerError: It is an image, or looks like an array and is none.
-    """
+    """Return the value of a map in msgpack: an array where a dialect writes one so, otherwise the map."""
     # openpi and msgpack-numpy write their keys as bytes, vla-eval as text.
     keys = {(key.decode("ascii", "replace") if isinstance(key, bytes) else key): key for key in value}
 
@@ -260,18 +233,14 @@ def decode(value: dict[Any, Any]) -> Any:
         return npy_array(part("as_npy"))
     if {"nd", "type", "data"} <= keys.keys():
         return _msgpack_numpy(part)
-    return _unmarked(value, part) if {"data", "dtype", "shape"} == keys.keys() else value
+    if {"data", "dtype", "shape"} == keys.keys():  # no word marks it, and its size leaves no doubt
+        with suppress(ServerError):
+            return array_from(part("data"), part("dtype"), part("shape"))
+    return value
 
 
 def npy_array(content: Any) -> AnyArray:
-    """Return the array of a NumPy file.
-
-    Args:
-        content: Its bytes, as ``numpy.save`` writes them without pickling.
-
-    Raises:
-        ServerError: It is damaged, or holds anything but plain real numbers.
-    """
+    """Return the array of a NumPy file."""
     if not isinstance(content, bytes):
         raise ServerError(f"a NumPy file that is a {type(content).__name__}, but must be bytes")
     try:
@@ -291,14 +260,6 @@ def _msgpack_numpy(part: Callable[[str], Any]) -> Any:
     if part("nd") is not True:
         return array_from(part("data"), dtype, ()).item()
     return array_from(part("data"), dtype, part("shape"))
-
-
-def _unmarked(value: dict[Any, Any], part: Callable[[str], Any]) -> Any:
-    """Return an array that no word marks as one, where its size leaves no doubt."""
-    try:
-        return array_from(part("data"), part("dtype"), part("shape"))
-    except ServerError:
-        return value
 
 
 def _number(value: Any) -> int | float:

@@ -15,11 +15,15 @@ from collections.abc import Iterator
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from threading import Thread
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import Address
+from pytest_libero_max.policies.clients.address import Address, server_token
 from pytest_libero_max.policies.clients.transport import NoConnection, Refused, Unreachable, late
+
+if TYPE_CHECKING:
+    from websockets.http11 import Response
+    from websockets.sync.client import ClientConnection
 
 CONNECT_S = 4.0
 """Longest time to find a name and to connect, s."""
@@ -52,11 +56,7 @@ def connect(address: Address) -> socket.socket:
 
 
 def look_up(host: str, port: int, family: int = socket.AF_UNSPEC) -> list[Resolved]:
-    """Return the numbers of a host, as ``socket.getaddrinfo`` does, or fail in time, as it does not.
-
-    Raises:
-        NoConnection: There is no such name, or it was not found within :data:`CONNECT_S`.
-    """
+    """Return the numbers of a host, as ``socket.getaddrinfo`` does, or fail in time, as it does not."""
     answers: SimpleQueue[list[Resolved] | OSError] = SimpleQueue()
 
     def ask() -> None:
@@ -194,3 +194,37 @@ def speaks_tls(address: Address, limit_s: float) -> bool:
     except (ServerError, OSError):
         return False
     return True
+
+
+def open_websocket(
+    connection: socket.socket, address: Address, timeout_s: float, most_bytes: int
+) -> ClientConnection:
+    """Return a WebSocket over an open connection, without compression and without pings.
+
+    A server that computes does not answer pings. The errors of the library are passed on.
+    """
+    from websockets.sync.client import connect as connect_websocket
+
+    token = server_token()
+    return connect_websocket(
+        f"ws://{address.where}{address.path or '/'}",  # over TLS as well, which is spoken already
+        sock=connection,
+        additional_headers={} if token is None else {"Authorization": f"Api-Key {token}"},
+        compression=None,
+        max_size=most_bytes,
+        ping_interval=None,
+        open_timeout=timeout_s,
+        close_timeout=1.0,
+        proxy=None,
+    )
+
+
+def answer_in_place(error: BaseException) -> Response | None:
+    """Return the answer of HTTP that came in the place of a WebSocket; None where an error has none."""
+    from websockets.exceptions import InvalidStatus
+
+    # A redirect is not followed over a connection that is given, and another error says so.
+    for status in (error, error.__cause__, error.__context__):
+        if isinstance(status, InvalidStatus):
+            return status.response
+    return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 from pytest_libero_max.benchmark.suites import SUITES
@@ -29,21 +29,11 @@ class OtherServer(ServerError):
 
 
 class Pool:
-    """Equal servers, of which one is asked until it is given up.
+    """Equal servers, of which one is asked until it is given up."""
 
-    Args:
-        seat: Number of this process among those that play; spreads them over the servers.
-
-    Attributes:
-        policy: The policy behind the server that is asked.
-        declared: Spec that the first server gave.
-        left_out: Sentences about the servers that were left out, by address.
-        waited_s: Time spent waiting for servers that were left out since.
-
-    Raises:
-        ServerError: None of them answers.
-        AdapterError: The profile cannot be used.
-    """
+    server: str
+    policy: ServedPolicy
+    declared: PolicySpec | None = None
 
     def __init__(
         self, group: ServerGroup, seat: int, override: tuple[int | None, int | None] = (None, None)
@@ -54,45 +44,24 @@ class Pool:
         self._override = override
         self._order = in_order_of(group.addresses, seat)
         self._all_failed = False
-        self._declared: PolicySpec | None = None
-        self._current: tuple[str, ServedPolicy] | None = None
         self._open_next([])
-
-    @property
-    def policy(self) -> ServedPolicy:
-        assert self._current is not None
-        return self._current[1]
-
-    @property
-    def declared(self) -> PolicySpec:
-        assert self._declared is not None
-        return self._declared
-
-    @property
-    def server(self) -> str:
-        assert self._current is not None
-        return self._current[0]
 
     def answered(self) -> None:
         """Note that the server answers, so that it is waited for when it goes away."""
         self._all_failed = False
 
     def move_on(self, error: ServerError) -> str:
-        """Leave the current server out and open another one.
-
-        Returns:
-            A sentence about it, for people.
+        """Leave the current server out and open another one; return a sentence about it.
 
         Raises:
             ServerError: None is left. All are tried again at the next query.
         """
-        assert self._current is not None
-        address, policy = self._current
-        self.waited_s += policy.client.waited_s
-        policy.client.close()
-        self._leave_out(address, error)
+        left = self.server
+        self.waited_s += self.policy.client.waited_s
+        self.policy.client.close()
+        self._leave_out(left, error)
         self._open_next([error])
-        return f"{self.left_out[address]} {self._current[0]} answered instead."
+        return f"{self.left_out[left]} {self.server} answered instead."
 
     def _leave_out(self, address: str, error: ServerError) -> None:
         reason = str(error.__cause__ or error).rstrip(".")  # without what to do where no other is left
@@ -101,15 +70,13 @@ class Pool:
 
     def _open_next(self, errors: list[ServerError]) -> None:
         rest = [address for address in self._order if address not in self.left_out]
-        for position, address in enumerate(rest):
-            last = position == len(rest) - 1
+        for address in rest:
             try:
-                policy = self._open(address, last)
+                self.server, self.policy = address, self._open(address, last=address == rest[-1])
             except ServerError as error:
                 errors.append(error)
                 self._leave_out(address, error)
             else:
-                self._current = address, policy
                 return
         self.left_out.clear()
         self._all_failed = True
@@ -129,12 +96,11 @@ class Pool:
         policy = open_server(
             replace(known, patience_s=patience), self.group.profile, *self._override, self.group.revision
         )
-        if self._declared is None:
-            self._declared = policy.spec
+        self.declared = self.declared or policy.spec
         different = [
-            f"{item.name} {getattr(self._declared, item.name)!r} and {getattr(policy.spec, item.name)!r}"
-            for item in fields(PolicySpec)
-            if getattr(self._declared, item.name) != getattr(policy.spec, item.name)
+            f"{name} {value!r} and {getattr(policy.spec, name)!r}"
+            for name, value in vars(self.declared).items()
+            if value != getattr(policy.spec, name)
         ]
         if different:
             policy.client.close()
@@ -148,22 +114,17 @@ class ServerFleet:
     Each process asks one server of a group until that is given up. Then another one is asked the same query,
     or, where the server kept the policy's memory, the pair is played again. Other members, such as
     the memory or the number of actions returned, are those of the policy behind the server that is asked.
-
-    Attributes:
-        troubles: Sentences about servers that were left out, in order; the caller may empty it.
-
-    Raises:
-        AdapterError: The groups are no one policy.
     """
 
     def __init__(self, servers: Servers, pools: Sequence[Pool]) -> None:
+        # Sentences about servers that were left out, in order; the caller may empty it.
         self.troubles = [text for pool in pools for text in pool.left_out.values()]
         self._servers = servers
         self._pools = pools
         self._pool = pools[0]
         self._marks: Collection[str] | None = None
         self._episode = Episode("", 0, "", 0, 1)
-        self._spec = _common_spec(servers, [pool.declared for pool in pools])
+        self._spec = _common_spec(servers, [pool.declared for pool in pools if pool.declared])
 
     @property
     def spec(self) -> PolicySpec:
@@ -195,11 +156,7 @@ class ServerFleet:
         return self._pool.server
 
     def begin_pair(self, marks: Collection[str]) -> None:
-        """Choose the servers of a pair by its markers; without this the suite of each episode chooses.
-
-        Raises:
-            AdapterError: No server is for it.
-        """
+        """Choose the servers of a pair by its markers; without this the suite of each episode chooses."""
         self._marks = marks
         self._pool = self._pools[self._servers.group_of(marks)]
 
@@ -210,12 +167,7 @@ class ServerFleet:
         self._pool.policy.reset(episode)
 
     def predict(self, observation: Observation, query: Query) -> Actions:
-        """Ask the server.
-
-        Raises:
-            ServerError: All were given up.
-            OtherServer: The one with the policy's memory was.
-        """
+        """Ask the server."""
         while True:
             try:
                 answer = self._pool.policy.predict(observation, query)
@@ -246,12 +198,7 @@ class ServerFleet:
 def open_fleet(
     servers: Servers, seat: int = 0, horizon: int | None = None, query_interval: int | None = None
 ) -> ServerFleet:
-    """Return the policy behind some servers, connected to one of each group.
-
-    Raises:
-        ServerError: No server of a group answers.
-        AdapterError: The groups are no one policy.
-    """
+    """Return the policy behind some servers, connected to one of each group."""
     pools = [Pool(group, seat, (horizon, query_interval)) for group in servers.groups]
     if len({(remembers(pool.policy), sees(pool.policy)) for pool in pools}) > 1:
         raise AdapterError(

@@ -10,11 +10,9 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.clients.address import PATIENCE_S, TIMEOUT_S, TLS, Address
-from pytest_libero_max.policies.clients.protocol import Opening
+from pytest_libero_max.policies.clients.messages import Reply, Request
+from pytest_libero_max.policies.clients.protocol import PROTOCOLS, Opening
 from pytest_libero_max.policies.clients.recognition import recognise
-from pytest_libero_max.policies.clients.registry import PROTOCOLS
-from pytest_libero_max.policies.clients.reply import Reply
-from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.clients.served import ServedPolicy
 from pytest_libero_max.policies.clients.transport import Client
 from pytest_libero_max.policies.contract import PolicySpec
@@ -40,12 +38,7 @@ _REFUSED = MappingProxyType(
 def load_served(
     text: str, profile_text: str | None, horizon: int | None = None, query_interval: int | None = None
 ) -> ServedPolicy:
-    """Return the policy at an address, connected.
-
-    Raises:
-        AdapterError: The address or the profile cannot be used.
-        ServerError: The server was given up.
-    """
+    """Return the policy at an address, connected."""
     return open_server(parse_address(text), require_profile(text, profile_text), horizon, query_interval)
 
 
@@ -60,10 +53,6 @@ def open_server(
 
     Args:
         revision: Identity of the weights, as the user declares it; follows that of the server, if it has one.
-
-    Raises:
-        AdapterError: The profile cannot be used.
-        ServerError: The server was given up.
     """
     given = {"policy.horizon": horizon, "policy.query_interval": query_interval}
     profile.require_known(tuple(name for name, value in given.items() if value is not None))
@@ -87,23 +76,11 @@ def open_server(
     link, adapt = protocol.link(opening), protocol.adapt(opening)
 
     def connected(kind: type[ServedPolicy]) -> ServedPolicy:
-        policy = kind(
-            spec,
-            request,
-            reply,
-            lambda on_greeting: Client(
-                f"policy server {address}",
-                link,
-                address.patience_s,
-                on_greeting,
-                timeout_s=address.timeout_s,
-                recognise=partial(recognise, address, _protocol(address))
-                if protocol.recognised
-                else lambda: None,
-            ),
-            adapt,
-        )
-        policy.client.connect()
+        client = Client(f"policy server {address}", link, address.patience_s, timeout_s=address.timeout_s)
+        if protocol.recognised:
+            client.recognise = partial(recognise, address, _protocol(address))
+        policy = kind(spec, request, reply, client, adapt)
+        client.connect()
         return policy
 
     first = protocol.policy({})
@@ -128,11 +105,7 @@ def open_server(
 
 
 def require_profile(text: str, profile_text: str | None) -> Profile:
-    """Return the profile for an address.
-
-    Raises:
-        AdapterError: None is named, there is none of that name, or it is for another protocol.
-    """
+    """Return the profile for an address."""
     address = parse_address(text)
     if profile_text is None:
         raise refusal(
@@ -163,11 +136,7 @@ def _protocol(address: Address) -> str:
 
 
 def parse_address(text: str) -> Address:
-    """Read the address of a policy server, ``SCHEME://HOST:PORT/PATH?timeout=SECONDS&patience=SECONDS``.
-
-    Raises:
-        AdapterError: It has no such form, or a scheme that is refused or unknown.
-    """
+    """Read the address of a policy server, ``SCHEME://HOST:PORT/PATH?timeout=SECONDS&patience=SECONDS``."""
     scheme = text.partition("://")[0].lower()
     if scheme in _REFUSED and scheme not in PROTOCOLS:
         raise refusal(

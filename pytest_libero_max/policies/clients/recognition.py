@@ -15,13 +15,21 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from threading import Event, Timer
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import Address, server_token
+from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import OPENPI, VLA_EVAL, pack, unpack
-from pytest_libero_max.policies.clients.connection import connect, speaks_tls
+from pytest_libero_max.policies.clients.connection import (
+    answer_in_place,
+    connect,
+    open_websocket,
+    speaks_tls,
+)
 from pytest_libero_max.policies.clients.transport import LOG, OtherProtocol
+
+if TYPE_CHECKING:
+    from websockets.sync.client import ClientConnection
 
 SILENT_S = 1.0
 """Time after which a silent server is looked at, s."""
@@ -58,7 +66,6 @@ class Speech:
     protocol: str
     """Scheme of its addresses; empty for one that this package does not speak."""
     name: str
-    """Name of the kind of server, for people."""
     profile: str = ""
     """Words that name a fitting profile."""
     path: str | None = None
@@ -101,11 +108,7 @@ GRPC = Speech("", "A server of gRPC, as LeRobot's asynchronous inference, whose 
 
 
 def recognise(address: Address, own: str) -> str | None:
-    """Return a sentence about a server that speaks another protocol than it is asked in.
-
-    Returns:
-        None where it speaks its own, is silent, or is not recognised.
-    """
+    """Return a sentence about a server that speaks another protocol than it is asked in; None for others."""
     speech = _tried(address, own)
     if speech is not None:
         return None if speech.protocol == own else speech.sentence(address)
@@ -134,15 +137,7 @@ def other_protocol(speech: Speech, address: Address, own: str) -> OtherProtocol:
 
 @contextmanager
 def watched(connection: socket.socket, address: Address, own: str, silence: str = "") -> Iterator[None]:
-    """Look at a server that is silent while the block waits, and end the wait if it speaks another protocol.
-
-    Args:
-        connection: The connection that waits; it is shut down.
-        silence: What is waited for; logged where the server is not recognised.
-
-    Raises:
-        OtherProtocol: The server speaks another one.
-    """
+    """Look at a server that is silent while the block waits; if it speaks another protocol, end the wait."""
     sentences: list[str] = []
     over = Event()
 
@@ -172,16 +167,21 @@ def watched(connection: socket.socket, address: Address, own: str, silence: str 
 
 
 def _speech(address: Address, own: str, until: float) -> Speech | None:
+    from websockets.exceptions import WebSocketException
+
     with closing(connect(address)) as connection:
         if not address.secure:  # what is encrypted cannot be read without being taken
             speech = _of_first_bytes(_peeked(connection))
             if speech is not None:
                 return speech
-        talk = _Talk(connection, address, until)
-        status = talk.opened()
-        if status == 101:
-            return _of_websocket(talk, own)
-    return None if status is None or (status >= 500 and status != 501) else _of_http(address, until)
+        try:
+            with open_websocket(connection, address, LOOK_S, _MOST_BYTES) as websocket:
+                return _of_websocket(websocket, own, until)
+        except (WebSocketException, EOFError, ValueError) as error:
+            answer = answer_in_place(error)
+    if answer is None or (answer.status_code >= 500 and answer.status_code != 501):
+        return None
+    return _of_http(address, until)
 
 
 def _peeked(connection: socket.socket) -> bytes:
@@ -206,19 +206,34 @@ def _of_first_bytes(seen: bytes) -> Speech | None:
     return GRPC if len(seen) >= 9 and seen[3] == 4 and not any(seen[5:9]) else None
 
 
-def _of_websocket(talk: _Talk, own: str) -> Speech | None:
-    greeting = talk.message(GREETING_S)
+def _of_websocket(websocket: ClientConnection, own: str, until: float) -> Speech | None:
+    greeting = _message(websocket, min(until, time.monotonic() + GREETING_S))
     if greeting is None:
-        seq = 1
         payload = {"harness_version": "pytest-libero-max", "protocol_version": 1, "benchmark": "libero-max"}
-        talk.send(pack({"type": "hello", "payload": payload, "seq": seq, "timestamp": time.time()}, VLA_EVAL))
-        reply = talk.message(LOOK_S)
+        hello = {"type": "hello", "payload": payload, "seq": 1, "timestamp": time.time()}
+        reply = _message(websocket, until, pack(hello, VLA_EVAL))
         return VLA_EVAL_SERVER if isinstance(reply, Mapping) and reply.get("type") == "hello" else None
     known = of_greeting(greeting)
     if known is not None or own == "openpi":  # an openpi server would take the ping for an observation
         return known or OPENPI_SERVER
-    talk.send(pack({"type": "ping", "request_id": "libero-max", "payload": {}}, OPENPI))
-    return STARVLA if is_starvla_reply(talk.message(LOOK_S)) else OPENPI_SERVER
+    ping = pack({"type": "ping", "request_id": "libero-max", "payload": {}}, OPENPI)
+    return STARVLA if is_starvla_reply(_message(websocket, until, ping)) else OPENPI_SERVER
+
+
+def _message(websocket: ClientConnection, until: float, request: bytes | None = None) -> Any:
+    """Return the value of the next message, text as it is; None where none comes in time."""
+    from websockets.exceptions import ConnectionClosed
+
+    try:
+        if request is not None:
+            websocket.send(request)
+        content = websocket.recv(timeout=max(until - time.monotonic(), 0.0))
+    except (TimeoutError, ConnectionClosed):
+        return None
+    try:
+        return content if isinstance(content, str) else unpack(content, OPENPI)
+    except ServerError:
+        return b""
 
 
 def of_greeting(greeting: Any) -> Speech | None:
@@ -246,11 +261,9 @@ def _of_http(address: Address, until: float) -> Speech | None:
     with suppress(ValueError, RecursionError, AttributeError, TypeError):
         posts = [path for path, ways in json.loads(content)["paths"].items() if "post" in ways]
         return replace(HTTP, name=f"A server of HTTP (POST {', '.join(posts[:4])})")
-    return replace(HTTP, name=f"A server of HTTP ({program})") if _answers_itself(program) else None
-
-
-def _answers_itself(program: str) -> bool:
-    return program.lower().startswith(_HTTP_SERVERS)
+    if program.lower().startswith(_HTTP_SERVERS):
+        return replace(HTTP, name=f"A server of HTTP ({program})")
+    return None
 
 
 def _got(address: Address, path: str, until: float) -> tuple[str, bytes]:
@@ -265,76 +278,3 @@ def _got(address: Address, path: str, until: float) -> tuple[str, bytes]:
         response = connection.getresponse()
         content = response.read(_MOST_BYTES) if response.status == 200 else b""
         return response.getheader("Server", ""), content
-
-
-class _Talk:
-    """A WebSocket on which a few messages are exchanged within a time."""
-
-    def __init__(self, connection: socket.socket, address: Address, until: float) -> None:
-        from websockets.client import ClientProtocol
-        from websockets.uri import parse_uri
-
-        self._connection = connection
-        self._until = until
-        self._address = address
-        self._protocol = ClientProtocol(
-            parse_uri(f"ws://{address.where}{address.path or '/'}"), max_size=_MOST_BYTES
-        )
-        self._messages: list[Any] = []
-
-    def opened(self) -> int | None:
-        """Return the status with which the server answers to the opening; None where it does not."""
-        from websockets.http11 import Response
-
-        request = self._protocol.connect()
-        token = server_token()
-        if token is not None:
-            request.headers["Authorization"] = f"Api-Key {token}"
-        self._protocol.send_request(request)
-        for event in self._events(LOOK_S):
-            if isinstance(event, Response):
-                return event.status_code
-        return None
-
-    def send(self, content: bytes) -> None:
-        """Send a binary message."""
-        if self._is_open():
-            self._protocol.send_binary(content)
-
-    def message(self, limit_s: float) -> Any:
-        """Return the value of the next message, text as it is; None where none comes in time."""
-        from websockets.frames import Frame, Opcode
-
-        for event in self._events(limit_s):
-            if isinstance(event, Frame) and event.opcode is Opcode.BINARY:
-                with suppress(ServerError):
-                    return unpack(bytes(event.data), OPENPI)
-                return b""
-            if isinstance(event, Frame) and event.opcode is Opcode.TEXT:
-                return bytes(event.data).decode("utf-8", "replace")
-        return None
-
-    def _is_open(self) -> bool:
-        return self._protocol.state.name == "OPEN"
-
-    def _events(self, limit_s: float) -> Iterator[Any]:
-        """Yield what comes within a time, after sending what is to be sent."""
-        until = min(self._until, time.monotonic() + limit_s)
-        while True:
-            for data in self._protocol.data_to_send():
-                if data:
-                    self._connection.sendall(data)
-            while self._messages:
-                yield self._messages.pop(0)
-            left_s = until - time.monotonic()
-            if left_s <= 0.0 or self._protocol.state.name == "CLOSED":
-                return
-            self._connection.settimeout(left_s)
-            try:
-                data = self._connection.recv(2**16)
-            except OSError:
-                return
-            if not data:
-                return
-            self._protocol.receive_data(data)
-            self._messages += self._protocol.events_received()

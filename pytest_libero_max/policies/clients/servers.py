@@ -65,7 +65,6 @@ class Servers:
     groups: tuple[ServerGroup, ...]
     """Groups of equal servers, in the order in which a pair looks for its own."""
     name: str | None = None
-    """Name of the policy; None for that of the profiles."""
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -97,14 +96,7 @@ class Servers:
         return joined_revisions((marks, str(revision)) for marks, revision in declared)
 
     def group_of(self, marks: Collection[str]) -> int:
-        """Return the number of the group, from 0, for a pair.
-
-        Args:
-            marks: Markers of the pair: its suite, event, family, source and the like.
-
-        Raises:
-            AdapterError: No group is for it.
-        """
+        """Return the number of the group, from 0, for a pair."""
         for number, group in enumerate(self.groups):
             if group.marks and not set(group.marks).isdisjoint(marks):
                 return number
@@ -151,16 +143,7 @@ def joined_revisions(parts: Iterable[tuple[tuple[str, ...], str]]) -> str:
 
 
 def read_servers(text: str, profile: str | None, revision: str | None = None) -> Servers:
-    """Return the servers that a reference names. Nothing is connected to.
-
-    Args:
-        text: An address, several separated by commas, or the path of a ``.toml`` file.
-        profile: Name or path of the profile, where the file names none.
-        revision: Identity of the weights, where the file names none.
-
-    Raises:
-        AdapterError: The file cannot be read, or an address, a profile or a field cannot be used.
-    """
+    """Return the servers that a reference names. Nothing is connected to."""
     if is_address(text):
         return Servers((_group(text, [part.strip() for part in text.split(",")], profile, (), revision),))
     try:
@@ -271,11 +254,7 @@ def _resolved(text: str) -> list[str]:
 
 
 def require_known_marks(servers: Servers, known: Collection[str]) -> None:
-    """Check that each group is for markers that a pair can have.
-
-    Raises:
-        AdapterError: One is for another; suggests the closest.
-    """
+    """Check that each group is for markers that a pair can have."""
     for group in servers.groups:
         for mark in group.marks:
             if mark not in known:

@@ -1,4 +1,4 @@
-"""Client of a server: the connection that a protocol offers, and the retries around it."""
+"""Client of a server: the connection that a protocol offers, the retries around it, and statuses of HTTP."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from threading import Event, Timer
 from typing import Any, Protocol, TypeVar
+from urllib.parse import urljoin, urlsplit
 
 from pytest_libero_max.errors import ServerError, counted
+from pytest_libero_max.policies.clients.address import TOKEN_VARIABLE, Address, server_token
 from pytest_libero_max.policies.clients.codecs import shortened
 from pytest_libero_max.policies.clients.waiting import Wait, waiting
 
@@ -18,6 +21,15 @@ LOG = logging.getLogger("pytest_libero_max.servers")
 
 FIRST_PAUSE_S = 0.25
 LONGEST_PAUSE_S = 5.0
+
+MOST_REDIRECTS = 3
+
+_TOKENS = (401, 403, 407)
+_NEVER = (*_TOKENS, 404, 405, 410, 426)
+"""Statuses that the next request would get as well."""
+
+_WAITING = (408, 425, 429, 502, 503, 504, *range(520, 531))
+"""Statuses of servers that start, and of balancers before them."""
 
 MOST_BAD_ANSWERS = 3
 """Number of errors or useless answers to a query after which the server is given up."""
@@ -57,11 +69,7 @@ def reported(error: object) -> ServerError:
 
 @contextmanager
 def time_limit(connection: socket.socket, seconds: float) -> Iterator[None]:
-    """Shut a connection down if the block takes longer, also where each part of it goes on in time.
-
-    Raises:
-        Unreachable: It did.
-    """
+    """Shut a connection down if the block takes longer, also where each part of it goes on in time."""
     over = Event()
 
     def end() -> None:
@@ -115,17 +123,12 @@ class Client:
     no interruption.
 
     Args:
-        patience_s: Longest time to wait for a server that cannot be reached.
-        on_open: Called with the server's greeting each time it is connected to.
-        sleep: Waits some seconds.
         timeout_s: Longest time of the link for one answer, for messages; None where it is not known.
-        recognise: Returns a sentence about a server that speaks another protocol; None where it does not, or
-            is not known.
 
     Attributes:
-        link: The connection.
         interruptions: Number of times that a query had to be asked again.
-        waited_s: Time spent on that, in all.
+        on_open: Called with the server's greeting each time it is connected to.
+        recognise: Returns a sentence about a server that speaks another protocol; None where it does not.
     """
 
     def __init__(
@@ -133,37 +136,28 @@ class Client:
         name: str,
         link: Link,
         patience_s: float,
-        on_open: Callable[[Any], None] = lambda greeting: None,
         sleep: Callable[[float], None] = time.sleep,
         timeout_s: float | None = None,
-        recognise: Callable[[], str | None] = lambda: None,
     ) -> None:
         self.interruptions = 0
         self.waited_s = 0.0
         self._name = name
         self.link = link
         self._patience_s = patience_s
-        self._on_open = on_open
+        self.on_open: Callable[[Any], None] = lambda greeting: None
         self._sleep = sleep
         self._timeout_s = timeout_s
-        self._recognise = recognise
+        self.recognise: Callable[[], str | None] = lambda: None
         self._is_open = False
         self._given_up = False
         self._has_answered = False
 
     def connect(self) -> None:
-        """Connect, unless it is connected.
-
-        Raises:
-            ServerError: See :meth:`ask`.
-        """
+        """Connect, unless it is connected."""
         self._patiently(lambda: None)
 
     def ask(self, request: Any, read: Callable[[Any], Answer]) -> Answer:
         """Ask, and read the reply.
-
-        Args:
-            read: Turns the reply into an answer; a ``ServerError`` that it raises counts as a bad answer.
 
         Raises:
             ServerError: The server was given up; names the number of tries, the time they took, and the last
@@ -230,7 +224,7 @@ class Client:
                 return act()
             except StaleConnection:
                 self.close()
-        self._on_open(self.link.open())
+        self.on_open(self.link.open())
         self._is_open = True
         return act()
 
@@ -242,9 +236,62 @@ class Client:
         """
         if self._has_answered or isinstance(error, NoConnection):
             return
-        sentence = None if isinstance(error, OtherProtocol) else self._recognise()
+        sentence = None if isinstance(error, OtherProtocol) else self.recognise()
         if sentence is not None or isinstance(error, Refused):
             self._given_up = True
             text = str(error).rstrip(".")
             end = "" if sentence is None else f" {sentence}"
             raise ServerError(f"{self._name}: {text}.{end}") from error
+
+
+def status_error(status: int, reason: str, path: str, content: bytes, usual: str = "") -> ServerError:
+    """Return the error of an answer that is none; ``usual``: what an address without a path stands for."""
+    words = content.strip()
+    body = "" if not words or words[:1] == b"<" else f": {shortened(words.decode('utf-8', 'replace'))}"
+    text = f"HTTP status {status} {reason} for {path or '/'}{body}"
+    if status in _TOKENS:
+        given = server_token() is not None
+        reason_shown = (
+            f"The token in {TOKEN_VARIABLE} is not accepted"
+            if given
+            else f"Give the token in {TOKEN_VARIABLE}"
+        )
+        also = ", or the path of the address is another" if status == 403 else ""
+        return Refused(f"{text}. {reason_shown}{also}")
+    if status in _NEVER and usual not in ("", path):
+        return Refused(
+            f"{text}. An address without a path stands for {usual}: leave {path} out, or give the path of "
+            "the policy or the port of its server"
+        )
+    if status in _NEVER:
+        return Refused(f"{text}. Give the path of the policy in the address, or the port of its server")
+    if 300 <= status < 400:
+        return Refused(f"{text}. Give the address to which it sends")
+    return Unreachable(text) if status in _WAITING else ServerError(text)
+
+
+def redirected(address: Address, location: str | None, status: int) -> Address:
+    """Return the address to which a server sends, which is on the same host."""
+    here = f"{'https' if address.secure else 'http'}://{address.where}{address.path or '/'}"
+    there = urljoin(here, location or "")
+    try:
+        parts = urlsplit(there)
+        port = parts.port
+    except ValueError:
+        raise Refused(f"HTTP status {status} sends to {shortened(there)}, which is no address") from None
+    secure = parts.scheme in ("https", "wss")
+    what = f"HTTP status {status} sends to {shortened(there)}"
+    if location is None or parts.scheme not in ("http", "https", "ws", "wss"):
+        raise Refused(f"{what}, which is no address of a server")
+    if parts.hostname != address.host.lower():
+        raise Refused(
+            f"{what}, on another host, to which neither observations nor a token are sent. Give that address "
+            "if it is that of the policy"
+        )
+    if address.secure and not secure:
+        raise Refused(f"{what}, which is not encrypted. Give that address if it is the server")
+    return replace(
+        address.over(address.protocol, secure),
+        port=port or (443 if secure else 80),
+        path=parts.path + (f"?{parts.query}" if parts.query else ""),
+    )

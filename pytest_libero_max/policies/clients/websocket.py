@@ -5,19 +5,21 @@ from __future__ import annotations
 import socket
 from contextlib import ExitStack
 from threading import Event
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.address import Address, server_token
+from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import MOST_BYTES
-from pytest_libero_max.policies.clients.connection import connect
+from pytest_libero_max.policies.clients.connection import answer_in_place, connect, open_websocket
 from pytest_libero_max.policies.clients.recognition import watched
-from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
 from pytest_libero_max.policies.clients.transport import (
+    MOST_REDIRECTS,
     Refused,
     StaleConnection,
     Unreachable,
     late,
+    redirected,
+    status_error,
     time_limit,
 )
 
@@ -27,21 +29,15 @@ if TYPE_CHECKING:
 
 
 class Socket:
-    """A WebSocket without compression and without pings: a server that computes does not answer them."""
+    """A WebSocket to a policy server."""
 
     def __init__(self, address: Address) -> None:
         self._address = address
         self._connection: ClientConnection | None = None
         self._until_closed = ExitStack()
 
-    def open(self) -> None:
-        """Connect; a redirect on the same host is followed.
-
-        Raises:
-            Unreachable: No server answers there.
-            Refused: The server does not let us in, or speaks another protocol.
-            ServerError: The server does not speak WebSocket.
-        """
+    def open(self) -> Any:
+        """Connect; a redirect on the same host is followed."""
         self.close()
         target = self._address
         for _ in range(MOST_REDIRECTS):
@@ -55,12 +51,7 @@ class Socket:
         raise Refused(f"sends from address to address, at last to {target}")
 
     def send(self, content: bytes) -> None:
-        """Send a binary message.
-
-        Raises:
-            StaleConnection: The server had closed the connection.
-            Unreachable: The server did not take it in time.
-        """
+        """Send a binary message."""
         from websockets.exceptions import ConnectionClosed
 
         connection = self._open_connection()
@@ -72,16 +63,7 @@ class Socket:
                 raise StaleConnection(f"the connection was lost ({error})") from error
 
     def receive(self, awaited: str = "") -> bytes | str:
-        """Return the next message.
-
-        Args:
-            awaited: Words for a greeting; another protocol is recognised while it does not come.
-
-        Raises:
-            Unreachable: The connection was lost, or nothing came in time.
-            Refused: The server speaks another protocol.
-            ServerError: The message is too large.
-        """
+        """Return the next message; while an awaited greeting is missing, another protocol is recognised."""
         if not awaited:
             return self._received("no answer came")
         opened, protocol = self._open_connection().socket, self._address.protocol
@@ -89,11 +71,7 @@ class Socket:
             return self._received(f"a WebSocket opened, but {awaited} did not come")
 
     def ping(self) -> Event:
-        """Send a ping, also while an answer is awaited; return the event of its answer.
-
-        Raises:
-            Unreachable: The connection is closed.
-        """
+        """Send a ping, also while an answer is awaited; return the event of its answer."""
         return self._open_connection().ping()
 
     def close(self) -> None:
@@ -126,34 +104,20 @@ class Socket:
             raise
 
     def _shake_hands(self, connection: socket.socket, target: Address) -> Response | None:
-        from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketException
-        from websockets.sync.client import connect as open_websocket
+        from websockets.exceptions import ConnectionClosed, WebSocketException
 
-        token = server_token()
         try:
-            self._connection = self._until_closed.enter_context(
-                open_websocket(
-                    f"ws://{target.where}{target.path or '/'}",  # over TLS as well, which is spoken already
-                    sock=connection,
-                    additional_headers={} if token is None else {"Authorization": f"Api-Key {token}"},
-                    compression=None,
-                    max_size=MOST_BYTES,
-                    ping_interval=None,
-                    open_timeout=target.timeout_s,
-                    close_timeout=1.0,
-                    proxy=None,
-                )
-            )
+            websocket = open_websocket(connection, target, target.timeout_s, MOST_BYTES)
+            self._connection = self._until_closed.enter_context(websocket)
         except TimeoutError:
             raise late(target.timeout_s) from None
         except (OSError, EOFError, ConnectionClosed) as error:
             raise Unreachable(f"the connection was lost ({type(error).__name__}: {error})") from error
         except (WebSocketException, ValueError) as error:
-            # A redirect is not followed over a connection that is given, and another error says so.
-            for status in (error, error.__cause__, error.__context__):
-                if isinstance(status, InvalidStatus):
-                    return status.response
-            raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
+            answer = answer_in_place(error)
+            if answer is None:
+                raise Unreachable(f"does not open a WebSocket ({type(error).__name__}: {error})") from error
+            return answer
         return None
 
     def _open_connection(self) -> ClientConnection:

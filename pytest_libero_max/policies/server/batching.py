@@ -19,11 +19,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Batching:
-    """Number of queries that are answered together.
-
-    Raises:
-        AdapterError: A value breaks its rule.
-    """
+    """Number of queries that are answered together."""
 
     size: int = 1
     """Largest number. 1: each query is answered alone."""
@@ -49,19 +45,12 @@ class Pending(Generic[Request, Result]):
 
     request: Request
     result: Future[Result] = field(default_factory=Future)
-    """Future that receives the answer or the error."""
     since: float = field(default_factory=time.perf_counter)
     """Time of arrival, by ``time.perf_counter``."""
 
 
 class BatchQueue(Generic[Request, Result]):
-    """Takes requests from many threads, and has them answered in one.
-
-    Args:
-        batching: Size of a batch and time to wait for one.
-        present: Returns the number of clients; a batch waits for no more.
-        answer: Answers some requests by setting their futures, each of them.
-    """
+    """Takes requests from many threads, and has them answered in one."""
 
     def __init__(
         self,
@@ -76,12 +65,7 @@ class BatchQueue(Generic[Request, Result]):
         self._closed = threading.Event()
 
     def ask(self, request: Request) -> Result:
-        """Wait for the answer to a request.
-
-        Raises:
-            ServerError: The queue is closed.
-            Exception: The error that took the place of the answer.
-        """
+        """Wait for the answer to a request."""
         pending: Pending[Request, Result] = Pending(request)
         self._queue.put(pending)
         if self._closed.is_set():

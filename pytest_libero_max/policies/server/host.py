@@ -1,14 +1,21 @@
-"""The host behind a server's connections: the policy, when it is asked, and its memories."""
+"""The host behind a server's connections: the policy, when it is asked, and its memories.
+
+A memory never leaves the server. A client names the one that its query begins with, and gets the name of the
+one after it; so it can ask a query again, and go back to any memory that it has kept.
+"""
 
 from __future__ import annotations
 
+import math
+import secrets
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from pytest_libero_max.errors import AdapterError
+from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.cadence import played_at
 from pytest_libero_max.policies.check import (
@@ -24,9 +31,9 @@ from pytest_libero_max.policies.check import (
     show,
     start,
 )
+from pytest_libero_max.policies.clients.address import PATIENCE_S
 from pytest_libero_max.policies.contract import BatchItem, Episode, Policy, PolicySpec
 from pytest_libero_max.policies.server.batching import Batching, BatchQueue, Pending
-from pytest_libero_max.policies.server.memories import Memories, Place
 from pytest_libero_max.policies.server.metrics import Metrics
 from pytest_libero_max.worlds.contract import Observation
 
@@ -39,7 +46,6 @@ class InferenceRequest:
     place: Place | None = None
     """Its place in an episode; None for a policy without memory."""
     cadence: Cadence | None = None
-    """H and Q that the policy declares while it answers; None for its own."""
     frames: tuple[tuple[Observation, int], ...] = ()
     """For a policy that sees every step: observations since the last query, each with its step."""
 
@@ -49,9 +55,7 @@ class InferenceResult:
     """Answer to a request."""
 
     actions: Actions
-    """(n, 7) with Q <= n <= H."""
     batch: int = 1
-    """Number of queries that were answered together."""
     memory: str | None = None
     """Name of the policy's memory after it; None for a policy without memory."""
 
@@ -61,15 +65,6 @@ class Host:
 
     Each answer is a function of its request alone and does not depend on other clients; only the arithmetic
     of a batch may differ in its last digits.
-
-    Args:
-        policy: A checked policy that reads no simulator.
-        revision: Identity of its weights or code, where its spec says nothing.
-        metrics: Counters; None to count nothing.
-
-    Raises:
-        AdapterError: The policy reads the simulator, has a memory that it cannot copy, or cannot answer
-            several queries together.
     """
 
     def __init__(
@@ -156,11 +151,7 @@ class Host:
                 self._memories.leave(named)
 
     def ask(self, request: InferenceRequest) -> InferenceResult:
-        """Wait for the answer.
-
-        Raises:
-            LiberoMaxError: The policy raised, its actions cannot be played, or the memory is not here.
-        """
+        """Wait for the answer."""
         if request.place is not None and hasattr(self._connection, "clients"):
             self._connection.clients.add(request.place.client)
         return self._queue.ask(request)
@@ -248,3 +239,103 @@ class Host:
         name = memories.add(place, copy_memory(self._policy))
         self._at = (place.client, name)
         return InferenceResult(actions, memory=name)
+
+
+MOST_KEPT = 64
+"""Number of memories that a client may keep."""
+
+MOST_CLIENTS = 256
+"""Number of clients whose memories are kept; the one heard least recently is forgotten first."""
+
+RECONNECT_S = 2 * PATIENCE_S
+"""Time after the end of a connection in which its clients may ask again, s: twice as long as they try to."""
+
+FORGOTTEN_AFTER_S = 3600.0
+"""Time without queries after which a client is forgotten, s."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of a query in an episode."""
+
+    client: str
+    """The client's name for itself."""
+    at: str | None = None
+    """Name of the memory that the query begins with; None for the first of an episode."""
+    keep: tuple[str, ...] = ()
+    """Names of further memories that the client may come back to."""
+
+    @classmethod
+    def read(cls, value: Any) -> Place:
+        """Return the place that a request names."""
+        value = value if isinstance(value, Mapping) else {}
+        client, at, keep = value.get("client"), value.get("at"), value.get("keep", [])
+        if (
+            not (isinstance(client, str) and client)
+            or not (at is None or isinstance(at, str))
+            or not (isinstance(keep, list) and all(isinstance(name, str) for name in keep))
+            or len(keep) > MOST_KEPT
+        ):
+            raise ServerError(
+                "this policy has a memory, and a request must hold 'memory' with 'client', 'at' (None for "
+                f"the first query of an episode) and 'keep' (at most {MOST_KEPT} names)"
+            )
+        return cls(client, at, tuple(keep))
+
+
+@dataclass
+class _Client:
+    heard: float
+    left: float = math.inf
+    memories: dict[str, object] = field(default_factory=dict)
+
+
+class Memories:
+    """The memories of all clients. One thread uses it; others may say that clients left."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._clients: dict[str, _Client] = {}
+        # A name of an earlier run of the server must not be taken for one of this run.
+        self._run, self._count = secrets.token_hex(4), 0
+
+    def __len__(self) -> int:
+        return sum(len(client.memories) for client in self._clients.values())
+
+    def find(self, place: Place) -> object:
+        """Return the memory that a query begins with, which has a name."""
+        client = self._clients.get(place.client)
+        if client is None or place.at not in client.memories:
+            raise ServerError(
+                f"the memory {place.at!r} is not here: the server was started again, has not heard of this "
+                f"client for {FORGOTTEN_AFTER_S:.0f} s, or {RECONNECT_S:.0f} s after its connection ended"
+            )
+        return client.memories[place.at]
+
+    def leave(self, names: Iterable[str]) -> None:
+        """Forget clients after a while, unless they ask again: their connection has ended."""
+        now = self._clock()
+        for name in names:
+            client = self._clients.get(name)
+            if client is not None:
+                client.left = now
+
+    def add(self, place: Place, memory: object) -> str:
+        """Keep the memory after a query and those that the client still needs; return its name."""
+        now = self._clock()
+        self._clients = {
+            name: client
+            for name, client in self._clients.items()
+            if name == place.client
+            or (now - client.heard <= FORGOTTEN_AFTER_S and now - client.left <= RECONNECT_S)
+        }
+        if place.client not in self._clients and len(self._clients) >= MOST_CLIENTS:
+            del self._clients[min(self._clients, key=lambda name: self._clients[name].heard)]
+        client = self._clients.setdefault(place.client, _Client(now))
+        client.heard, client.left = now, math.inf
+        needed = {place.at, *place.keep}
+        client.memories = {name: kept for name, kept in client.memories.items() if name in needed}
+        self._count += 1
+        name = f"{self._run}-{self._count}"
+        client.memories[name] = memory
+        return name

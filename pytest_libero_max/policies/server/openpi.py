@@ -18,8 +18,7 @@ from pytest_libero_max.events.schedules import Cadence
 from pytest_libero_max.policies.clients.codecs import OPENPI, pack, unpack
 from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query
-from pytest_libero_max.policies.server.host import Host, InferenceRequest
-from pytest_libero_max.policies.server.memories import Place
+from pytest_libero_max.policies.server.host import Host, InferenceRequest, Place
 
 if TYPE_CHECKING:
     from websockets.sync.server import ServerConnection
@@ -75,12 +74,7 @@ def greeting(host: Host) -> dict[str, Any]:
 
 
 def answer(host: Host, request: Any) -> dict[str, Any]:
-    """Return the reply to a request.
-
-    Raises:
-        ServerError: The request is not that of the profile ``served``.
-        LiberoMaxError: See :meth:`Host.ask`.
-    """
+    """Return the reply to a request."""
     message = _read(request)
     query = Query(message.query.index, message.query.step, message.prompt, message.query.seed)
     item = BatchItem(message.observation, query, Episode(**msgspec.structs.asdict(message.episode)))

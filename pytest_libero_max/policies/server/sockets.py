@@ -35,19 +35,9 @@ TALKS: Mapping[str, Talk] = MappingProxyType({"/": openpi.talk, "/vla-eval": vla
 def serving(
     host: Host, name: str = "127.0.0.1", port: int = 8000, token: str | None = None
 ) -> Iterator[tuple[int, threading.Event]]:
-    """Serve in threads until the block ends.
+    """Serve in threads until the block ends; yields the port, and an event that nobody sets, to wait for.
 
-    Args:
-        host: The host that answers.
-        port: TCP port; 0 for any.
-        token: Secret that clients must send, as ``Authorization: Api-Key TOKEN`` or ``Bearer TOKEN``; None to
-            answer everybody.
-
-    Yields:
-        The port, and an event that nobody sets: to wait for.
-
-    Raises:
-        ServerError: The port cannot be listened on.
+    A token is a secret that clients must send, as ``Authorization: Api-Key TOKEN`` or ``Bearer TOKEN``.
     """
     from websockets.sync.server import serve
 

@@ -28,8 +28,7 @@ from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, array_f
 from pytest_libero_max.policies.clients.protocols.vla_eval import PROTOCOL_VERSION
 from pytest_libero_max.policies.clients.transport import LOG
 from pytest_libero_max.policies.contract import BatchItem, Episode, Query, query_seed
-from pytest_libero_max.policies.server.host import Host, InferenceRequest
-from pytest_libero_max.policies.server.memories import Place
+from pytest_libero_max.policies.server.host import Host, InferenceRequest, Place
 from pytest_libero_max.policies.transforms.images import rotate_180
 from pytest_libero_max.worlds.contract import height_and_width
 from pytest_libero_max.worlds.robot import CAMERAS
@@ -58,11 +57,7 @@ class Session:
         self._memory: str | None = None
 
     def greeting(self) -> dict[str, Any]:
-        """Return the server's description of itself.
-
-        Raises:
-            AdapterError: The policy is shown every step.
-        """
+        """Return the server's description of itself."""
         spec = self._spec
         if self._host.sees:
             raise AdapterError(
@@ -84,12 +79,7 @@ class Session:
         }
 
     def reply(self, kind: str, payload: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
-        """Type and payload of the reply to a message; None where it gets none.
-
-        Raises:
-            ServerError: The message cannot be understood.
-            LiberoMaxError: See :meth:`Host.ask`.
-        """
+        """Type and payload of the reply to a message; None where it gets none."""
         match kind:
             case "hello":
                 return "hello", self.greeting()
@@ -198,11 +188,7 @@ def talk(connection: ServerConnection, host: Host) -> None:
 
 
 def quaternion(axis_angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(4,) x, y, z, w of an axis times its angle in rad; w < 0 where the angle exceeds pi.
-
-    Raises:
-        ServerError: The angle is too large to be a number.
-    """
+    """(4,) x, y, z, w of an axis times its angle in rad; w < 0 where the angle exceeds pi."""
     with np.errstate(over="ignore"):
         angle = float(np.linalg.norm(axis_angle))
     if not math.isfinite(angle):
@@ -251,4 +237,3 @@ def _decode(value: dict[Any, Any]) -> Any:
 
 
 WITH_IMAGES = Dialect(VLA_EVAL.encode, _decode)
-"""vla-eval's dialect, in which images come as files as well."""

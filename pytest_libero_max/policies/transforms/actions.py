@@ -33,11 +33,7 @@ _KEYS: Mapping[Rule, tuple[str, str]] = MappingProxyType(
 
 
 def first_columns(actions: Array, count: int) -> Array:
-    """(n, count): the first columns.
-
-    Raises:
-        AdapterError: There are fewer.
-    """
+    """(n, count): the first columns."""
     if actions.ndim != 2 or actions.shape[1] < count:
         raise AdapterError(f"Actions of shape {actions.shape} have no {counted(count, 'column')}.")
     return actions[:, :count].copy()
@@ -83,9 +79,6 @@ def pose_from_rotation_6d(actions: Array) -> Array:
 
     The two columns need be neither of length one nor at right angles: the first gives the x axis, the rest of
     the second the y axis.
-
-    Raises:
-        AdapterError: Another shape, or columns that give no axes.
     """
     if actions.ndim != 2 or actions.shape[1] != 10:
         raise AdapterError(
@@ -127,9 +120,6 @@ def unnormalise(actions: Array, statistics: Statistics) -> Array:
 
     Args:
         actions: (n, d); for the rules ``quantiles`` and ``bounds`` they are cut to [-1, 1] first.
-
-    Raises:
-        AdapterError: The statistics are of another number of columns.
     """
     if actions.ndim != 2 or actions.shape[1] != len(statistics.low):
         raise AdapterError(
@@ -149,9 +139,6 @@ def read_statistics(path: Path, key: str | None = None, rule: Rule = "bounds") -
     Args:
         path: A JSON file: ``{key: {"action": {"min": [...], "max": [...], "mask": [...]}}}``.
         key: Key of the entry; may be left out where there is one.
-
-    Raises:
-        AdapterError: The file cannot be read, or lacks the entry.
     """
     try:
         entries = json.loads(read_text(path))

@@ -20,20 +20,12 @@ if TYPE_CHECKING:
 
 
 def rotate_180(image: Image) -> Image:
-    """Turn the image by half a turn, ``[::-1, ::-1]``, as most models were trained.
-
-    Raises:
-        AdapterError: It is no image.
-    """
+    """Turn the image by half a turn, ``[::-1, ::-1]``, as most models were trained."""
     return np.ascontiguousarray(_checked(image)[::-1, ::-1])
 
 
 def flip_rows(image: Image) -> Image:
-    """Reverse the order of the rows, ``[::-1]``: upright for a person, and not a rotation.
-
-    Raises:
-        AdapterError: It is no image.
-    """
+    """Reverse the order of the rows, ``[::-1]``: upright for a person, and not a rotation."""
     return np.ascontiguousarray(_checked(image)[::-1])
 
 
@@ -41,13 +33,6 @@ def resize_with_pad(image: Image, side_px: int) -> Image:
     """Fit the whole image into a square, its proportions kept, padded with black; bilinear, as in openpi.
 
     A size that does not come out whole is rounded down, and so is the border above and on the left.
-
-    Args:
-        image: (H, W, 3) uint8.
-        side_px: Side of the square, pixels.
-
-    Raises:
-        AdapterError: It is no image, or the side is not at least 1.
     """
     height, width = _checked(image).shape[:2]
     side_px = _side(side_px)
@@ -64,38 +49,22 @@ def resize_with_pad(image: Image, side_px: int) -> Image:
 
 
 def resize_bilinear(image: Image, side_px: int) -> Image:
-    """Resize the image to a square; bilinear with antialiasing, as Pillow computes it.
-
-    Raises:
-        AdapterError: It is no image, or the side is not at least 1.
-    """
+    """Resize the image to a square; bilinear with antialiasing, as Pillow computes it."""
     return _resized(_checked(image), _side(side_px), side_px, "BILINEAR")
 
 
 def resize_bicubic(image: Image, side_px: int) -> Image:
-    """Resize the image to a square; bicubic with antialiasing, which is Pillow's default.
-
-    Raises:
-        AdapterError: It is no image, or the side is not at least 1.
-    """
+    """Resize the image to a square; bicubic with antialiasing, which is Pillow's default."""
     return _resized(_checked(image), _side(side_px), side_px, "BICUBIC")
 
 
 def resize_lanczos(image: Image, side_px: int) -> Image:
-    """Resize the image to a square; Lanczos (three lobes) with antialiasing, as Pillow computes it.
-
-    Raises:
-        AdapterError: It is no image, or the side is not at least 1.
-    """
+    """Resize the image to a square; Lanczos (three lobes) with antialiasing, as Pillow computes it."""
     return _resized(_checked(image), _side(side_px), side_px, "LANCZOS")
 
 
 def resize_area(image: Image, side_px: int) -> Image:
-    """Resize the image to a square; every pixel the mean of the area it covers, as OpenCV's ``INTER_AREA``.
-
-    Raises:
-        AdapterError: It is no image, or the side is not at least 1.
-    """
+    """Resize the image to a square; each pixel the mean of the area it covers, as OpenCV's ``INTER_AREA``."""
     import cv2
 
     side_px = _side(side_px)
@@ -103,15 +72,7 @@ def resize_area(image: Image, side_px: int) -> Image:
 
 
 def centre_crop(image: Image, share: float) -> Image:
-    """Crop a square image to its middle, ``share`` of its area: the side is ``int(side * sqrt(share))``.
-
-    Args:
-        image: (S, S, 3) uint8.
-        share: Of the area, above 0 and up to 1.
-
-    Raises:
-        AdapterError: It is no square image, or nothing would be left.
-    """
+    """Crop a square image to its middle, ``share`` of its area: the side is ``int(side * sqrt(share))``."""
     height, width = _checked(image).shape[:2]
     side = int(height * math.sqrt(share)) if 0.0 < share <= 1.0 else 0
     if height != width or side < 1:
@@ -124,15 +85,7 @@ def centre_crop(image: Image, share: float) -> Image:
 
 
 def jpeg_round_trip(image: Image, quality: int = 95) -> Image:
-    """Compress the image as JPEG and unpack it, for models whose training images were JPEG files.
-
-    Args:
-        image: (H, W, 3) uint8.
-        quality: 1 to 100.
-
-    Raises:
-        AdapterError: It is no image, or the quality is out of range.
-    """
+    """Compress the image as JPEG and unpack it, for models whose training images were JPEG files."""
     from PIL import Image as pillow
 
     if not 1 <= quality <= 100:
@@ -142,20 +95,12 @@ def jpeg_round_trip(image: Image, quality: int = 95) -> Image:
 
 
 def png_file(image: Image) -> bytes:
-    """Return the image as the content of a PNG file, without loss.
-
-    Raises:
-        AdapterError: It is no image.
-    """
+    """Return the image as the content of a PNG file, without loss."""
     return _file(image, "PNG")
 
 
 def side_by_side(*images: Image) -> Image:
-    """One image of several of the same height, from left to right.
-
-    Raises:
-        AdapterError: They are no images of one height.
-    """
+    """One image of several of the same height, from left to right."""
     if len({_checked(image).shape[0] for image in images}) != 1:
         shapes = ", ".join(str(image.shape) for image in images)
         raise AdapterError(
@@ -165,20 +110,12 @@ def side_by_side(*images: Image) -> Image:
 
 
 def to_unit(image: Image) -> NDArray[np.float32]:
-    """Scale the image to float32 from 0 to 1.
-
-    Raises:
-        AdapterError: It is no image.
-    """
+    """Scale the image to float32 from 0 to 1."""
     return _checked(image).astype(np.float32) / np.float32(255.0)
 
 
 def to_signed(image: Image) -> NDArray[np.float32]:
-    """Scale the image to float32 from -1 to 1.
-
-    Raises:
-        AdapterError: It is no image.
-    """
+    """Scale the image to float32 from -1 to 1."""
     return to_unit(image) * np.float32(2.0) - np.float32(1.0)
 
 

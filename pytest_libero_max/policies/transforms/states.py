@@ -22,12 +22,6 @@ def axis_angle(quaternion: NDArray[Any]) -> Array:
 
     The sign of the quaternion is kept, so the angle may exceed pi. robosuite and most models of LIBERO have
     it like this.
-
-    Args:
-        quaternion: (4,) x, y, z, w. It is not written to.
-
-    Raises:
-        AdapterError: It has another shape.
     """
     x, y, z, w = _quaternion(quaternion)
     w = min(1.0, max(-1.0, w))
@@ -41,20 +35,13 @@ def axis_angle_antipodal(quaternion: NDArray[Any]) -> Array:
     """(3,) rad, as :func:`axis_angle`, of whichever of q and -q has w >= 0: the angle is at most pi.
 
     Both stand for the same rotation. A model was trained on one of the two rules, and fails on the other.
-
-    Raises:
-        AdapterError: It has another shape.
     """
     values = _quaternion(quaternion)
     return axis_angle(np.negative(values) if values[3] < 0.0 else values)
 
 
 def rotation_matrix(quaternion: NDArray[Any]) -> Array:
-    """(3, 3) of a quaternion (x, y, z, w), whatever its length.
-
-    Raises:
-        AdapterError: It has another shape, or length 0.
-    """
+    """(3, 3) of a quaternion (x, y, z, w), whatever its length."""
     values = _quaternion(quaternion)
     length = math.hypot(*values)
     if length == 0.0:
@@ -70,21 +57,13 @@ def rotation_matrix(quaternion: NDArray[Any]) -> Array:
 
 
 def rotation_6d_columns(quaternion: NDArray[Any]) -> Array:
-    """(6,): the first column of the rotation matrix, then the second.
-
-    Raises:
-        AdapterError: It is no quaternion.
-    """
+    """(6,): the first column of the rotation matrix, then the second."""
     matrix = rotation_matrix(quaternion)
     return np.concatenate([matrix[:, 0], matrix[:, 1]])
 
 
 def rotation_6d_rows(quaternion: NDArray[Any]) -> Array:
-    """(6,): the first row of the rotation matrix, then the second.
-
-    Raises:
-        AdapterError: It is no quaternion.
-    """
+    """(6,): the first row of the rotation matrix, then the second."""
     return rotation_matrix(quaternion)[:2].ravel()
 
 
@@ -93,9 +72,6 @@ def grip_site_quaternion(quaternion: NDArray[Any]) -> Array:
 
     The grip site is what robosuite's controller calls its end effector (``controller.ee_ori_mat``); it is
     turned by a quarter turn about z. Its position is ``robot0_eef_pos`` itself.
-
-    Raises:
-        AdapterError: It is no quaternion.
     """
     ax, ay, az, aw = _quaternion(quaternion)
     bx, by, bz, bw = HAND_TO_GRIP_SITE
@@ -115,33 +91,21 @@ def sine_cosine(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def pad_to(values: NDArray[Any], length: int) -> NDArray[Any]:
-    """(length,) of (n,): zeros after the values.
-
-    Raises:
-        AdapterError: There are more values than that.
-    """
+    """(length,) of (n,): zeros after the values."""
     if values.ndim != 1 or len(values) > length:
         raise AdapterError(f"Values of shape {values.shape} cannot be padded to {length}.")
     return np.concatenate([values, np.zeros(length - len(values), dtype=values.dtype)])
 
 
 def first(values: NDArray[Any], count: int) -> NDArray[Any]:
-    """(count,): the first of the values.
-
-    Raises:
-        AdapterError: There are fewer.
-    """
+    """(count,): the first of the values."""
     if len(values) < count:
         raise AdapterError(f"Values of shape {values.shape} are fewer than the {count} asked for.")
     return values[:count].copy()
 
 
 def entry(values: NDArray[Any], index: int) -> NDArray[Any]:
-    """(1,): one of the values.
-
-    Raises:
-        AdapterError: There is none of that index.
-    """
+    """(1,): one of the values."""
     if not 0 <= index < len(values):
         raise AdapterError(f"Values of shape {values.shape} have no entry {index}.")
     return values[index : index + 1].copy()

@@ -13,46 +13,25 @@ from pytest_libero_max.errors import AdapterError, did_you_mean
 from pytest_libero_max.policies.transforms import actions, images, states
 
 
-def _base64(content: bytes) -> str:
-    return base64.b64encode(content).decode("ascii")
-
-
 def _replace(text: str, change: list[str]) -> str:
     old, new = change
     return text.replace(old, new)
 
 
-def _template(text: str, template: str) -> str:
-    return template.replace("{instruction}", text)
+def _named(*functions: Callable[..., Any]) -> dict[str, Callable[..., Any]]:
+    return {function.__name__: function for function in functions}
 
-
-Plain = Callable[[Any], Any]
 
 INPUT_STEPS: Mapping[str, Callable[..., Any]] = MappingProxyType(
     {
-        "rotate_180": images.rotate_180,
-        "flip_rows": images.flip_rows,
-        "resize_with_pad": images.resize_with_pad,
-        "resize_bilinear": images.resize_bilinear,
-        "resize_bicubic": images.resize_bicubic,
-        "resize_lanczos": images.resize_lanczos,
-        "resize_area": images.resize_area,
-        "centre_crop": images.centre_crop,
-        "jpeg_round_trip": images.jpeg_round_trip,
-        "png_file": images.png_file,
-        "base64": _base64,
-        "to_unit": images.to_unit,
-        "to_signed": images.to_signed,
-        "channels_first": images.channels_first,
-        "axis_angle": states.axis_angle,
-        "axis_angle_antipodal": states.axis_angle_antipodal,
-        "rotation_6d_columns": states.rotation_6d_columns,
-        "rotation_6d_rows": states.rotation_6d_rows,
-        "grip_site_quaternion": states.grip_site_quaternion,
-        "sine_cosine": states.sine_cosine,
-        "pad_to": states.pad_to,
-        "first": states.first,
-        "entry": states.entry,
+        **_named(images.rotate_180, images.flip_rows, images.resize_with_pad, images.resize_bilinear),
+        **_named(images.resize_bicubic, images.resize_lanczos, images.resize_area, images.centre_crop),
+        **_named(images.jpeg_round_trip, images.png_file),
+        "base64": lambda content: base64.b64encode(content).decode("ascii"),
+        **_named(images.to_unit, images.to_signed, images.channels_first),
+        **_named(states.axis_angle, states.axis_angle_antipodal, states.rotation_6d_columns),
+        **_named(states.rotation_6d_rows, states.grip_site_quaternion, states.sine_cosine),
+        **_named(states.pad_to, states.first, states.entry),
     }
 )
 """Transforms of an observation."""
@@ -62,22 +41,16 @@ TEXT_STEPS: Mapping[str, Callable[..., str]] = MappingProxyType(
         "lower": str.lower,
         "capitalise": str.capitalize,
         "replace": _replace,
-        "template": _template,
+        "template": lambda text, template: template.replace("{instruction}", text),
     }
 )
 """Transforms of an instruction."""
 
 ACTION_STEPS: Mapping[str, Callable[..., Any]] = MappingProxyType(
     {
-        "first_columns": actions.first_columns,
-        "clip": actions.clip,
-        "gripper_from_opening": actions.gripper_from_opening,
-        "gripper_from_open_flag": actions.gripper_from_open_flag,
-        "gripper_from_close_flag": actions.gripper_from_close_flag,
-        "gripper_sign": actions.gripper_sign,
-        "gripper_inverted": actions.gripper_inverted,
-        "gripper_flag_below_half": actions.gripper_flag_below_half,
-        "pose_from_rotation_6d": actions.pose_from_rotation_6d,
+        **_named(actions.first_columns, actions.clip, actions.gripper_from_opening),
+        **_named(actions.gripper_from_open_flag, actions.gripper_from_close_flag, actions.gripper_sign),
+        **_named(actions.gripper_inverted, actions.gripper_flag_below_half, actions.pose_from_rotation_6d),
     }
 )
 """Transforms of the actions of a reply."""
@@ -101,11 +74,7 @@ class Step:
     """None or one."""
 
     def __call__(self, value: Any) -> Any:
-        """Apply it.
-
-        Raises:
-            AdapterError: It does not fit the value; names the step.
-        """
+        """Apply it."""
         try:
             return self.apply(value, *self.arguments)
         except AdapterError as error:
@@ -119,14 +88,7 @@ class Step:
 
 
 def parse_steps(values: Any, known: Mapping[str, Callable[..., Any]], where: str) -> tuple[Step, ...]:
-    """Read the steps of a profile: names, or tables of one name and its argument.
-
-    Args:
-        values: ``["rotate_180", {"resize_with_pad": 224}]``.
-
-    Raises:
-        AdapterError: Something else; suggests the closest name.
-    """
+    """Read the steps of a profile: names, or tables of one name and its argument."""
     if not isinstance(values, list):
         raise AdapterError.seen(
             where, values, f", but must be a list of steps. Known: {', '.join(sorted(known))}."

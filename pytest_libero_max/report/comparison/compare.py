@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.report.build import group_order, substrate_of
-from pytest_libero_max.report.comparison.apart import apart_run, set_apart
+from pytest_libero_max.report.caveats import caveat_text, caveats_of
 from pytest_libero_max.report.comparison.comparison_document import (
+    ApartRun,
     CommonPairs,
     ComparedRun,
     Comparison,
@@ -27,8 +28,10 @@ from pytest_libero_max.report.comparison.comparison_document import (
     OverRuns,
     RunDifference,
 )
-from pytest_libero_max.report.comparison.run_notes import run_caveats, run_warnings
+from pytest_libero_max.report.measurable import warning_of
+from pytest_libero_max.report.report_document import Caveat
 from pytest_libero_max.report.statements import statements_of
+from pytest_libero_max.report.stopping_rule import bias_of
 from pytest_libero_max.runs.comparability import (
     COMPARISON,
     Difference,
@@ -40,7 +43,7 @@ from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import replay_command
 from pytest_libero_max.runs.store import StoredRun
 from pytest_libero_max.stats.blocks import ChangeContrast, GroupContrast, Result, SuccessContrast
-from pytest_libero_max.stats.breakdown import breakdown
+from pytest_libero_max.stats.breakdown import breakdown, lowest_by_chance
 from pytest_libero_max.stats.comparison import (
     change_contrasts,
     contrasts,
@@ -50,9 +53,85 @@ from pytest_libero_max.stats.comparison import (
     rank_sets,
     ranks,
 )
-from pytest_libero_max.stats.extremes import lowest_by_chance
 from pytest_libero_max.stats.measured import number, without_intervals
-from pytest_libero_max.stats.paired import Pairs, measure_groups
+from pytest_libero_max.stats.paired import Pairs, measure, measure_groups
+
+Runs = dict[str, RunOutcomes]
+
+
+def set_apart(runs: Mapping[str, RunOutcomes]) -> tuple[Runs, Runs]:
+    """Return the runs to compare, and those to list apart.
+
+    A run is listed apart if its policy declares that it does not support a suite whose cases the policy of
+    another run supports: its own cases would then cut those of all others. Where fewer than two runs would
+    be left, none is listed apart.
+    """
+    left_out = {
+        name: {pair.case_id for pair in unsupported_pairs(run.run.planned, run.policy)}
+        for name, run in runs.items()
+    }
+    supported = set().union(
+        *({pair.case_id for pair in run.run.planned} - left_out[name] for name, run in runs.items())
+    )
+    whole = {name: run for name, run in runs.items() if left_out[name].isdisjoint(supported)}
+    if len(whole) < 2:
+        return dict(runs), {}
+    return whole, {name: run for name, run in runs.items() if name not in whole}
+
+
+def apart_run(name: str, run: RunOutcomes) -> ApartRun:
+    """Return the results of a run over the cases that its policy supports, in all and by suite."""
+    unsupported = unsupported_pairs(run.run.planned, run.policy)
+    lacking = {pair.case_id for pair in unsupported}
+    planned = {pair.case_id: pair for pair in run.run.planned if pair.case_id not in lacking}
+    places = [index for index, case_id in enumerate(run.case_ids) if case_id in planned]
+    pairs = run.pairs.at(places).numbered()
+    suites = [pair.suite for pair in planned.values()]
+    played = [planned[run.case_ids[index]].suite for index in places]
+    counts = {suite: suites.count(suite) for suite in sorted({*suites})}
+    result = measure(pairs, len(planned))
+    by_suite = breakdown(pairs, played, [*counts], counts)
+    if run.stopped_by_rule:
+        result = without_intervals(result)
+        by_suite = {suite: without_intervals(row) for suite, row in by_suite.items()}
+    return ApartRun(
+        name=name,
+        policy=run.policy,
+        unsupported=len(unsupported),
+        unsupported_suites=sorted({pair.suite for pair in unsupported}),
+        result=result,
+        by_suite=by_suite,
+        warnings=run_warnings(run, result),
+        caveats=run_caveats(run, planned),
+    )
+
+
+def run_warnings(run: RunOutcomes, result: Result) -> list[str]:
+    """Return what keeps the numbers of a run from saying what they seem to: a floor, or its stopping rule."""
+    warnings = [warning_of(result)]
+    if run.stopped is not None and run.stopped_by_rule:
+        warnings.append(
+            f"{run.stopped.text}. It has no 95% intervals and no p-values here: these need a number of pairs "
+            "that is fixed before the run."
+        )
+        warnings.append(bias_of(run.stopped))
+    return [text for text in warnings if text]
+
+
+def run_caveats(run: RunOutcomes, cases: Collection[str]) -> list[Caveat]:
+    """Return the caveats on the pairs of some cases of a run."""
+    return caveats_of(
+        played for case_id, played in zip(run.case_ids, run.played, strict=True) if case_id in cases
+    )
+
+
+def notes_of(name: str, run: RunOutcomes, result: Result, cases: Collection[str]) -> list[str]:
+    """Return the warnings and the caveats of one run over some cases, each with its name."""
+    return [
+        *(f"{name}: {text}" for text in run_warnings(run, result)),
+        *(f"{name}: {caveat_text(caveat)}" for caveat in run_caveats(run, cases)),
+    ]
+
 
 AnyContrast = TypeVar("AnyContrast", SuccessContrast, ChangeContrast, GroupContrast)
 
@@ -62,7 +141,6 @@ class CommonCases:
     """The cases several runs share, in one order."""
 
     planned: tuple[PlannedPair, ...]
-    """The common cases, by case id."""
     pairs: Mapping[str, Pairs]
     """Outcomes of each run in that order."""
     left_out: Mapping[str, tuple[str, ...]]
@@ -81,10 +159,6 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
     Cases that a policy declares unsupported are left out of all runs.
 
-    Args:
-        runs: Runs by the name they get in the comparison.
-        restrict: Compare the common cases where the runs differ, instead of refusing.
-
     Raises:
         ReportError: Fewer than two runs, runs of different substrates or different cases of one name, no
             common case, or runs that differ in their cases without ``restrict``.
@@ -95,11 +169,7 @@ def common_cases(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
 
 def lined_up(outcomes: Mapping[str, RunOutcomes], restrict: bool = False) -> CommonCases:
-    """Line up the cases of any number of runs; see :func:`common_cases`.
-
-    Raises:
-        ReportError: See :func:`common_cases`.
-    """
+    """Line up the cases of any number of runs; see :func:`common_cases`."""
     planned = _all_planned(outcomes)
     places = {
         name: {case_id: index for index, case_id in enumerate(run.case_ids)} for name, run in outcomes.items()
@@ -135,11 +205,7 @@ def lined_up(outcomes: Mapping[str, RunOutcomes], restrict: bool = False) -> Com
 
 
 def _all_planned(outcomes: Mapping[str, RunOutcomes]) -> dict[str, PlannedPair]:
-    """Return the planned cases of all runs by their ids.
-
-    Raises:
-        ReportError: The runs are of different substrates, or have different cases of one name.
-    """
+    """Return the planned cases of all runs by their ids."""
     substrates = sorted({run.run.provenance["substrate"]["name"] for run in outcomes.values()})
     if len(substrates) > 1:
         raise ReportError(
@@ -161,11 +227,7 @@ def _all_planned(outcomes: Mapping[str, RunOutcomes]) -> dict[str, PlannedPair]:
 def compared_and_apart(
     runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = False
 ) -> tuple[dict[str, RunOutcomes], dict[str, RunOutcomes]]:
-    """Return the runs that :func:`compare_runs` compares, and those that it lists apart.
-
-    Raises:
-        ReportError: The runs are of different substrates, or have different cases of one name.
-    """
+    """Return the runs that :func:`compare_runs` compares, and those that it lists apart."""
     outcomes = {name: _outcomes(run) for name, run in runs.items()}
     _all_planned(outcomes)
     return (outcomes, {}) if restrict else set_apart(outcomes)
@@ -179,14 +241,11 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
     """Compare runs on their common cases.
 
     Runs of policies that support a part of the suites are listed apart, unless ``restrict`` asks for the
-    cases that all share (see :func:`~pytest_libero_max.report.comparison.apart.set_apart`).
+    cases that all share (see :func:`~pytest_libero_max.report.comparison.compare.set_apart`).
 
     Every family of contrasts holds all pairs of runs (and all events, for those by event). Holm's correction
     and the simultaneous intervals are over the family. Flips are the cases whose pair of outcomes differs
     between runs.
-
-    Raises:
-        ReportError: See :func:`common_cases`.
     """
     outcomes, apart = compared_and_apart(runs, restrict)
     common = common_cases(outcomes, restrict)
@@ -283,12 +342,6 @@ def compare_runs(runs: Mapping[str, StoredRun | RunOutcomes], restrict: bool = F
 
 
 def _of_fixed_runs(contrasts: Iterable[AnyContrast], stopped: Collection[str]) -> list[AnyContrast]:
-    """Return contrasts, without intervals and p-values where a rule stopped one of the runs.
-
-    Args:
-        contrasts: The contrasts.
-        stopped: Names of the runs that a rule stopped.
-    """
     return [
         without_intervals(row) if row.first in stopped or row.second in stopped else row for row in contrasts
     ]
@@ -311,7 +364,6 @@ def read_runs(paths: Sequence[Path]) -> dict[str, RunOutcomes]:
 
 
 def _lowest_event(by_event: Mapping[str, Result]) -> LowestEvent:
-    """Return the lowest paired change of an event, named where chance does not explain it."""
     outcomes = {event: result.outcomes for event, result in by_event.items()}
     changes = {event: found.change.count / found.total for event, found in outcomes.items()}
     lowest = min(changes.values())
@@ -350,11 +402,7 @@ def _flips(common: CommonCases) -> list[Flip]:
     for index in changed.tolist():
         pair, outcomes = common.planned[index], [_OUTCOMES[code] for code in codes[index].tolist()]
         flips.append(
-            Flip(
-                case_id=pair.case_id,
-                item_id=pair.item_id,
-                outcomes=dict(zip(names, outcomes, strict=True)),
-            )
+            Flip(case_id=pair.case_id, item_id=pair.item_id, outcomes=dict(zip(names, outcomes, strict=True)))
         )
     return flips
 

@@ -20,22 +20,17 @@ from pytest_libero_max.report.comparison.comparison_document import (
     OverRuns,
     RunDifference,
 )
-from pytest_libero_max.report.comparison.run_notes import caveat_names, caveats_by_run, warnings_by_run
 from pytest_libero_max.report.document import Document, Section, Table, table_of
 from pytest_libero_max.report.formats import Interval, LogP, Number, Tenths, counted
 from pytest_libero_max.report.quantities import TEXT, Quantity, quantities_in, quantity
 from pytest_libero_max.report.render.terminal import WIDTH, section_lines, sections_lines
 from pytest_libero_max.report.run_texts import substrate_lines
+from pytest_libero_max.report.statements import CAVEATS_TITLE
 from pytest_libero_max.runs.comparability import policies_text
 from pytest_libero_max.runs.replay_command import replay_text
 from pytest_libero_max.stats import intervals
-from pytest_libero_max.stats.blocks import (
-    ChangeContrast,
-    GroupContrast,
-    Result,
-    SuccessContrast,
-)
-from pytest_libero_max.stats.verdicts import WORDS, word_for
+from pytest_libero_max.stats.blocks import ChangeContrast, GroupContrast, Result, SuccessContrast
+from pytest_libero_max.stats.significance import WORDS, word_for
 
 AnyContrast = SuccessContrast | ChangeContrast | GroupContrast
 
@@ -69,12 +64,7 @@ RUNS = quantities_in("runs")
 
 
 def document_of(comparison: Comparison, flips: int = _LISTED) -> Document:
-    """Return a comparison as a document.
-
-    Args:
-        comparison: Result of :func:`~pytest_libero_max.report.comparison.compare.compare_runs`.
-        flips: Number of changed cases to list.
-    """
+    """Return a comparison as a document."""
     changed = len(comparison.flips)
     shown = with_short_names(replace(comparison, flips=comparison.flips[:flips]))
     sections = [Section(tables=[_runs_table(shown)])]
@@ -111,12 +101,7 @@ def terminal_head(document: Document, comparison: Comparison) -> list[str]:
 
 
 def short_lines(comparison: Comparison, flips: int = _LISTED_AT_THE_END) -> list[str]:
-    """Render the end of a run that is compared with an earlier one: rates, Dynamic success, changed cases.
-
-    Args:
-        comparison: Of two runs, the earlier one first.
-        flips: Number of changed cases to list.
-    """
+    """Render the end of a run that is compared with an earlier one: rates, Dynamic success, changed cases."""
     changed = len(comparison.flips)
     command = ["libero-max", "compare", *(["--restrict"] if comparison.pairs.restricted else [])]
     more = shlex.join([*command, *(run.name for run in comparison.runs)])
@@ -195,19 +180,51 @@ def difference_warnings(differences: Sequence[RunDifference]) -> Iterator[str]:
         yield "Do not credit the policies alone for a difference between the results."
 
 
+def warnings_by_run(comparison: Comparison) -> list[str]:
+    """Return the warnings of the runs, each with the names of the runs that it is about."""
+    return _by_text((text, run.name) for run in _all_runs(comparison) for text in run.warnings)
+
+
+def caveats_by_run(comparison: Comparison) -> list[str]:
+    """Return the caveats of the runs in full, each with its runs and their numbers of pairs."""
+    return _by_text(
+        (caveat.text, f"{caveat.pairs} of {counted(caveat.played, 'pair')} of {run.name}")
+        for run in _all_runs(comparison)
+        for caveat in run.caveats
+    )
+
+
+def caveat_names(comparison: Comparison) -> list[str]:
+    """Return for each run that has caveats a line with their keys and numbers of pairs."""
+    return [
+        f"{CAVEATS_TITLE} of {run.name} (in full in its report.md): "
+        + ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in run.caveats)
+        for run in _all_runs(comparison)
+        if run.caveats
+    ]
+
+
+def _all_runs(comparison: Comparison) -> list[ComparedRun | ApartRun]:
+    return [*comparison.runs, *comparison.apart]
+
+
+def _by_text(texts: Iterable[tuple[str, str]]) -> list[str]:
+    """Return the texts, each once and behind the names that it is about."""
+    found: dict[str, list[str]] = {}
+    for text, name in texts:
+        found.setdefault(text, []).append(name)
+    return [f"{', '.join(names)}: {text}" for text, names in found.items()]
+
+
 def _runs_table(comparison: Comparison) -> Table:
     by_task = quantity("paired_change_by_task")
     ranks = _RANKS if any(run.highest_rank for run in comparison.runs) else _RANKS[:1]
     return table_of(
-        "",
-        "Run",
-        (*ranks, *RUNS[:-1], by_task, RUNS[-1]),
-        [(run.name, run) for run in comparison.runs],
+        "", "Run", (*ranks, *RUNS[:-1], by_task, RUNS[-1]), [(run.name, run) for run in comparison.runs]
     )
 
 
 def _possible_ranks(run: ComparedRun) -> str | int | None:
-    """Return the ranks that the simultaneous intervals do not exclude; None for none."""
     if run.highest_rank == run.lowest_rank:
         return run.highest_rank
     return f"{run.highest_rank}-{run.lowest_rank}"
@@ -262,7 +279,12 @@ _BY_TASK: Quantity[SuccessContrast | ChangeContrast] = Quantity(
 )
 _OVER_RUNS: tuple[Quantity[OverRuns], ...] = (
     Quantity("median", "Median, pp", lambda row: row.median, Tenths()),
-    Quantity("quartiles", "Quartiles", lambda row: _ends(row.lower_quartile, row.upper_quartile), Interval()),
+    Quantity(
+        "quartiles",
+        "Quartiles",
+        lambda row: _ends(row.lower_quartile, row.upper_quartile),
+        Interval(),
+    ),
     Quantity("range", "Range", lambda row: _ends(row.lowest, row.highest), Interval()),
 )
 _LOWEST: tuple[Quantity[ComparedRun], ...] = (
@@ -289,7 +311,6 @@ def contrast_table(quantity: str, contrasts: Sequence[SuccessContrast | ChangeCo
 
 
 def _verdict(contrast: AnyContrast, family: int) -> str:
-    """Return the word for a contrast of a family of so many."""
     interval, log10_p = contrast.difference.simultaneous, contrast.log10_p_value_holm
     if interval.lower is None or interval.upper is None or log10_p is None:
         return "n/a"
@@ -339,7 +360,6 @@ def _profiles(comparison: Comparison) -> Iterator[Table]:
 
 
 def _flips(comparison: Comparison, changed: int) -> Section:
-    """Return the changed cases that are listed, and the number of all."""
     if not changed:
         return Section(texts=["No case changed."])
     names = [run.name for run in comparison.runs]

@@ -7,17 +7,21 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from pytest_libero_max.benchmark.documents import Json
+from pytest_libero_max.errors import ReportError
 from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import BASE, DYNAMIC
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.pairing.record_rules import CONTROL_HZ
-from pytest_libero_max.pairing.trace import trace_name
+from pytest_libero_max.pairing.trace import read_trace, trace_name
 from pytest_libero_max.report.diagnosis import CAUSES, NOT_RECORDED, diagnose
-from pytest_libero_max.report.page.evidence import details_of, error_details, plan_details
-from pytest_libero_max.report.page.timeline import timeline_of
+from pytest_libero_max.report.happenings import happenings, happenings_text
+from pytest_libero_max.report.palette import arm_kinds
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import PICTURES_NAME, TRACES_NAME, caption_of
+from pytest_libero_max.runs.outside import require_inside
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.runs.replay_command import film_text, replay_command, replay_text
 from pytest_libero_max.runs.store import StoredRun
@@ -43,20 +47,13 @@ def run_cases(
 ) -> Json:
     """Return the data of the table of cases of a run.
 
-    Args:
-        stored: The run.
-        films: Paths of the films of each pair that has some, relative to the page, by item id.
-        pictures: Paths of the pictures of each pair that has some, in the same way.
-        folder: Folder of the run, for its traces; None for none.
-
     Returns:
         ``items``: the item ids, those of regressions first; everything else is in the same order, or by the
         place in it.
         ``case_ids`` and ``instructions``: for the search. ``columns``: see :func:`label_columns` and
-        :func:`number_column`. ``details``: of each case, see
-        :func:`~pytest_libero_max.report.page.evidence.details_of`. ``films`` and ``pictures``: captions and
-        addresses. ``has``: what there is of a case. ``commands``: see :func:`command`. ``hz``: policy steps
-        in a second of a film.
+        :func:`number_column`. ``details``: of each case, see :func:`_details`. ``films`` and
+        ``pictures``: captions and addresses. ``has``: what there is of a case. ``commands``: see
+        :func:`command`. ``hz``: policy steps in a second of a film.
     """
     records = {record.item_id: record for record in stored.records}
     errors = {error.item_id: error for error in stored.errors}
@@ -98,7 +95,7 @@ def run_cases(
         ]
         for place, (pair, record) in enumerate(zip(planned, found, strict=True))
     }
-    details = [_details(pair, records, errors) for pair in planned]
+    details = [_details(pair, records.get(pair.item_id), errors.get(pair.item_id)) for pair in planned]
     for pair, record, detail in zip(planned, found, details, strict=True):
         if record is not None and pair.item_id in films:
             detail["timeline"] = timeline_of(record, folder)
@@ -122,7 +119,6 @@ def _views(films: Sequence[str]) -> set[str]:
 
 
 def _fired(found: Sequence[PairRecord | None]) -> Iterator[Json]:
-    """Return a column that tells pairs whose event never happened, where there are some."""
     if any(record is not None and not record.triggered for record in found):
         fired = [
             "not played" if record is None else "yes" if record.triggered else "never" for record in found
@@ -131,7 +127,6 @@ def _fired(found: Sequence[PairRecord | None]) -> Iterator[Json]:
 
 
 def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
-    """Yield a column of the causes of what was lost, and one of those in Base, where one is known."""
     lost = [
         diagnose(record, DYNAMIC) if record and record.outcome == "regression" else None for record in found
     ]
@@ -147,7 +142,6 @@ def _causes(found: Sequence[PairRecord | None]) -> Iterator[Json]:
 
 
 def _commands(stored: StoredRun) -> Iterator[Json]:
-    """Yield the commands on a case, each for the cases that lack what it makes."""
     replay, there = replay_command(stored), ", in the folder in which the run was started:"
     yield again("Play it", replay, there, unless=["record"])
     yield again("Play it again", replay, there, needs=["record"])
@@ -183,15 +177,7 @@ def _commands(stored: StoredRun) -> Iterator[Json]:
 def again(
     caption: str, replay: Sequence[str], there: str, needs: Sequence[str] = (), unless: Sequence[str] = ()
 ) -> Json:
-    """Return the command that plays a case again, or a sentence where no command can.
-
-    Args:
-        caption: Purpose.
-        replay: Result of :func:`~pytest_libero_max.runs.replay_command.replay_command`.
-        there: Place of the command, which ends the caption.
-        needs: As for :func:`command`, like ``unless``.
-        unless: See ``needs``.
-    """
+    """Return the command that plays a case again, or a sentence where no command can."""
     if not replay:
         return command(f"{caption} {replay_text(replay)}", "", "", needs, unless)
     return command(f"{caption}{there}", replay_text(replay), "", needs, unless)
@@ -203,9 +189,7 @@ def command(
     """Return a command on a case.
 
     Args:
-        caption: Purpose and place.
         before: Text before the item id; empty where the caption says all.
-        after: Text behind it.
         needs: It is offered where the case has all of these ...
         unless: ... and none of these, in the words of ``has``.
     """
@@ -254,9 +238,6 @@ def label_column(
     """Return a column of names, which can be chosen from.
 
     Args:
-        key: Its name in the address of a view.
-        title: Its heading.
-        names: One a case.
         order: The first of the distinct names in their order; the others follow by the alphabet.
         titles: Titles of the names, where they differ from the names.
         cells: Texts of the names in the table, where they differ from the titles.
@@ -297,7 +278,161 @@ def _without_record(item: str, errors: Mapping[str, PairError], unsupported: set
     return "invalid" if item in errors else "unsupported" if item in unsupported else "missing"
 
 
-def _details(pair: PlannedPair, records: Mapping[str, PairRecord], errors: Mapping[str, PairError]) -> Json:
-    if pair.item_id in records:
-        return details_of(pair, records[pair.item_id])
-    return error_details(pair, errors[pair.item_id]) if pair.item_id in errors else plan_details(pair)
+_DIGITS = 16
+"""Hexadecimal digits of a digest that are shown; the records have all of them."""
+
+
+def _details(pair: PlannedPair, record: PairRecord | None, error: PairError | None) -> Json:
+    """Return what is shown of a pair.
+
+    Returns:
+        ``tables``: arms and event by their titles, or the error. ``more``: tables of the case, of parameters,
+        and of values before and after the event. ``says``, of a measured pair: arm, cause and sentence of
+        each arm that failed.
+    """
+    case: Json = {"Task": pair.task}
+    if record is None:
+        row = error and {"Phase": error.phase, "Kind": error.kind, "Message": error.message}
+        return {"tables": {"Error": row} if row else {}, "more": {"Case": case}}
+    case |= {
+        "Instruction": record.instruction,
+        "Initial state": record.init_state_index,
+        "Policy seed": record.policy_seed,
+        "Steps at most": record.max_steps,
+        "Trigger entity": record.trigger_entity,
+    }
+    tables = dict(_event(record))
+    return {
+        "says": _happened(record),
+        "tables": {"Arms": _arms(record), "Event": tables.pop("Event")},
+        "more": {"Case": case, **tables},
+    }
+
+
+def _happened(record: PairRecord) -> list[tuple[str, str, str]]:
+    found = {name: diagnose(record, name) for name in record.arms}
+    return [
+        (name, why.cause, why.sentence)
+        for name, why in found.items()
+        if why is not None and why.cause != NOT_RECORDED
+    ]
+
+
+def flat(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values inside nested objects, by their names joined with dots; an empty object is a value."""
+    if not isinstance(value, Mapping) or not value:
+        yield name, value if value != {} else None
+        return
+    for key, part in value.items():
+        yield from flat(part, f"{name}.{key}" if name else str(key))
+
+
+def _arms(record: PairRecord) -> Json:
+    """Return a row a quantity, a column an arm."""
+    own = {
+        name: (record.policy if arm.policy is None else arm.policy)["name"]
+        for name, arm in record.arms.items()
+    }
+    policies = {"Policy": own} if any(arm.policy is not None for arm in record.arms.values()) else {}
+    return policies | {
+        title: {name: getattr(arm, field) for name, arm in record.arms.items()}
+        for title, field in (
+            ("Success", "success"),
+            ("Steps", "steps"),
+            ("Queries", "queries"),
+            ("Smallest distance to the trigger entity, m", "min_distance_m"),
+            ("Touches the trigger entity at the end", "contacts"),
+            ("Action components that were clipped", "clipped_components"),
+        )
+    }
+
+
+def _event(record: PairRecord) -> Iterator[tuple[str, Json]]:
+    arm = record.arm(DYNAMIC)
+    schedule = arm.schedule
+    trigger = record.trigger
+    found = happenings(record, arm)
+    happened: Json = {"Happened": trigger is not None}
+    if found and not found[0].is_event:
+        happened["Changes of the program"] = happenings_text(found)
+    if trigger is not None:
+        happened |= {
+            "After steps": trigger.step,
+            "Distance to the trigger entity, m": trigger.distance_m,
+            "Next query after steps": record.response_step,
+            "Stale actions": record.stale_actions,
+            "Digest of the prefix that the arms share": trigger.prefix_proof[:_DIGITS],
+        }
+    yield "Event", happened
+    for number, entry in enumerate(schedule, start=1):
+        which = f", {number} of {len(schedule)}" if len(schedule) > 1 else ""
+        asked = {**_named("trigger", entry.get("trigger")), **_named("", entry.get("change"))}
+        if asked:
+            yield f"Parameters{which}", asked
+    if found:
+        first = found[0]
+        changed = "What the event changed" if first.is_event else f"What changed first: {first.name}"
+        yield from _evidence(first.firing.evidence, changed)
+
+
+def _evidence(evidence: Json, title: str) -> Iterator[tuple[str, Json]]:
+    before, after = (dict(flat(evidence.get(end) or {})) for end in ("before", "after"))
+    names = [name for name in {**before, **after} if name and before.get(name) != after.get(name)]
+    if names:
+        yield (title, {name: {"before": before.get(name), "after": after.get(name)} for name in names})
+    rest = {key: value for key, value in evidence.items() if key not in ("before", "after", "operation")}
+    if rest:
+        yield "Evidence", dict(flat(rest))
+
+
+def _named(name: str, value: Any) -> Json:
+    return dict(flat(value, name)) if value else {}
+
+
+_MOST_POINTS = 200
+"""Number of points of a curve, of which a page draws few more than it has pixels."""
+
+
+def timeline_of(record: PairRecord, folder: Path | None = None) -> Json:
+    """Return the moments of a pair, in policy steps.
+
+    Returns:
+        ``steps``: of the longest arm. ``arms``: by name, ``end`` (steps), ``success``, ``events`` (steps),
+        ``stale`` (number of stale actions after the first event) and ``kind`` (class of its colour); where
+        the trace is kept, ``curve``:
+        distance of the hand to the trigger entity in mm, one value ``every`` so many steps.
+    """
+    arms: Json = {}
+    curves = {} if folder is None else _curves(record, folder)
+    for name, arm in record.arms.items():
+        if arm.shares is None:
+            arms[name] = {
+                "end": arm.steps,
+                "success": arm.success,
+                "events": [firing.step for firing in arm.firings],
+                "stale": arm.stale_actions or 0,
+                **curves.get(name, {}),
+            }
+    kinds = arm_kinds(arms)
+    for name, arm_moments in arms.items():
+        arm_moments["kind"] = kinds[name]
+    return {"steps": max((arm["end"] for arm in arms.values()), default=0), "arms": arms}
+
+
+def _curves(record: PairRecord, folder: Path) -> Json:
+    """Return the curves of the arms; none where the trace is missing or cannot be read."""
+    path = folder / TRACES_NAME / trace_name(record.item_id)
+    if not path.is_file():
+        return {}
+    try:
+        traces = read_trace(require_inside(folder, path), record)
+    except ReportError:
+        return {}
+    curves = {}
+    for name, trace in traces.items():
+        if not trace.actions.size:
+            continue
+        every = 1 + len(trace.actions) // _MOST_POINTS
+        distances = np.linalg.norm(trace.end_effector - trace.entity, axis=1)
+        curves[name] = {"every": every, "curve": np.rint(1000 * distances[::every]).astype(int).tolist()}
+    return curves

@@ -12,8 +12,7 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.pairing.record import OUTCOMES
 from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.comparison.compare import CommonCases, outcome_codes
-from pytest_libero_max.report.page.case_table import ORDER, again, label_column, label_columns
-from pytest_libero_max.report.page.timeline import timeline_of
+from pytest_libero_max.report.page.case_table import ORDER, again, label_column, label_columns, timeline_of
 from pytest_libero_max.report.plots import OUTCOME_TITLES
 from pytest_libero_max.runs.media import films_in
 from pytest_libero_max.runs.store import pairs_file, read_pairs
@@ -29,10 +28,7 @@ def comparison_cases(
     The cases that the last run loses come first.
 
     Args:
-        common: The cases, with the outcomes of every run.
-        names: Name of each run on the page.
         replays: The command that plays a case of a run again, once its item id is appended, by run.
-        beside: See :func:`beside`.
     """
     codes = {run: outcome_codes(pairs).tolist() for run, pairs in common.pairs.items()}
     order = sorted(
@@ -92,13 +88,9 @@ def comparison_cases(
 def beside(runs: Mapping[str, Path], folder: Path) -> Json:
     """Return the films and pages that lie with the runs, for the page of their comparison.
 
-    Args:
-        runs: Folder of each run.
-        folder: Folder of the page.
-
     Returns:
         ``films``: addresses relative to the page by run and item id. ``moments``: of the pairs with a film,
-        see :func:`~pytest_libero_max.report.page.timeline.timeline_of`, by run and item id. ``pages``: the
+        see :func:`~pytest_libero_max.report.page.case_table.timeline_of`, by run and item id. ``pages``: the
         address of the page of each run that has one. ``hz``: policy steps in a second of the films.
     """
     filmed = {name: films_in(path) for name, path in runs.items()}

@@ -15,7 +15,7 @@ from pytest_libero_max.events.registry import EVENTS
 from pytest_libero_max.events.schedules import DYNAMIC
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import group_order
-from pytest_libero_max.report.page.evidence import flat
+from pytest_libero_max.report.page.case_table import flat
 from pytest_libero_max.runs.plan import PlannedPair
 
 _VARIES = object()
@@ -37,12 +37,7 @@ class ShownEvent(NamedTuple):
 
 
 def events_of(planned: Iterable[PlannedPair], records: Iterable[PairRecord] = ()) -> list[ShownEvent]:
-    """Return the events with pictures and parameters, in the benchmark's order.
-
-    Args:
-        planned: Pairs whose events are shown.
-        records: Pairs whose parameters are shown.
-    """
+    """Return the events with pictures and parameters, in the benchmark's order."""
     pairs = {pair.event_variant: pair for pair in planned}
     found: dict[str, list[PairRecord]] = {name: [] for name in pairs}
     for record in records:

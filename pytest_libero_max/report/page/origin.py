@@ -17,12 +17,7 @@ _NOT_RECORDED = "not recorded"
 
 
 def origin_rows(report: Report, stored: StoredRun) -> Iterator[tuple[str, str]]:
-    """Yield names and values. Values that an older version did not record are marked so.
-
-    Args:
-        report: Of the run.
-        stored: The run.
-    """
+    """Yield names and values. Values that an older version did not record are marked so."""
     origin = report.provenance
     yield "date", origin.get("started") or _NOT_RECORDED
     yield "time in pairs", _duration(stored)
@@ -78,14 +73,12 @@ def _percentile(times: Counter[float], share: float) -> float:
 
 
 def _servers(stored: StoredRun) -> Iterator[tuple[str, str]]:
-    """Yield the servers that answered, with their numbers of pairs; nothing where it was one."""
     answered = Counter(name for record in stored.records if (name := record.timings.get("server")))
     if len(answered) > 1:
         yield "servers", _counted(answered, ", ")
 
 
 def _counted(pairs: Counter[str], separator: str) -> str:
-    """Return names with their numbers of pairs."""
     return separator.join(f"{name} ({counted(number, 'pair')})" for name, number in sorted(pairs.items()))
 
 

@@ -18,7 +18,7 @@ from markupsafe import Markup
 from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.report import palette
 from pytest_libero_max.report.document import Document, Link, Table
-from pytest_libero_max.report.group_tables import ALL_PAIRS, FLOOR_MARK
+from pytest_libero_max.report.groups import ALL_PAIRS, FLOOR_MARK
 from pytest_libero_max.report.page.words import explained
 from pytest_libero_max.report.quantities import Cell
 from pytest_libero_max.report.statements import CAVEATS_TITLE, LIMITS_TITLE
@@ -37,7 +37,6 @@ class PageCell(NamedTuple):
 
     text: str
     order: float | str
-    """By which its column is sorted."""
     view: str = ""
     """View of the table of cases that it leads to; empty for none."""
     address: str = ""
@@ -52,7 +51,6 @@ class PageTable(NamedTuple):
     rows: Sequence[Sequence[PageCell]]
     note: str
     kinds: str
-    """Classes of it."""
 
 
 def page_table(table: Table) -> PageTable:
@@ -74,7 +72,6 @@ def _page_cell(cell: Cell) -> PageCell:
 
 
 def _view(dimension: str, name: str) -> str:
-    """Return the view of the cases of a group."""
     name = name.removesuffix(FLOOR_MARK)
     if name == ALL_PAIRS:
         return ""
@@ -85,21 +82,9 @@ def _view(dimension: str, name: str) -> str:
 
 
 def document_page(
-    template: str,
-    document: Document,
-    cases: Json | None = None,
-    own_way: Collection[str] = (),
-    **values: Any,
+    template: str, document: Document, cases: Json | None = None, own_way: Collection[str] = (), **values: Any
 ) -> str:
-    """Render a document with a template that extends ``document.html``; see :func:`page`.
-
-    Args:
-        template: The template.
-        document: The document.
-        cases: Data of the table of cases.
-        own_way: Keys of the sections that the template shows in its own way.
-        values: Values that the template asks for.
-    """
+    """Render a document with a template that extends ``document.html``; see :func:`page`."""
     return page(
         template,
         document.title,
@@ -116,22 +101,12 @@ def document_page(
     )
 
 
-def page(
-    template: str,
-    title: str,
-    cases: Json | None,
-    scripts: Sequence[str] = (),
-    **values: Any,
-) -> str:
+def page(template: str, title: str, cases: Json | None, scripts: Sequence[str] = (), **values: Any) -> str:
     """Render a page that needs no network.
 
     Args:
-        template: File in ``templates``.
-        title: Title and first heading.
         cases: Data of the table of cases, see :mod:`~pytest_libero_max.report.page.case_table`; None for a
             page without it.
-        scripts: Files of scripts of a page without the table of cases, which has its own.
-        values: Values that the template asks for, by name. Text is escaped.
     """
     if cases is not None:
         scripts = _SCRIPTS

@@ -29,7 +29,7 @@ from pytest_libero_max.report.render.svg import (
     text,
 )
 from pytest_libero_max.report.report_document import SuccessCurves
-from pytest_libero_max.stats.outcome_table import FLOOR_BASE_RATE
+from pytest_libero_max.stats.blocks import FLOOR_BASE_RATE
 
 _ROW, _TOP, _PLOT, _MARGIN = 26, 34, 420, 12
 _LANE = 7

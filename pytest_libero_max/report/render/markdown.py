@@ -54,12 +54,7 @@ def _has_words(section: Section) -> bool:
 
 
 def document_markdown(document: Document, figures: Mapping[str, str] | None = None) -> str:
-    """Return a document as the content of a file.
-
-    Args:
-        document: The document.
-        figures: Captions of figures beside the file, by the stem of their names; None for none.
-    """
+    """Return a document as the content of a file."""
     parts = [f"# {markdown_text(document.title)}"]
     parts += [f"**{markdown_text(text)}**" for text in document.warnings]
     parts += map(markdown_text, document.texts)

@@ -43,13 +43,7 @@ def _plain(value: Any) -> Any:
 
 
 def table_latex(table: Table, comments: Sequence[str], *, short: bool = False) -> str:
-    r"""Return a table as a LaTeX ``tabular`` without title and note; ends with a newline.
-
-    Args:
-        table: The table.
-        comments: Lines above it.
-        short: True for the headings of narrow tables.
-    """
+    r"""Return a table as a LaTeX ``tabular`` without title and note; ends with a newline."""
     cells = table.cells()
     columns = "".join(
         "l" if all(isinstance(row[place].value, str | None) for row in cells) else "r"

@@ -10,12 +10,11 @@ from pytest_libero_max.benchmark.documents import Json
 from pytest_libero_max.errors import OptionError, counted
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.formats import points
-from pytest_libero_max.report.gate_bounds import Ending
+from pytest_libero_max.report.gate_bounds import Ending, GateRule, Watch
 from pytest_libero_max.report.gate_quantities import GATED
-from pytest_libero_max.report.gate_rule import GateRule, Watch
 from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.report_document import Watched
-from pytest_libero_max.report.stopping_rule import Declared, level_of
+from pytest_libero_max.report.stopping_rule import Declared
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.measured import number
 from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
@@ -59,7 +58,12 @@ class Anytime(GateRule):
     """
 
     def __init__(self, arguments: str) -> None:
-        self.level: float = level_of("anytime", arguments)
+        try:
+            self.level: float = float(arguments or 0.05)
+        except ValueError:
+            self.level = math.nan
+        if not 0 < self.level <= 0.5:
+            raise ValueError("expected anytime:LEVEL, above 0 and up to 0.5, for example anytime:0.05")
 
     def check(self, declared: Declared) -> str | None:
         super().check(declared)
@@ -153,7 +157,6 @@ class Anytime(GateRule):
 
 
 def _endings(own: str, sequences: Mapping[str, TotalSequence], seen: Ending, pairs: int) -> Iterator[Ending]:
-    """Return the extreme endings that no sequence rules out."""
     ends = {name: (sequence.least, sequence.most) for name, sequence in sequences.items()}
     changes = [(0, 0)]
     if own == "change":

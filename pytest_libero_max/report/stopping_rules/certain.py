@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from pytest_libero_max.errors import OptionError
-from pytest_libero_max.report.gate_bounds import BOUNDED, Ending, all_endings
-from pytest_libero_max.report.gate_rule import GateRule, Watch
+from pytest_libero_max.report.gate_bounds import BOUNDED, Ending, GateRule, Watch, all_endings
 from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.stopping_rule import Declared
 

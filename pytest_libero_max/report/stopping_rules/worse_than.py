@@ -63,14 +63,7 @@ class WorseThan(StoppingRule):
         self._require_comparable(None)
 
     def _require_comparable(self, record: PairRecord | None) -> None:
-        """Refuse another run that differs in more than its policy.
-
-        Args:
-            record: The first of this run; None as long as there is none.
-
-        Raises:
-            OptionError: It differs; names the settings.
-        """
+        """Refuse another run that differs in more than its policy."""
         assert self._run is not None
         other = RunOutcomes.of(read_pairs(Path(self._folder)))
         there, here = Side(other.run), Side(self._run)

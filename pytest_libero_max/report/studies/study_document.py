@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pytest_libero_max.stats.blocks import (
+    BestSetting,
     Block,
     Count,
     Difference,
@@ -15,7 +16,6 @@ from pytest_libero_max.stats.blocks import (
     Share,
     Text,
 )
-from pytest_libero_max.stats.setting_blocks import BestSetting
 
 
 class Setting(Result, frozen=True, kw_only=True):

@@ -22,19 +22,13 @@ class Series:
     """A line of a plot."""
 
     name: str
-    """Name in the legend."""
     color: str
-    """Of the line and its points."""
     points: Sequence[tuple[float, Estimate]]
     """Place on the x axis (0 to 1), and a rate with its interval."""
 
 
 def study_plots(study: Study | None) -> dict[str, Drawable | str]:
-    """Return plots and SVG documents of a study by the stem of their file name; none without cases.
-
-    Args:
-        study: ``report.study``; None for a run of no study.
-    """
+    """Return plots and SVG documents of a study by the stem of their file name; none without cases."""
     if study is None or study.cases == 0:
         return {}
     plots: dict[str, Drawable | str] = {}

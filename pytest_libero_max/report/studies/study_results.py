@@ -31,11 +31,6 @@ _USUAL = frozenset((BASE, DYNAMIC, SHAM, SHAM_DYNAMIC, BASE_AGAIN))
 def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json) -> Study | None:
     """Return the results of a study, or of the further arms of programs; None where there are none.
 
-    Args:
-        records: Measured cases, in the order of the report.
-        tasks: The reference task of each.
-        protocol: Of the header of the run.
-
     Raises:
         ReportError: A record lacks an arm of the study, or the study is not known.
     """
@@ -68,7 +63,6 @@ def study_of(records: Sequence[PairRecord], tasks: Sequence[str], protocol: Json
 
 
 def _arms(records: Sequence[PairRecord], further: set[str]) -> dict[str, Any]:
-    """Return success by arm and event, and contrasts of the arms that are no setting's."""
     events = sorted({record.event for record in records}, key=[*EVENTS].index)
     by_event = {event: [record for record in records if record.event == event] for event in events}
     arms = {name: rate for name, rate in success_by_arm(records).items() if name in _USUAL | further}
@@ -118,7 +112,6 @@ def success_by_arm(records: Sequence[PairRecord]) -> dict[str, Rate]:
 
 
 def _names(records: Sequence[PairRecord]) -> list[str]:
-    """Return the arms of all cases, in their order."""
     names = dict.fromkeys(name for record in records for name in record.arms)
     return [name for name in names if name != BASE_AGAIN]
 

@@ -15,12 +15,11 @@ from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.record_rules import CONTROL_HZ
 from pytest_libero_max.report.studies.study_document import Setting
 from pytest_libero_max.runs.outcomes import columns_of
-from pytest_libero_max.stats.best import best_of
-from pytest_libero_max.stats.measured import number, table_change_of
-from pytest_libero_max.stats.outcome_table import BoolArray, tabulate
+from pytest_libero_max.stats.blocks import BestSetting
+from pytest_libero_max.stats.comparison import best_of
+from pytest_libero_max.stats.measured import BoolArray, number, table_change_of, tabulate
 from pytest_libero_max.stats.paired import measure
 from pytest_libero_max.stats.ratios import Ratio
-from pytest_libero_max.stats.setting_blocks import BestSetting
 
 _EVENT = [{"trigger": "event", "change": "event"}]
 """Schedule of Dynamic, where a program does not spell it."""
@@ -33,22 +32,16 @@ class PlayedSetting(NamedTuple):
     """Name of the policy that goes on from the event; empty for that of Base."""
     latency: Latency
     query_interval: int
-    """Q."""
     horizon: int
-    """H."""
     base: str = BASE
-    """Name of its Base arm."""
     dynamic: str = DYNAMIC
-    """Name of its Dynamic arm."""
 
     @property
     def way(self) -> tuple[Any, ...]:
-        """What makes the setting."""
         return self[:4]
 
     @property
     def place(self) -> tuple[Any, ...]:
-        """Place among the settings."""
         return (self.policy, self.latency.steps, self.latency.runner, str(self.latency), *self[2:4])
 
 
@@ -58,7 +51,6 @@ def settings_of(arms: Sequence[Json], records: Sequence[PairRecord]) -> list[Pla
     One that is the policy's own is the pair of Base and Dynamic.
 
     Args:
-        arms: The arms of a program or a study, as data.
         records: Measured cases, at least one, for what is the policy's own.
     """
     spelled = {arm["name"]: [*map(_as_short, arm.get("schedule", []))] for arm in arms}
@@ -89,8 +81,6 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
 
     Args:
         arms: The arms of a program or a study, as data; what they lack is read from the records.
-        records: Measured cases.
-        names: Arms that some case has.
     """
     spelled = {arm["name"]: arm for arm in arms}
     ways = {}
@@ -111,7 +101,6 @@ def own_ways(arms: Sequence[Json], records: Sequence[PairRecord], names: Iterabl
 
 
 def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
-    """Return policy, latency, Q and H of an arm."""
     name, played = arm.get("policy", ""), (record.arms.get(arm["name"]) for record in records)
     spec = next((one.policy for one in played if one is not None and one.policy), records[0].policy)
     cadence, text = arm.get("cadence", {}), arm.get("latency", records[0].arm(BASE).latency)
@@ -126,11 +115,7 @@ def _way(arm: Json, records: Sequence[PairRecord]) -> tuple[Any, ...]:
 def measured_settings(
     settings: Sequence[PlayedSetting], records: Sequence[PairRecord], tasks: Sequence[str]
 ) -> list[Setting]:
-    """Compute everything that is reported of settings.
-
-    Raises:
-        ReportError: A record lacks an arm.
-    """
+    """Compute everything that is reported of settings."""
     labels = _labels(settings, records)
     return [_measured(*one, records, tasks) for one in zip(settings, labels, strict=True)]
 
@@ -148,7 +133,6 @@ def best_settings(settings: Sequence[PlayedSetting], records: Sequence[PairRecor
 
 
 def _labels(settings: Sequence[PlayedSetting], records: Sequence[PairRecord]) -> list[str]:
-    """Return what tells each setting from the others, in words."""
     varies = [len({setting[place] for setting in settings}) > 1 for place in range(4)]
     of_base = str(records[0].policy["name"]) if records else ""
     hz = records[0].control_hz if records else CONTROL_HZ

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 from typing import Any, ClassVar
-
-import msgspec
 
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import (
@@ -26,16 +22,11 @@ from pytest_libero_max.report.quantities import Cell, Quantity
 from pytest_libero_max.report.render.terminal import aligned
 from pytest_libero_max.report.studies.study_document import Executed, Setting, Study
 from pytest_libero_max.report.studies.study_section import section_of
-from pytest_libero_max.stats.blocks import MeanDifference, StaleActions
-from pytest_libero_max.stats.setting_blocks import BestSetting, SettingDifference
+from pytest_libero_max.stats.blocks import BestSetting, MeanDifference, SettingDifference, StaleActions
 
 
 def study_tables(study: Study) -> list[Table]:
-    """Return the tables of a study, in the order in which they are read.
-
-    Args:
-        study: ``report.study``.
-    """
+    """Return the tables of a study, in the order in which they are read."""
     if study.cases == 0:
         return []
     section = section_of(study)
@@ -87,28 +78,6 @@ def study_lines(study: Study) -> list[str]:
     for note in study_notes(study):
         lines += ["", *wrap(note, 100)]
     return lines
-
-
-def study_csv(study: Study) -> str:
-    """Return all numbers of a study as CSV, one a row: its place in ``report.study``, and its value.
-
-    Shares are fractions; a value that does not exist is empty.
-    """
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(("place", "value"))
-    writer.writerows(_leaves("", msgspec.to_builtins(study)))
-    return buffer.getvalue()
-
-
-def _leaves(place: str, value: Any) -> list[tuple[str, Any]]:
-    if isinstance(value, dict):
-        items = value.items()
-    elif isinstance(value, list):
-        items = {str(index): item for index, item in enumerate(value)}.items()
-    else:
-        return [(place, "" if value is None else value)]
-    return [leaf for key, item in items for leaf in _leaves(f"{place}.{key}" if place else str(key), item)]
 
 
 def _arms(study: Study) -> Iterator[Table]:
@@ -260,13 +229,9 @@ def _best(what: str, best: BestSetting) -> Table:
 
 
 def _turned(difference: SettingDifference) -> SettingDifference:
-    """Return the difference the other way round."""
-
     def negative(value: float | None) -> float | None:
         return None if value is None else 0.0 - value
 
     return SettingDifference(
-        value=negative(difference.value),
-        lower=negative(difference.upper),
-        upper=negative(difference.lower),
+        value=negative(difference.value), lower=negative(difference.upper), upper=negative(difference.lower)
     )

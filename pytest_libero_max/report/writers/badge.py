@@ -18,9 +18,6 @@ def badge_json(report: Report) -> str:
     """Return the badge of a run: Base and Dynamic success, and the cases measured.
 
     A run that is incomplete has none, and its badge says so.
-
-    Args:
-        report: As in ``report.json``.
     """
     selection, case_set = report.selection, report.provenance["case_set"]["name"]
     cases = case_set.removeprefix("track ").removeprefix("manifest ")

@@ -62,7 +62,9 @@ def headline_properties(report: Report) -> list[tuple[str, str]]:
 
     A run that is incomplete has counts, and no rates.
     """
-    from pytest_libero_max.report.numbers import main_numbers  # with NumPy, which pytest's start does without
+    from pytest_libero_max.report.run_tables import (
+        main_numbers,  # with NumPy, which pytest's start does without
+    )
     from pytest_libero_max.report.run_texts import clipping_text, note_texts
 
     numbers: dict[str, float | str | None] = {"status": report.headline.status, **main_numbers(report)}

@@ -26,7 +26,6 @@ class Expectation:
     name: str
     """``overall`` or an event."""
     base: float
-    """Base success rate."""
     gain: float
     """Share of all pairs that fail in Base and succeed in Dynamic by chance, without an effect. As many are
     expected to be lost by chance."""
@@ -48,9 +47,6 @@ def expectations_of(report: Report) -> tuple[Expectation, ...]:
     """Return what an earlier run lets one expect, overall and for each event that it played.
 
     The share of pairs that chance changes, either way, is that of :func:`chance_of`, for every event.
-
-    Raises:
-        OptionError: A number cannot be.
     """
     most, _ = chance_of(report)
     blocks = {"overall": report.overall, **report.by["event"]}
@@ -86,7 +82,6 @@ def power_lines(expectations: tuple[Expectation, ...], change: float | None = No
     """Return the smallest loss and gain that every track resolves, and the pairs that a change needs.
 
     Args:
-        expectations: For the whole run or single events.
         change: A paired change, for example -0.05 (a loss) or 0.05 (a gain), for which the pairs needed are
             added.
     """

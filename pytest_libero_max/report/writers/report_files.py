@@ -14,17 +14,17 @@ from pytest_libero_max.benchmark.structs import decode_json, shown
 from pytest_libero_max.errors import ReportError
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.comparison.comparison_document import Comparison
-from pytest_libero_max.report.dimensions import DIMENSIONS
-from pytest_libero_max.report.gate_rows import gate_rows
+from pytest_libero_max.report.gate_text import gate_rows
 from pytest_libero_max.report.gates import GateResult
+from pytest_libero_max.report.groups import DIMENSIONS
 from pytest_libero_max.report.page.case_table import run_cases
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.render.drawing import drawn, survival_curves
 from pytest_libero_max.report.report_document import REPORT_VERSION, Report
+from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.run_plots import RUN_PLOTS
 from pytest_libero_max.report.studies.study_figures import study_figures
 from pytest_libero_max.report.writers import raster
-from pytest_libero_max.report.writers.markdown import markdown
 from pytest_libero_max.runs.lock import require_ended
 from pytest_libero_max.runs.media import VIEWS, films_in, pictures_in
 from pytest_libero_max.runs.replay_command import replay_command
@@ -37,11 +37,7 @@ HTML_NAME = "report.html"
 
 
 def report_of(stored: StoredRun) -> Report:
-    """Return the report of a run as read from disk.
-
-    Raises:
-        ReportError: The run contradicts itself.
-    """
+    """Return the report of a run as read from disk."""
     return build_report(
         stored.records, stored.errors, stored.run.planned, stored.run.provenance, stored.stopped
     )
@@ -57,12 +53,7 @@ def write_reports(
     """Compute the report of the run in ``folder`` and write it beside its pairs.
 
     Args:
-        folder: The folder of the run.
-        amend: Returns the report with sections of the user's own.
         on_problem: Called for each file that cannot be made or written. None: the first one is an error.
-        gates: Verdicts to show, for example of
-            :func:`~pytest_libero_max.report.gate_results.decide_on`.
-        earlier: The comparison of an earlier run with this one, for the page; None for none.
 
     Returns:
         The report, and the files to look at: the pairs, ``report.json``, ``report.md`` and ``report.html``.
@@ -113,11 +104,7 @@ def run_page(
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:
-    """Write the figures of a report into an existing folder: as SVG, and as PNG where the extra is installed.
-
-    Raises:
-        ReportError: They cannot be written.
-    """
+    """Write the figures of a report into an existing folder, see :func:`write_drawings`."""
     return write_drawings(all_figures(report), folder)
 
 
@@ -134,11 +121,7 @@ def all_figures(report: Report) -> dict[str, str]:
 
 
 def write_drawings(documents: Mapping[str, str], folder: Path) -> list[Path]:
-    """Write SVG documents by the stem of their file name, as PNG as well where the extra is installed.
-
-    Raises:
-        ReportError: They cannot be written.
-    """
+    """Write SVG documents by the stem of their file name, as PNG as well where the extra is installed."""
     files = {f"{stem}.svg": svg.encode() for stem, svg in documents.items()}
     if raster.available():
         files |= {f"{stem}.png": raster.png_of(svg) for stem, svg in documents.items()}
@@ -187,11 +170,7 @@ def read_report(path: Path) -> Report:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it, where it is missing.
-
-    Raises:
-        ReportError: It cannot be made.
-    """
+    """Make a folder, and those above it, where it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -199,11 +178,7 @@ def make_folder(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old content or the new, never half of it.
-
-    Raises:
-        ReportError: It cannot be written.
-    """
+    """Write a file so that a reader sees the old content or the new, never half of it."""
     write_bytes(path, text.encode(errors="backslashreplace"))  # a name may hold what UTF-8 does not know
 
 

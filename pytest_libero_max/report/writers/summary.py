@@ -10,7 +10,7 @@ from typing import Any
 from pytest_libero_max.report.broken import broken_line, broken_lines
 from pytest_libero_max.report.connection import connection_texts
 from pytest_libero_max.report.formats import change_text, counted, percent
-from pytest_libero_max.report.group_tables import group_table
+from pytest_libero_max.report.groups import group_table
 from pytest_libero_max.report.measurable import NOT_MEASURABLE, is_measurable, warning_of
 from pytest_libero_max.report.measures import measure_text
 from pytest_libero_max.report.quantities import QUANTITIES, Quantity
@@ -34,18 +34,9 @@ _WORDS = "What the words mean: libero-max list words"
 
 
 def summary_lines(
-    report: Report,
-    paths: Sequence[str] = (),
-    films: Mapping[str, str] | None = None,
-    show: str | None = None,
+    report: Report, paths: Sequence[str] = (), films: Mapping[str, str] | None = None, show: str | None = None
 ) -> list[str]:
     """Render a report for the terminal.
-
-    Args:
-        report: Result of :func:`~pytest_libero_max.report.build.build_report`.
-        paths: Files written, named at the end.
-        films: Path of the film of each pair that has one, by item id.
-        show: Result of :func:`~pytest_libero_max.runs.media.show_command`.
 
     Returns:
         Lines without line ends, at most 100 columns apart from names and paths longer than that.

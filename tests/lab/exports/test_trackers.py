@@ -14,7 +14,7 @@ from PIL import Image
 from pytest_libero_max.cli import main
 from pytest_libero_max.lab.exports.tracked import COLUMNS, MOST_FILMS, gif_of, markdown_table, tracked
 from pytest_libero_max.lab.exports.tracked import tracked_numbers as numbers_of
-from pytest_libero_max.report.exports import ExportedRun, export
+from pytest_libero_max.report.exports import EXPORTS, ExportedRun
 from pytest_libero_max.report.writers.report_files import report_of
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.store import PairStore, read_pairs
@@ -139,7 +139,7 @@ def test_tensorboard_reads_numbers_table_and_films(run: ExportedRun) -> None:
     )
     place = run.folder.parent / "logs"
     later = ExportedRun(run.folder, run.stored, step=600)
-    (first,), (second,) = export("tensorboard", run, place), export("tensorboard", later, place)
+    (first,), (second,) = EXPORTS["tensorboard"](run, place), EXPORTS["tensorboard"](later, place)
     assert first != second
     log = reading.EventAccumulator(str(place)).Reload()
     assert [event.step for event in log.Scalars("libero_max/base_success")] == [300, 600]
@@ -155,7 +155,7 @@ def test_weights_and_biases_keeps_a_run_offline(run: ExportedRun, monkeypatch: p
     pytest.importorskip("wandb", reason="wandb")
     monkeypatch.delenv("WANDB_MODE", raising=False)
     place = run.folder.parent / "wandb"
-    (folder,) = export("wandb", run, place)
+    (folder,) = EXPORTS["wandb"](run, place)
     assert folder.is_relative_to(place)
     assert folder.name.startswith("offline-run-")
     content = next(folder.glob("*.wandb")).read_bytes()
@@ -168,7 +168,7 @@ def test_weights_and_biases_keeps_a_run_offline(run: ExportedRun, monkeypatch: p
 def test_mlflow_shows_metrics_table_and_films(run: ExportedRun) -> None:
     mlflow = pytest.importorskip("mlflow", reason="mlflow")
     place = run.folder.parent / "store"
-    (database,) = export("mlflow", run, place)
+    (database,) = EXPORTS["mlflow"](run, place)
     client: Any = mlflow.MlflowClient(f"sqlite:///{database}")
     experiment = client.get_experiment_by_name("libero-max")
     (kept,) = client.search_runs([experiment.experiment_id])
@@ -192,13 +192,13 @@ def test_an_open_run_of_the_training_gets_the_evaluation(
         opened = tracker.init(
             mode="offline", dir=str(run.folder.parent), settings=tracker.Settings(silent=True)
         )
-        assert export(name, run, place) == []
+        assert EXPORTS[name](run, place) == []
         assert opened.summary["libero_max/base_success"] == 1
         opened.finish()
     else:
         tracker.set_tracking_uri(f"sqlite:///{run.folder.parent / 'mlflow.db'}")
         with tracker.start_run() as opened:
-            assert export(name, run, place) == []
+            assert EXPORTS[name](run, place) == []
         kept = tracker.MlflowClient().get_run(opened.info.run_id)
         assert kept.data.metrics["libero_max/base_success"] == 1
     assert not place.exists()

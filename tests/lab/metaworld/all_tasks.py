@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.lab.metaworld.robot import MT50
 from pytest_libero_max.lab.metaworld.scene import build
-from pytest_libero_max.lab.metaworld.suite import MT50
 from pytest_libero_max.lab.metaworld.tasks import Task, task
 from pytest_libero_max.lab.metaworld.world import MetaworldWorld
 from pytest_libero_max.worlds.contract import Array

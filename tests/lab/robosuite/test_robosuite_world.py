@@ -70,9 +70,7 @@ def test_an_initial_state_depends_on_its_index_alone(world: TaskWorld) -> None:
             world.reset(init)
 
 
-def test_spares_wait_out_of_the_scene_and_stand_where_they_are_brought(
-    substrate: RobosuiteSubstrate,
-) -> None:
+def test_spares_wait_out_of_the_scene_and_stand_where_they_are_brought(substrate: RobosuiteSubstrate) -> None:
     world = substrate.task_world("robosuite_panda", 0)
     world.reset(0)
     assert set(SPARES) <= set(world.parked)

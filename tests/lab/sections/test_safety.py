@@ -8,8 +8,8 @@ from pytest_libero_max.lab.sections.safety import LIMITS, TITLE, Safety
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.measures import measures_of
-from pytest_libero_max.report.report_section import PlayedPairs
-from pytest_libero_max.report.writers.markdown import markdown
+from pytest_libero_max.report.run_document import markdown
+from pytest_libero_max.report.sections import PlayedPairs
 from tests.report.made_up import PROVENANCE, plan, record_of
 
 CALM = dict.fromkeys(LIMITS, 0.0)

@@ -20,7 +20,6 @@ from pytest_libero_max.lab.studies.continuation import Continue, Controller
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.pairing.runner import Pair, PairSettings, measure_pair
 from pytest_libero_max.policies.adapter_digest import require_separate_helpers
-from pytest_libero_max.policies.contract import Handover
 from pytest_libero_max.policies.loading import forget_adapter, load_policy
 from pytest_libero_max.runs import plan
 from pytest_libero_max.runs.agreement import Agreement
@@ -254,12 +253,6 @@ def test_two_helpers_of_one_name_are_refused(tmp_path: Path) -> None:
     with pytest.raises(AdapterError, match="helper 'helper' is in"):
         require_separate_helpers([first, second])
     require_separate_helpers([first, first])
-
-
-def test_a_handover_is_a_public_name() -> None:
-    import pytest_libero_max
-
-    assert pytest_libero_max.Handover is Handover
 
 
 def test_files_continue_in_a_session_and_are_played_again(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from pytest_libero_max.cli import main
+from pytest_libero_max.errors import OptionError
+from pytest_libero_max.evaluation.resolving import resolve
 from pytest_libero_max.evaluation.settings import OPTIONS
 from pytest_libero_max.studies.registry import STUDIES
 from tests.plugin.conftest import REACHER, results, run, short_sessions, tiny_manifest
@@ -53,16 +57,6 @@ def test_events_that_cannot_be_scaled_are_named_with_a_cure(run: Run) -> None:
     run("-m", rest, "--libero-max-strength=0.5").assert_outcomes(passed=12, deselected=4)
 
 
-def test_a_plain_run_says_nothing_of_strengths_and_studies(
-    run: Run, results: Results, pytester: pytest.Pytester
-) -> None:
-    run("--libero-max-limit=1")
-    records, report = results()
-    assert header(pytester) == {"prefix": "fork", "noise_floor": None}
-    assert "strength" not in records[0]["fingerprints"]
-    assert report["study"] is None
-
-
 def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
     run: Run, results: Results, pytester: pytest.Pytester, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,27 +86,15 @@ def test_camera_timing_is_played_sharded_resumed_merged_and_reported(
     for name in ("report.md", "report.html"):
         assert "Mid-task - Reset" in (folder / name).read_text()
     assert main(["report", str(folder), "--tables", "--figures"]) == 0
-    assert (folder / "study.csv").read_text().startswith("place,value\nname,camera-timing\n")
     assert "<title>Camera timing" in (folder / "study-contrasts.svg").read_text()
     capsys.readouterr()
 
 
-def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
-    run: Run, results: Results, pytester: pytest.Pytester
-) -> None:
-    pytest.importorskip("pytest_libero_max.lab.studies.repeats")
+def test_repeats_stay_one_pair_a_case(run: Run, results: Results, pytester: pytest.Pytester) -> None:
     pytester.path.joinpath("tiny.json").write_text(json.dumps(tiny_manifest(events=("camera_shift",))))
     shaking = "+ np.random.default_rng(query.seed).normal(0, 0.001, 3)"
     pytester.makepyfile(adapter=REACHER.replace("/ 0.05, -1, 1)", f"/ 0.05, -1, 1) {shaking}"))
-    study = ("--libero-max-study=repeats:4",)
-    for shard in ("1/2", "2/2"):
-        run(*study, f"--libero-max-shard={shard}", f"--libero-max-output=part{shard[0]}")
-    assert main(["shards", "merge", "part1", "part2", "--output", "joined"]) == 0
-    run(*study)
-    stored = pytester.path / "libero-max-results" / "pairs.jsonl"
-    stored.write_text("".join(stored.read_text().splitlines(keepends=True)[:2]))
-    done = run(*study, "--libero-max-resume", "-n", "2", subprocess=True)
-    done.assert_outcomes(passed=1)
+    run("--libero-max-study=repeats:4").assert_outcomes(passed=2)
     records, report = results()
     names = [f"{arm}{play}" for play in ("", "_2", "_3", "_4") for arm in ("base", "dynamic")]
     assert [list(record["arms"]) for record in records] == [names] * 2
@@ -122,20 +104,6 @@ def test_repeats_are_sharded_merged_and_resumed_and_stay_one_pair_a_case(
     differing = table["Rollouts that differ from the first play"]
     assert (differing["count"], differing["of"]) == (12, 12)
     assert (report["pairs"]["planned"], report["overall"]["outcomes"]["persistent_failure"]) == (2, 2)
-    joined = results("joined")[1]
-    for part in ("study", "overall", "sections"):
-        assert joined[part] == report[part]
-
-
-def test_the_cadence_study_plays_its_settings(run: Run, results: Results, pytester: pytest.Pytester) -> None:
-    done = run("--libero-max-limit=2", "--libero-max-study=cadence:8,2,4")
-    done.assert_outcomes(passed=2)
-    done.stdout.fnmatch_lines(["Study: Query cadence", "H=8 Q=2 *", "H=8 Q=4 (own) *", "H=8 Q=8 *"])
-    records, report = results()
-    names = ["base", "dynamic", "base_q8", "dynamic_q8", "base_q2", "dynamic_q2"]
-    assert [list(record["arms"]) for record in records] == [names] * 2
-    assert [setting["query_interval"] for setting in report["study"]["settings"]] == [2, 4, 8]
-    assert header(pytester)["study"] == {"name": "cadence", "settings": "8,2,4"}
 
 
 def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agree_on_it(
@@ -150,10 +118,9 @@ def test_a_latency_is_in_the_header_the_records_and_the_report_and_runs_must_agr
     run("--libero-max-limit=2", "--libero-max-latency=4steps", "--libero-max-resume").assert_outcomes(
         deselected=2
     )
-    for other in ("--libero-max-latency=4steps,sync", "--libero-max-prefix=fork"):
-        again = run("--libero-max-limit=2", "--libero-max-resume", other)
-        assert again.ret == pytest.ExitCode.USAGE_ERROR
-        again.stdout.fnmatch_lines(["*protocol.latency: '4steps', *"])
+    again = run("--libero-max-limit=2", "--libero-max-resume", "--libero-max-latency=4steps,sync")
+    assert again.ret == pytest.ExitCode.USAGE_ERROR
+    again.stdout.fnmatch_lines(["*protocol.latency: '4steps', *"])
     run("--libero-max-limit=2", "--libero-max-output=plain")
     assert main(["shards", "merge", "libero-max-results", "plain", "--output", "joined"]) != 0
     assert "protocol.latency: None, '4steps'" in capsys.readouterr().err
@@ -215,50 +182,55 @@ def test_the_latency_study_plays_its_delays(run: Run, results: Results, pytester
     ]
     assert settings[0]["held"] == 0.0 < settings[1]["held"] < settings[2]["held"]
     assert header(pytester)["study"] == {"name": "latency", "settings": "8,2,2sync"}
-    run("--libero-max-limit=2", "--libero-max-output=plain")
-    for record, plain in zip(records, results("plain")[0], strict=True):
-        assert {name: record["arms"][name] for name in ("base", "dynamic")} == plain["arms"]
-
-
-def test_a_q_above_the_policys_h_stops_the_run_at_once(run: Run) -> None:
-    done = run("--libero-max-study=cadence:2,16")
-    done.assert_outcomes(errors=1)
-    done.stdout.fnmatch_lines(["*query_interval=16 > horizon=8 (its own) of policy 'reacher'*"])
+    run("--libero-max-limit=2")
+    assert header(pytester) == {"prefix": "fork", "noise_floor": None}
+    plain, report = results()
+    assert "strength" not in plain[0]["fingerprints"]
+    assert report["study"] is None
+    for record, other in zip(records, plain, strict=True):
+        assert {name: record["arms"][name] for name in ("base", "dynamic")} == other["arms"]
 
 
 @pytest.mark.parametrize(
-    ("flags", "message"),
+    ("values", "message"),
     [
-        (("--libero-max-strength=1.5",), "*--libero-max-strength='1.5': expected a number from 0 to 1*"),
-        (("--libero-max-strength=nan",), "*expected a number from 0 to 1*"),
-        (("--libero-max-study=camera",), "*unknown value. Did you mean*camera-timing*"),
-        (("--libero-max-study=cadence",), "*--libero-max-study=cadence:2,4,8*"),
-        (("--libero-max-study=camera-timing:2",), "*the study camera-timing has none*"),
-        (("--libero-max-study=cadence:4/8",), "*query_interval=8 and horizon=4*"),
-        (("--libero-max-study=latency",), "*--libero-max-study=latency:1,2,4,8*"),
-        (("--libero-max-cadence=2",), "*It is spelled --libero-max-study=cadence:SETTINGS.*"),
-        (("-o", "libero_max_delays=2"), "*It is spelled --libero-max-study=latency:SETTINGS.*"),
-        (("--libero-max-study=latency:0,2",), "*expected steps from 1 to 999*"),
-        (("--libero-max-study=latency:2,2",), "*at least one, each once*"),
-        (
-            ("--libero-max-study=latency:2", "--libero-max-latency=1steps"),
-            "*plays delays of its own*",
-        ),
-        (
-            ("--libero-max-latency=200",),
-            "*--libero-max-latency='200': expected a whole number with its unit*",
-        ),
-        (("--libero-max-latency=4steps", "--libero-max-wrap=adaptive:image"), "*chooses when to ask*"),
-        (
-            ("--libero-max-study=camera-strength", "--libero-max-strength=0.5"),
-            "*plays the event at strengths of its own*",
-        ),
+        ({"strength": "1.5"}, "from 0 to 1"),
+        ({"strength": "nan"}, "from 0 to 1"),
+        ({"study": "camera"}, "camera-timing"),
+        ({"study": "cadence"}, "cadence:2,4,8"),
+        ({"study": "latency"}, "latency:1,2,4,8"),
+        ({"study": "latency:0,2"}, "from 1 to 999"),
+        ({"study": "latency:2,2"}, "each once"),
+        ({"study": "latency:2", "latency": "1steps"}, "delays of its own"),
+        ({"latency": "200"}, "'200': "),
+        ({"latency": "4steps", "wrap": "adaptive:image"}, "when to ask"),
+        ({"study": "cadence:2", "wrap": "adaptive:image"}, "when to ask"),
+        ({"study": "camera-strength", "strength": "0.5"}, "strengths of its own"),
     ],
 )
-def test_options_that_cannot_be_used_are_refused(run: Run, flags: tuple[str, ...], message: str) -> None:
-    done = run(*flags)
+def test_options_that_cannot_be_used_are_refused(values: dict[str, str], message: str) -> None:
+    with pytest.raises(OptionError, match=re.escape(message)):
+        resolve(settings_with(**values), Path.cwd())
+
+
+def settings_with(**texts: str) -> dict[str, Any]:
+    """The default of every option, but for those with these texts."""
+    values = {option.field: option.default for option in OPTIONS}
+    values |= {
+        option.field: option.read(texts[option.field], option.flag)
+        for option in OPTIONS
+        if option.field in texts
+    }
+    return values | {"policy": "noop"}
+
+
+@pytest.mark.parametrize(
+    ("flag", "study"), [("--libero-max-cadence=2", "cadence"), ("-olibero_max_delays=2", "latency")]
+)
+def test_an_old_spelling_is_answered_with_the_new_one(run: Run, flag: str, study: str) -> None:
+    done = run(flag)
     assert done.ret == pytest.ExitCode.USAGE_ERROR
-    done.stderr.fnmatch_lines([message])
+    done.stderr.fnmatch_lines([f"*--libero-max-study={study}:SETTINGS*"])
 
 
 def test_a_camera_study_refuses_cases_with_other_events(run: Run) -> None:
@@ -270,13 +242,9 @@ def test_a_camera_study_refuses_cases_with_other_events(run: Run) -> None:
 @pytest.mark.parametrize(
     ("study", "track"), [("camera-timing", "camera"), ("cadence:2", "lite"), ("latency:2", "lite")]
 )
-def test_a_study_has_a_track_of_its_own(pytester: pytest.Pytester, study: str, track: str) -> None:
-    pytester.makepyfile(adapter=REACHER)
-    flags = ["--libero-max-policy=adapter.py", f"--libero-max-study={study}", "--collect-only", "-q"]
-    own = pytester.runpytest_inprocess(*flags, "--libero-max-limit=2", "-v")
-    own.stdout.fnmatch_lines([f"*track {track} *"])
-    named = pytester.runpytest_inprocess(*flags, "--libero-max-track=smoke", "--libero-max-limit=2", "-v")
-    named.stdout.fnmatch_lines(["*track smoke *"])
+def test_a_study_has_a_track_of_its_own(study: str, track: str) -> None:
+    assert resolve(settings_with(study=study), Path.cwd()).track == track
+    assert resolve(settings_with(study=study, track="smoke"), Path.cwd()).track == "smoke"
 
 
 def test_the_option_names_every_study() -> None:

@@ -291,7 +291,7 @@ def test_a_q_above_h_is_refused_before_anything_is_played() -> None:
 
 @pytest.mark.parametrize("text", ["", "0", "2,,4", "2;4", "4/", "-2", "2/2/2", "2,2", "1e3", "99999"])
 def test_settings_of_another_form_are_refused(text: str) -> None:
-    with pytest.raises(OptionError, match=r"expected Q or H/Q|each once"):
+    with pytest.raises(OptionError, match=r"H/Q|each once"):
         CadenceSweep.of(text)
 
 
@@ -319,14 +319,14 @@ def test_a_study_is_read_from_the_header_of_its_run(name: str) -> None:
     assert (type(read), read.to_dict(), read.spelled) == (type(study), study.to_dict(), study.spelled)
     damage: list[Any] = [{"name": name, "more": 1}, {"name": "weather"}, [], {"name": name, "settings": 1}]
     for damaged in damage:
-        with pytest.raises(ReportError, match="is none that this version knows"):
+        with pytest.raises(ReportError, match="none that"):
             study_from_dict(damaged)
 
 
 def test_settings_belong_to_one_study() -> None:
     with pytest.raises(OptionError, match="needs its settings"):
         STUDIES["cadence"](None)
-    with pytest.raises(OptionError, match="the study camera-timing has none"):
+    with pytest.raises(OptionError, match="camera-timing"):
         STUDIES["camera-timing"]("2")
 
 

@@ -25,6 +25,6 @@ def test_restored_images_are_those_that_the_policy_was_shown(short: None, tmp_pa
         if tick.step in (0, 3, 6):
             assert (tick.step, _image(tick, "dynamic").tobytes()) in given
     shown = shown_by(ADAPTER)
-    assert caption(played.record, shown).endswith("is not known; after restore=always")
+    assert "after restore=always" in caption(played.record, shown)
     other = structs.replace(played.record, policy={**played.record.policy, "wrappers": ["blur=2"]})
-    assert caption(other, shown).endswith("; what blur=2 does to them is not known")
+    assert "what blur=2 does" in caption(other, shown)

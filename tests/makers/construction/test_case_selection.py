@@ -12,6 +12,7 @@ import pytest
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.configurations import Configuration, cell_of
+from pytest_libero_max.makers.construction import case_selection
 from pytest_libero_max.makers.construction.case_selection import cells_of, propose, select
 from pytest_libero_max.makers.construction.configurations import hosts
 
@@ -22,6 +23,10 @@ def fails(case: Case) -> bool:
     """About a third of the obstacles and target relocations, one in sixteen of the rest."""
     number = hashlib.sha256(case.case_id.encode()).digest()[0]
     return number < (85 if case.event.name in OFTEN else 16)
+
+
+PLUS, PRO = ("Background Textures", "Light Conditions"), ("semantic", "object")
+"""Of LIBERO-Plus the two categories with a scarce difficulty; verifying the frozen tracks looks at all."""
 
 
 @pytest.fixture(scope="module")
@@ -35,26 +40,21 @@ def selected(rounds: list[Sequence[Case]]) -> tuple[Case, ...]:
         rounds.append(cases)
         return [case.case_id for case in cases if fails(case)]
 
-    return select(examine)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(case_selection, "PLUS_CATEGORIES", PLUS)
+        patch.setattr(case_selection, "PRO_CATEGORIES", PRO)
+        return select(examine)
 
 
 def test_every_cell_has_its_quota(selected: tuple[Case, ...]) -> None:
     count = Counter((case.source, cell_of(case)) for case in selected)
-    assert Counter(count.values()) == {50: 112, 15: 160}
-    assert Counter(case.event.name for case in selected) == dict.fromkeys(
-        {case.event.name for case in selected}, 1000
-    )
-
-
-def test_difficulties_are_those_of_the_paper(selected: tuple[Case, ...]) -> None:
-    count = Counter(case.difficulty for case in selected if case.source == "plus")
-    assert [count[level] for level in range(1, 6)] == [1075, 1137, 1135, 1135, 1118]
+    assert Counter(count.values()) == {50: 32, 15: 32}
 
 
 def test_nothing_is_used_twice(selected: tuple[Case, ...]) -> None:
     plus = [(case.source_category, case.suite, case.task_index) for case in selected if case.source == "plus"]
-    assert len(set(plus)) == len(plus) == 5600
-    assert len({case.case_id for case in selected}) == 8000
+    assert len(set(plus)) == len(plus) == 1600
+    assert len({case.case_id for case in selected}) == 2080
 
 
 def test_what_passes_stays_and_what_fails_is_replaced_in_its_cell(
@@ -65,18 +65,10 @@ def test_what_passes_stays_and_what_fails_is_replaced_in_its_cell(
     passed = {case.case_id for case in asked if not fails(case)}
     used = {case.case_id for case in selected}
     assert used <= passed
-    assert len(passed - used) < 0.01 * len(used)  # made room for tasks of a scarce difficulty
+    assert len(passed - used) < 0.05 * len(used)  # made room for tasks of a scarce difficulty
     for earlier, later in pairwise(rounds):
         freed = Counter(cell_of(case) for case in earlier if fails(case) and case.source == "pro")
         assert Counter(cell_of(case) for case in later if case.source == "pro") == freed
-
-
-def test_only_scarce_difficulties_move_what_has_passed(
-    selected: tuple[Case, ...], rounds: list[Sequence[Case]]
-) -> None:
-    used = {case.case_id for case in selected}
-    moved = [c for cases in rounds for c in cases if not fails(c) and c.case_id not in used]
-    assert {case.source_category for case in moved} <= {"Background Textures", "Light Conditions"}
 
 
 def test_tasks_are_used_evenly(selected: tuple[Case, ...]) -> None:
@@ -85,7 +77,8 @@ def test_tasks_are_used_evenly(selected: tuple[Case, ...]) -> None:
     assert max(used.values()) == 1
 
 
-def test_a_cell_that_cannot_be_filled_is_named() -> None:
+def test_a_cell_that_cannot_be_filled_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(case_selection, "PLUS_CATEGORIES", ())
     cell = cells_of("semantic")[0]
     everything = {
         f"pro-semantic-{suite}-t{task:02d}-i{init:02d}-{cell.event}-d0-p195"
@@ -93,22 +86,20 @@ def test_a_cell_that_cannot_be_filled_is_named() -> None:
         for task in range(10)
         for init in range(10)
     }
-    message = (
-        r"The cell \(semantic, illumination_switch, variant 0\) needs 15 more configurations, but only 0"
-    )
-    with pytest.raises(ManifestError, match=message):
+    with pytest.raises(ManifestError, match=r"\(semantic, illumination_switch, variant 0\) needs 15 more"):
         propose({}, everything)
 
 
-def test_cells_that_want_the_same_tasks_are_named_together() -> None:
+def test_cells_that_want_the_same_tasks_are_named_together(monkeypatch: pytest.MonkeyPatch) -> None:
     category = "Background Textures"
+    monkeypatch.setattr(case_selection, "PLUS_CATEGORIES", (category,))
     cells = [cell for cell in cells_of(category) if cell.event == "distractor_burst"]
     hosting = [variation for variation, events in hosts("plus", category) if "distractor_burst" in events]
     failed = {Configuration(variation, 0).case_id(cell) for variation in hosting[90:] for cell in cells}
     with pytest.raises(ManifestError) as caught:
         propose({}, failed)
-    assert f"The cells ({cells[0]}; {cells[1]}) need 100 tasks between them" in str(caught.value)
-    assert "only 90 can host" in str(caught.value)
+    assert f"({cells[0]}; {cells[1]}) need 100 tasks" in str(caught.value)
+    assert "only 90 " in str(caught.value)
 
 
 def test_selection_cannot_see_outcomes() -> None:

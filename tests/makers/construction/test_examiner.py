@@ -1,5 +1,6 @@
 """Examinations in other processes, interrupted and resumed."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,24 +25,30 @@ from pytest_libero_max.substrates.registry import SUBSTRATES
 from tests.makers.construction.test_preflight import case_of, insertion, move
 
 NOOP = Path(noop.__file__)
+BATCH = SUBSTRATES["tiny"].batch
 
 
 @pytest.fixture(scope="module")
 def cases() -> list[Case]:
-    """More than two batches of a tiny world's cases, sensible and not."""
+    """More than a batch of a tiny world's cases, sensible and not."""
     made = [move(0.06, 0.0), insertion(0.14, 0.0), insertion(0.03, 0.0)]
     return [
         replace(
             made[n % 3], case_id=f"case-{n:02d}", record={**made[n % 3].record, "case_id": f"case-{n:02d}"}
         )
-        for n in range(2 * SUBSTRATES["embedded"].batch + 3)
+        for n in range(BATCH + 2)
     ]
 
 
 @pytest.fixture(scope="module")
-def examined(cases: list[Case], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Preflight]:
+def examiner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Examiner]:
     with Examiner(tmp_path_factory.mktemp("whole"), 1, substrate="tiny") as examiner:
-        return dict(examiner.examine(cases))
+        yield examiner
+
+
+@pytest.fixture(scope="module")
+def examined(cases: list[Case], examiner: Examiner) -> dict[str, Preflight]:
+    return dict(examiner.examine(cases))
 
 
 def test_sensible_cases_pass_and_others_do_not(examined: dict[str, Preflight], cases: list[Case]) -> None:
@@ -58,7 +65,7 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
     examined: dict[str, Preflight], cases: list[Case], tmp_path: Path
 ) -> None:
     def stop(progress: Progress) -> None:
-        if progress.done == SUBSTRATES["embedded"].batch:
+        if progress.done == BATCH:
             raise Stopped
 
     with Examiner(tmp_path, 1, stop, substrate="tiny") as examiner, pytest.raises(Stopped):
@@ -66,7 +73,7 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
     with examiner.path().open("a") as file:
         file.write('["torn')
     measured = len(Ledger(examiner.path(), Preflight).found)
-    assert SUBSTRATES["embedded"].batch <= measured < len(cases)
+    assert BATCH <= measured < len(cases)
     seen: list[Progress] = []
     with Examiner(tmp_path, 1, seen.append, substrate="tiny") as second:
         assert second.path() == examiner.path()
@@ -76,13 +83,12 @@ def test_an_interrupted_examination_goes_on_where_it_stopped(
     assert seen[-1].good == sum(found.passed for found in examined.values())
 
 
-def test_a_case_that_was_changed_is_examined_again(cases: list[Case], tmp_path: Path) -> None:
+def test_a_case_that_was_changed_is_examined_again(cases: list[Case], examiner: Examiner) -> None:
     other = insertion(0.03, 0.0)
     record = {**other.record, "case_id": cases[0].case_id}
     changed = replace(other, case_id=cases[0].case_id, record=record)
-    with Examiner(tmp_path, 1, substrate="tiny") as examiner:
-        assert examiner.examine(cases[:1])[cases[0].case_id].passed
-        assert not examiner.examine([changed])[cases[0].case_id].passed
+    assert examiner.examine(cases[:1])[cases[0].case_id].passed
+    assert not examiner.examine([changed])[cases[0].case_id].passed
 
 
 def test_examinations_depend_on_the_expert_and_its_files(tmp_path: Path) -> None:
@@ -131,19 +137,17 @@ def test_what_was_found_survives_writing_and_reading(cases: list[Case], tmp_path
     assert Ledger(certificates, Certificate).of(cases[0]) == certificate
 
 
-def test_certificates_are_kept_apart_from_what_decides(cases: list[Case], tmp_path: Path) -> None:
-    with Examiner(tmp_path, 1, substrate="tiny") as examiner:
-        before = dict(examiner.examine(cases[:2]))
-        found = examiner.certify(cases[:2], "noop")
-        assert {one.ending for one in found.values()} == {"not_triggered"}
-        assert examiner.examine(cases[:2]) == before
-        assert examiner.path().parent != examiner.path("noop").parent
+def test_certificates_are_kept_apart_from_what_decides(cases: list[Case], examiner: Examiner) -> None:
+    before = dict(examiner.examine(cases[:2]))
+    found = examiner.certify(cases[:2], "noop")
+    assert {one.ending for one in found.values()} == {"not_triggered"}
+    assert examiner.examine(cases[:2]) == before
+    assert examiner.path().parent != examiner.path("noop").parent
 
 
-def test_what_the_substrate_lacks_is_said_of_each_case(tmp_path: Path) -> None:
+def test_what_the_substrate_lacks_is_said_of_each_case(examiner: Examiner) -> None:
     case = case_of("target_relocation", MoveObject("teapot_1", (0.06, 0.0, 0.0)))
-    with Examiner(tmp_path, 1, substrate="tiny") as examiner:
-        (examination,) = examiner.examine([case]).values()
+    (examination,) = examiner.examine([case]).values()
     (problem,) = examination.problems
     assert problem.check == "substrate"
     assert "teapot_1" in problem.detail
@@ -194,5 +198,5 @@ def test_variations_of_one_task_are_neighbours() -> None:
 def test_a_damaged_line_of_what_was_found_is_named(tmp_path: Path, line: bytes) -> None:
     path = tmp_path / "found"
     path.write_bytes(b'["b", "1", {"ending": "solved", "trigger_step": 3, "steps": 90}]\n' + line + b"\n")
-    with pytest.raises(ManifestError, match=r"found, line 2 is damaged .* Remove the line"):
+    with pytest.raises(ManifestError, match="found, line 2 "):
         Ledger(path, Certificate)

@@ -42,8 +42,9 @@ def frozen() -> Frozen:
 
 def test_the_frozen_draw_is_right_and_new() -> None:
     lines = verify(FOLDER / NAME)
-    assert lines[0] == f"{NAME}: the seed is the one whose digest is in {COMMITMENT}"
-    assert lines[1].startswith("lite: 800 cases, chosen again from the seed")
+    assert lines[0].startswith(f"{NAME}: ")
+    assert COMMITMENT in lines[0]
+    assert lines[1].startswith("lite: 800 cases")
     old, new = load_track("lite"), load_track(f"{NAME}/lite")
     assert [cell_of(case) for case in new] == [cell_of(case) for case in old]
     known = {scene_of(case) for name in track_names() for case in load_track(name)}
@@ -93,7 +94,7 @@ def test_an_obstacle_that_was_rejected_in_a_scene_is_not_examined_there_again(fr
 
 
 def test_a_cell_without_a_scene_left_is_named(frozen: Frozen) -> None:
-    with pytest.raises(ManifestError, match=r"can have no partner: in its cell \(.*variant [01]\)"):
+    with pytest.raises(ManifestError, match=r"in its cell \(.*variant [01]\)"):
         select_fresh(lambda cases: [case.case_id for case in cases], frozen, DRAW)
 
 
@@ -107,20 +108,20 @@ def test_a_seed_is_bound_once(tmp_path: Path) -> None:
     assert len(draw.seed) == 64
     with pytest.raises(OptionError, match="has a seed already"):
         bind(folder, NAME, secret)
-    with pytest.raises(OptionError, match=r"draw='a/b', but a name has letters"):
+    with pytest.raises(OptionError, match=r"draw='a/b'"):
         bind(tmp_path / "other", "a/b", tmp_path / "other-secret")
 
 
 def test_another_seed_than_the_published_one_is_found(tmp_path: Path) -> None:
     folder = shutil.copytree(FOLDER, tmp_path / "tracks") / NAME
     (folder / SEED).write_text(f"{NAME} {'0' * 64}\n")
-    with pytest.raises(ManifestError, match="it is not the seed that was published"):
+    with pytest.raises(ManifestError, match="not the seed"):
         verify(folder)
     (folder / SEED).unlink()
-    with pytest.raises(ManifestError, match=r"A draw needs its seed"):
+    with pytest.raises(ManifestError, match=r"needs its seed"):
         verify(folder)
 
 
 def test_a_draw_before_one_that_was_made_is_refused() -> None:
-    with pytest.raises(OptionError, match="is a draw with a later name"):
+    with pytest.raises(OptionError, match="a later name"):
         frozen_beside(FOLDER / "2026Q1", "lite", "2026Q1")

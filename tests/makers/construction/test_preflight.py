@@ -74,8 +74,8 @@ def test_a_near_miss_is_found() -> None:
 
 def test_an_object_that_falls_off_the_table_is_found() -> None:
     reasons = found(move(0.6, 0.0))
-    assert "of it down, after the event" in reasons
-    assert "box_1 has lost its support main_table" in reasons
+    assert "of it down" in reasons
+    assert "its support main_table" in reasons
 
 
 def test_an_event_that_solves_the_task_is_found() -> None:
@@ -83,13 +83,15 @@ def test_an_event_that_solves_the_task_is_found() -> None:
     plate, box = WORLD.position("plate_1"), WORLD.position("box_1")
     way = plate - box + [0.0, 0.0, 0.04]
     change = MoveObject("box_1", tuple(way))
-    assert "the event solves the task" in found(case_of("target_relocation", change))
+    assert "event solves the" in found(case_of("target_relocation", change))
 
 
 def test_an_entity_out_of_reach_is_found() -> None:
     shift = ShiftCamera("agentview", (0.0, 0.0, 0.0), 1.0, 0.0)
     case = case_of("camera_shift", shift, trigger="cabinet_1", distance_m=0.001)
-    assert found(case) == "the hand does not come within 0.001 m of cabinet_1 on any of 8 ways"
+    (problem,) = preflight(WORLD, case).problems
+    assert problem.check == "trigger"
+    assert "0.001 m of cabinet_1" in problem.detail
 
 
 def test_what_also_happens_without_the_event_is_not_its_fault(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ import pytest
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.address import is_address
 from pytest_libero_max.policies.clients.opening import parse_address
-from pytest_libero_max.policies.clients.registry import PROTOCOLS
+from pytest_libero_max.policies.clients.protocol import PROTOCOLS
 
 
 @pytest.mark.parametrize(("scheme", "port"), [(name, kind.port) for name, kind in PROTOCOLS.items()])

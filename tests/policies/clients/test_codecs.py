@@ -231,16 +231,16 @@ def test_a_message_of_too_many_parts_is_refused_before_all_are_made(
     monkeypatch.setattr(codecs, "MOST_PARTS", 10)
     content = msgpack.packb([part] * 9)
     assert codecs.unpack(content, OPENPI) == [part] * 9
-    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+    with pytest.raises(ServerError, match="more than 10 lists"):
         codecs.unpack(msgpack.packb([part] * 11), OPENPI)
 
 
 def test_extensions_and_json_of_too_many_parts_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     for extension in (msgpack.ExtType(5, b""), msgpack.ExtType(5, b"a"), msgpack.Timestamp(0)):
-        with pytest.raises(ServerError, match=r"a msgpack extension of type 5|exceeds max_ext_len"):
+        with pytest.raises(ServerError, match=r"extension of type|max_ext_len"):
             codecs.unpack(msgpack.packb([extension]), OPENPI)
     monkeypatch.setattr(codecs, "MOST_PARTS", 10)
-    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+    with pytest.raises(ServerError, match="more than 10 lists"):
         codecs.from_json(b"[" + b",".join([b"[]"] * 10) + b"]")
 
 
@@ -252,16 +252,16 @@ def test_a_message_of_too_many_values_is_refused_before_all_are_made(
     few, many = ([[1] * 5] * 3, [[1] * 5] * 4) if several else ([1] * 20, [1] * 21)
     assert codecs.unpack(msgpack.packb(few), OPENPI) == few
     assert codecs.from_json(json.dumps(few).encode()) == few
-    with pytest.raises(ServerError, match=r"more than 20 values in lists|exceeds max_array_len"):
+    with pytest.raises(ServerError, match=r"more than 20|max_array_len"):
         codecs.unpack(msgpack.packb(many), OPENPI)
-    with pytest.raises(ServerError, match="more than 20 values in lists"):
+    with pytest.raises(ServerError, match="more than 20 values"):
         codecs.from_json(json.dumps([many, 1, 2]).encode())
 
 
 def test_a_map_of_too_many_entries_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(codecs, "MOST_PARTS", 10)
     maps = [{"a": 1, "b": 2, "c": 3}] * 3
-    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+    with pytest.raises(ServerError, match="more than 10 lists"):
         codecs.unpack(msgpack.packb(maps), OPENPI)
-    with pytest.raises(ServerError, match="more than 10 lists and maps"):
+    with pytest.raises(ServerError, match="more than 10 lists"):
         codecs.from_json(json.dumps(maps).encode())

@@ -66,9 +66,7 @@ def test_a_lost_connection_is_opened_again_with_growing_pauses(clock: Clock) -> 
 
 def test_a_server_that_stays_away_is_given_up_when_the_patience_ends(clock: Clock) -> None:
     asked = client(Script(*[Unreachable("gone")] * 99), clock, patience_s=10.0)
-    with pytest.raises(
-        ServerError, match=r"^server: gone\. It was tried \d+ times? in \d\.\d s and given up"
-    ):
+    with pytest.raises(ServerError, match=r"^server: gone\..* tried \d+ times? in \d\.\d s"):
         asked.ask("?", str)
     assert clock.now <= 10.0
     # Later queries ask once, until the server is back: then it is waited for again.
@@ -107,7 +105,7 @@ def test_three_useless_answers_are_enough(clock: Clock) -> None:
         return reply
 
     asked = client(link, clock)
-    with pytest.raises(ServerError, match=r"not finite.*tried 3 time"):
+    with pytest.raises(ServerError, match=r"not finite.*3 times"):
         asked.ask("?", read)
     assert link.answers == ["good"]
 
@@ -121,7 +119,8 @@ def test_the_connection_is_given_up_when_somebody_interrupts(clock: Clock) -> No
 
 def test_the_greeting_is_told_at_every_opening(clock: Clock) -> None:
     told: list[Any] = []
-    asked = Client("server", Script(Unreachable("gone"), "x"), 60.0, told.append, clock.sleep)
+    asked = Client("server", Script(Unreachable("gone"), "x"), 60.0, sleep=clock.sleep)
+    asked.on_open = told.append
     asked.connect()
     asked.ask("?", str)
     assert told == [{"greeting": 1}, {"greeting": 2}]

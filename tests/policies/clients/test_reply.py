@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from pytest_libero_max.errors import ServerError
-from pytest_libero_max.policies.clients.reply import Reply
+from pytest_libero_max.policies.clients.messages import Reply
 from pytest_libero_max.policies.profile import load_profile
 
 ARRAYS = npst.arrays(

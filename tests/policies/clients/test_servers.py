@@ -48,7 +48,7 @@ def test_a_file_maps_markers_to_servers(tmp_path: Path) -> None:
         != servers.groups[0].profile.digest
     )
     require_known_marks(servers, ("libero_goal", "libero_10"))
-    with pytest.raises(AdapterError, match="'libero_goal', which is no marker of a pair"):
+    with pytest.raises(AdapterError, match=r"'libero_goal'.* no marker"):
         require_known_marks(servers, ("libero_10",))
 
 
@@ -89,7 +89,7 @@ def test_a_profile_of_one_suite_is_refused_for_another(tmp_path: Path) -> None:
     assert load_profile(str(profile)).suites == ("libero_goal",)
     path = tmp_path / "servers.toml"
     path.write_text('[[servers]]\nfor = ["libero_10"]\naddress = "http://a:8777"\nprofile = "goal.toml"\n')
-    with pytest.raises(AdapterError, match="profile 'goal' is for libero_goal alone"):
+    with pytest.raises(AdapterError, match="'goal' is for libero_goal"):
         read_servers(str(path), None)
 
 

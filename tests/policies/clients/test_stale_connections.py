@@ -195,7 +195,7 @@ def test_a_server_of_zeromq_that_dies_while_it_computes_is_told_at_once() -> Non
     thread.start()
     policy = EACH["gr00t"].open(f"gr00t://127.0.0.1:{port}?timeout=60&patience=0.5")
     began = time.monotonic()
-    with pytest.raises(ServerError, match=r"connection was lost|nothing listens"):
+    with pytest.raises(ServerError, match=r"was lost|nothing listens"):
         ask(policy)
     thread.join(5)
     policy.client.close()

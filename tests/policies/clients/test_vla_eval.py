@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -59,7 +58,7 @@ def test_one_query_is_one_call_of_the_model_with_the_server_keeping_the_chunk_or
     assert (second[:, 0] == 2).all()
     assert np.allclose(first[:, 1:6], CHUNK[:count, 1:6])
     assert model.episodes[0]["task"] == {
-        "name": "put the Box on the plate",
+        "name": fakes.EPISODE.instruction,
         "suite": "libero_spatial",
         "task_id": 3,
     }
@@ -182,7 +181,7 @@ def test_an_error_of_the_model_is_told_as_it_is(monkeypatch: pytest.MonkeyPatch)
 )
 def test_arrays_and_lists_where_words_belong_are_an_error_of_the_server(greeting: Any) -> None:
     layout = {"observation": {"images": {}, "states": "$state"}}
-    with pytest.raises(ServerError, match=r"in the greeting|the greeting's"):
+    with pytest.raises(ServerError, match="the greeting"):
         returns_poses(greeting) or wanted(layout, greeting)
 
 
@@ -195,13 +194,13 @@ def test_a_profile_without_an_observation_is_refused() -> None:
 def test_an_array_in_the_envelope_is_an_error_of_the_server(name: str) -> None:
     linked = VlaEvalLink(parse_address("vla-eval://127.0.0.1:1"))
     message = {"type": "hello", "seq": 1, "payload": {}, name: np.arange(3)}
-    linked._socket = SimpleNamespace(receive=lambda awaited: pack(message, VLA_EVAL))  # type: ignore[assignment]
+    linked.receive = lambda awaited="": pack(message, VLA_EVAL)  # type: ignore[method-assign]
     with pytest.raises(ServerError, match="was expected"):
         linked._read("hello", 1)
 
 
 def test_an_axis_angle_that_is_too_large_is_an_error_of_the_client() -> None:
-    with pytest.raises(ServerError, match="whose length is no number"):
+    with pytest.raises(ServerError, match="is no number"):
         quaternion(np.array([1e300, 1e300, 0.0]))
 
 

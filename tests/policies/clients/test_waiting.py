@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -60,7 +61,7 @@ def test_a_wait_is_told_with_its_deadline_until_the_server_answers(noted: Path) 
     asking.start()
     _until(lambda: any("cannot be reached" in line for line in waiting.waiting_lines(noted)))
     (line,) = waiting.waiting_lines(noted)
-    assert line == "waiting for policy server x, 0 s (given up after 300 s): cannot be reached (refused)"
+    assert re.search(r"x, 0 s \(given up after 300 s\): .*refused", line)
     server.reachable.set()
     server.answers.set()
     asking.join(LIMIT_S)
@@ -75,7 +76,8 @@ def test_a_call_that_lasts_is_told_with_its_time_limit(noted: Path) -> None:
     asking = threading.Thread(target=lambda: client.ask("?", str), daemon=True)
     asking.start()
     _until(lambda: bool(waiting.waiting_lines(noted)))
-    assert waiting.waiting_lines(noted) == ["waiting for policy server x, 0 s (asked again after 120 s)"]
+    (line,) = waiting.waiting_lines(noted)
+    assert line.endswith("0 s (asked again after 120 s)")
     server.answers.set()
     asking.join(LIMIT_S)
 

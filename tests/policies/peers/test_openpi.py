@@ -35,7 +35,7 @@ def test_a_server_of_openpi_is_shown_what_its_policy_expects(
         policy = load_served(f"openpi://127.0.0.1:{port}", "pi05_libero")
         policy.reset(fakes.EPISODE)
         answers = [policy.predict(fakes.observation(), fakes.query(index)) for index in range(2)]
-        with pytest.raises(ServerError, match=r"reports an error: 'RuntimeError: out of memory'"):
+        with pytest.raises(ServerError, match="'RuntimeError: out of memory'"):
             policy.predict(fakes.observation(), Query(2, 10, "fail", 0))
         answers.append(policy.predict(fakes.observation(), fakes.query(3)))
         policy.client.close()

@@ -61,7 +61,7 @@ def test_its_server_of_x_vla_is_shown_what_x_vla_knows_and_its_poses_arrive(tmp_
     for call in calls:  # also the second: no memory of the first
         assert is_turned(call["scene"], 0, 256)
         assert is_turned(call["wrist"][::-1, ::-1], 1, 256)
-        assert str(call["language"]) == "put the Box on the plate"
+        assert str(call["language"]) == fakes.EPISODE.instruction
         assert call["domain_id"].tolist() == [3]
         assert np.allclose(call["proprio"][0, :9], [0.1, 0.2, 0.9, *matrix[:, 0], *matrix[:, 1]], atol=1e-6)
         assert not call["proprio"][0, 9:].any()

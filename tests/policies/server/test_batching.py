@@ -88,7 +88,7 @@ def test_questions_that_wait_at_the_end_are_refused() -> None:
     for thread in threads:
         thread.join(10)
     assert 1 in found
-    assert asked() == "the server is being stopped"
+    assert "being stopped" in str(asked())
 
 
 @pytest.mark.parametrize(

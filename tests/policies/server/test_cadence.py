@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pytest_libero_max.errors import AdapterError, ServerError
+from pytest_libero_max.policies.clients.messages import Request
 from pytest_libero_max.policies.clients.opening import load_served
-from pytest_libero_max.policies.clients.request import Request
 from pytest_libero_max.policies.profile import load_profile
 from pytest_libero_max.policies.server import openpi
 from pytest_libero_max.policies.server.batching import Batching

@@ -66,7 +66,8 @@ def world(monkeypatch: pytest.MonkeyPatch) -> Iterator[Solvable]:
 
 def test_mimic_video_is_shown_every_frame_of_both_arms_as_it_was_trained(world: Solvable) -> None:
     video = Video()
-    case = replace(make_case("target_relocation", distance_m=0.5), instruction="pick up the black bowl")
+    instruction = "pick up the black bowl"
+    case = replace(make_case("target_relocation", distance_m=0.5), instruction=instruction)
     with serving(Host(video, "x"), port=0) as (port, _):
         policy = load_served(f"openpi://127.0.0.1:{port}", "mimic_video")
         record = play_pair(case, world, policy)
@@ -80,7 +81,7 @@ def test_mimic_video_is_shown_every_frame_of_both_arms_as_it_was_trained(world: 
     assert set(steps[5:]) <= set(base)
     for (step, words, state), looked in zip(video.asked, video.looked, strict=True):
         assert looked.shape == (5, 480, 640, 3)
-        assert words == "pick up the bowl"
+        assert words == instruction.replace("black ", "")
         assert (state.shape, state.dtype) == ((10,), np.float32)
         if step == 0:
             assert (looked == looked[-1]).all(), "before the first frame there are copies of it"
@@ -118,7 +119,7 @@ def test_what_it_is_shown_is_what_the_world_draws_turned(world: Solvable) -> Non
 
 
 def test_a_server_that_is_not_shown_every_step_is_refused() -> None:
-    refused = pytest.raises(AdapterError, match="'mimic_video' is for a policy that sees every step")
+    refused = pytest.raises(AdapterError, match=r"'mimic_video' .* every step")
     with serving(Host(Approaching(), "x"), port=0) as (port, _), refused:
         load_served(f"openpi://127.0.0.1:{port}", "mimic_video")
     with fakes.openpi(lambda request: {}) as port, pytest.raises(AdapterError, match="sees every step"):

@@ -20,10 +20,10 @@ from pytest_libero_max.conformance.registry import rules_for
 from pytest_libero_max.conformance.rules import Examination
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.clients import transport
-from pytest_libero_max.policies.clients.declared import RememberingPolicy
 from pytest_libero_max.policies.clients.opening import load_served
-from pytest_libero_max.policies.clients.served import ServedPolicy
+from pytest_libero_max.policies.clients.served import RememberingPolicy, ServedPolicy
 from pytest_libero_max.policies.contract import PolicySpec
+from pytest_libero_max.policies.loading import forget_adapter
 from pytest_libero_max.policies.server import sockets
 from pytest_libero_max.policies.server.batching import Batching
 from pytest_libero_max.policies.server.host import Host
@@ -32,7 +32,6 @@ from pytest_libero_max.policies.server.sockets import serving
 from pytest_libero_max.substrates.tiny.world import TinyWorld
 from tests.conformance.policies import Copied, Sound
 from tests.policies.clients import fakes
-from tests.policies.forgetting import forget_adapter
 from tests.policies.server.policies import Batched, Counting, at_once
 
 
@@ -133,13 +132,6 @@ def test_h_and_q_of_the_server_may_be_overridden() -> None:
         shorter.client.close()
 
 
-def test_the_suites_of_an_adapter_are_declared_through_the_server() -> None:
-    some = Sound()
-    some.spec = PolicySpec("some", 8, 4, suites=("libero_goal",))
-    with served(some) as policy:
-        assert policy.spec.suites == ("libero_goal",)
-
-
 def test_many_clients_get_their_own_answers_in_batches_too() -> None:
     batched = Batched()
 
@@ -216,24 +208,11 @@ def test_a_memory_that_is_not_copied_is_let_go(monkeypatch: pytest.MonkeyPatch) 
         for _ in range(3):
             policy.predict(fakes.observation(), fakes.query())
         policy.restore(type(policy.snapshot())(name))  # type: ignore[call-arg]
-        with pytest.raises(ServerError, match=r"the memory .* is not here"):
+        with pytest.raises(ServerError, match=r"memory .* not here"):
             policy.predict(fakes.observation(), fakes.query())
         with pytest.raises(AdapterError, match="what snapshot"):
             policy.restore(None)
         policy.client.close()
-
-
-def test_vla_evals_protocol_is_spoken_at_its_own_path() -> None:
-    own = Sound()
-    own.spec = PolicySpec("own", 8, 4)
-    with serving(Host(own, "x"), port=0) as (port, _):
-        policy = load_served(f"vla-eval://127.0.0.1:{port}/vla-eval?patience=0.2", "vla_eval", 4, 4)
-        policy.reset(fakes.EPISODE)
-        first = policy.predict(fakes.observation(), fakes.query(0))
-        again = policy.predict(fakes.observation(), fakes.query(0))
-        policy.client.close()
-    assert first.shape == (4, 7)
-    assert first.tobytes() == again.tobytes()
 
 
 def test_a_server_with_a_token_answers_those_who_know_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -287,9 +266,7 @@ def test_an_error_of_the_policy_reaches_the_client(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(transport, "FIRST_PAUSE_S", 0.01)
     with (
         served(Raising()) as policy,
-        pytest.raises(
-            ServerError, match=r"reports an error: .*AdapterError: .*RuntimeError in predict.*out of"
-        ),
+        pytest.raises(ServerError, match=r"AdapterError: .*RuntimeError in predict"),
     ):
         policy.predict(fakes.observation(), fakes.query())
 

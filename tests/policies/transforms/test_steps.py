@@ -29,8 +29,8 @@ def test_steps_are_applied_in_their_order() -> None:
 
 
 def test_texts_are_changed_by_steps_as_well() -> None:
-    steps = ["lower", {"replace": ["black bowl", "bowl"]}, "capitalise", {"template": "Do: {instruction}."}]
-    assert run("Pick the BLACK bowl", steps, TEXT_STEPS) == "Do: Pick the bowl."
+    steps = ["lower", {"replace": ["black bowl", "bowl"]}, "capitalise", {"template": "> {instruction}"}]
+    assert run("Pick the BLACK bowl", steps, TEXT_STEPS) == "> Pick the bowl"
 
 
 @pytest.mark.parametrize(

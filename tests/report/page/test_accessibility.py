@@ -12,9 +12,7 @@ import pytest
 from pytest_libero_max.report.comparison.compare import common_cases, compare_runs
 from pytest_libero_max.report.comparison.compare_files import comparison_html
 from pytest_libero_max.report.writers.report_files import report_of, run_page
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import error_of, plan, record_of, run_of
 from tests.report.page.browser import Shown, open_browser
 
 PAIRS = plan()
@@ -32,15 +30,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A run with a loss of every kind, one without a played pair, and a comparison."""
     folder = tmp_path_factory.mktemp("pages")
     runs = {
-        name: StoredRun(
-            Run(tuple(PAIRS), PROVENANCE),
-            tuple(record_of(pair, index % 3 > 0, index % rhythm > 0) for index, pair in enumerate(PAIRS)),
-            (),
-            torn=False,
-        )
+        name: run_of(PAIRS, (record_of(pair, at % 3 > 0, at % rhythm > 0) for at, pair in enumerate(PAIRS)))
         for name, rhythm in (("first", 2), ("second", 5))
     }
-    nothing = StoredRun(Run(tuple(PAIRS[:2]), PROVENANCE), (), tuple(map(error_of, PAIRS[:2])), torn=False)
+    nothing = run_of(PAIRS[:2], [], errors=map(error_of, PAIRS[:2]))
     comparison = compare_runs(runs)
     texts = {
         "run": run_page(report_of(runs["first"]), runs["first"], folder),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from pytest_libero_max.conformance.results import RuleResult, conformance, installed_versions
@@ -28,12 +29,12 @@ def test_broken_rules_come_first_by_level() -> None:
     results = _results()
     document = conformance_document(conformance("env:a:b", results, [*results, "env/a/left-out"]))
     titles = [section.title for section in document.sections]
-    assert [title.split(" broken")[0].split(":")[0] for title in titles] == [
-        "1 rule of level must",
-        "1 rule of level should",
-        "Not examined",
-        "Kept",
-        "Not run",
+    assert [re.findall("must|should|Not examined|Kept|Not run", title) for title in titles] == [
+        ["must"],
+        ["should"],
+        ["Not examined"],
+        ["Kept"],
+        ["Not run"],
     ]
     (row,) = document.sections[0].tables[0].rows
     assert row == ("env/a/wrong", "camera <three>", "one", "Divide.")

@@ -19,9 +19,7 @@ from pytest_libero_max.report.comparison.compare import common_cases, compare_ru
 from pytest_libero_max.report.comparison.compare_files import write_comparison
 from pytest_libero_max.report.writers.report_files import run_page
 from pytest_libero_max.runs.media import FILMS_NAME, PICTURES_NAME, film_name
-from pytest_libero_max.runs.plan import Run
-from pytest_libero_max.runs.store import StoredRun
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, error_of, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, error_of, plan, record_of, run_of
 from tests.report.page.browser import Shown, open_browser
 
 HOSTILE = "</script><script>alert(1)</script><b>put it down</b>"
@@ -49,7 +47,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         record_of(pair, index % 4 > 0, index % 3 > 0, stale_actions=index % 5, response_step=23 + index % 5)
         for index, pair in enumerate(PAIRS[4:])
     ]
-    stored = StoredRun(Run(tuple(PAIRS), PROVENANCE), tuple(records), (error_of(INVALID),), torn=False)
+    stored = run_of(PAIRS, records, errors=[error_of(INVALID)])
     pytest.importorskip("av", reason="the film is an MP4: pip install av")
     frames = np.linspace(0, 255, 12 * 48 * 96 * 3).astype(np.uint8).reshape(12, 48, 96, 3)
     write_film(
@@ -248,11 +246,8 @@ def test_a_comparison_fits_its_window_and_shows_what_changed(
 ) -> None:
     pairs = PAIRS[:40]
     runs = {
-        str(tmp_path / name): StoredRun(
-            Run(tuple(pairs), PROVENANCE),
-            tuple(record_of(pair, True, bool(index % rhythm)) for index, pair in enumerate(pairs)),
-            (),
-            torn=False,
+        str(tmp_path / name): run_of(
+            pairs, (record_of(pair, True, bool(index % rhythm)) for index, pair in enumerate(pairs))
         )
         for name, rhythm in (("first", 2), ("second_of_the_runs", 4), ("third", 8))
     }

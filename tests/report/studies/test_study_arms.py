@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.studies.study_document import (
-    Study,
-)
+from pytest_libero_max.report.studies.study_document import Study
 from pytest_libero_max.report.studies.study_tables import study_tables
 from tests.report.studies.studied import Cell, study_of
 

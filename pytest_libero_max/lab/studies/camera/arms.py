@@ -31,11 +31,6 @@ class CameraStudy(Study):
 
     @classmethod
     def of(cls, settings: str | None) -> Self:
-        """Return the study that the file with its name spells.
-
-        Raises:
-            OptionError: Settings are given.
-        """
         study = super().of(settings)
         path = Path(__file__).with_name(f"{cls.name}.json")
         study.program = read_document(path, "study", spelled_study).program

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from pytest_libero_max.stats.blocks import (
-    Block,
-    Bootstrap,
-    Count,
-    Rate,
-    Text,
-    WideDifference,
-)
+from pytest_libero_max.stats.blocks import Block, Bootstrap, Count, Rate, Text, WideDifference
 
 
 class Mean(Block, frozen=True, kw_only=True):

@@ -13,9 +13,8 @@ from functools import partial
 
 import numpy as np
 from msgspec.structs import asdict
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pytest_libero_max.errors import ReportError
 from pytest_libero_max.lab.studies.camera.blocks import (
     ConditionContrast,
     ConditionRate,
@@ -26,8 +25,7 @@ from pytest_libero_max.lab.studies.camera.blocks import (
 from pytest_libero_max.stats.bounded_mean import bounded_means
 from pytest_libero_max.stats.clusters import LEAST_CHANGED_TASKS, LEAST_TASKS, resampled_means
 from pytest_libero_max.stats.intervals import CONFIDENCE, Interval, MeanChange, mean_change
-from pytest_libero_max.stats.measured import bootstrap_of, ends, number, rate_of
-from pytest_libero_max.stats.outcome_table import BoolArray, boolean
+from pytest_libero_max.stats.measured import BoolArray, bootstrap_of, ends, number, rate_of
 from pytest_libero_max.stats.paired_difference import paired_differences
 from pytest_libero_max.stats.ratios import Ratio
 
@@ -42,11 +40,7 @@ GROUP_REPLICATES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """Columns of cases, one row a case.
-
-    Raises:
-        ReportError: The columns differ in length.
-    """
+    """Columns of cases of one length, one row a case."""
 
     successes: Mapping[str, BoolArray]
     """(n,) bool by condition, whether the task was completed."""
@@ -56,31 +50,6 @@ class Conditions:
     """(n,) labels of the reference task, the same in all sources."""
     configuration: NDArray[np.str_]
     """(n,) labels of the configuration: cases of one differ in their event alone."""
-
-    def __post_init__(self) -> None:
-        columns = [*self.successes.values(), self.source, self.task, self.configuration]
-        lengths = sorted({len(column) for column in columns})
-        if len(lengths) > 1:
-            raise ReportError(f"Columns of conditions have the lengths {lengths}, but must have one.")
-
-    @classmethod
-    def of(
-        cls,
-        successes: Mapping[str, ArrayLike],
-        source: ArrayLike,
-        task: ArrayLike,
-        configuration: ArrayLike,
-    ) -> Conditions:
-        """Build the columns from any sequences."""
-        return cls(
-            {name: boolean(values, name) for name, values in successes.items()},
-            np.asarray(source, dtype=np.str_),
-            np.asarray(task, dtype=np.str_),
-            np.asarray(configuration, dtype=np.str_),
-        )
-
-    def __len__(self) -> int:
-        return len(self.source)
 
     @property
     def sources(self) -> list[str]:
@@ -120,11 +89,7 @@ def contrasts_of_contrasts(
     pairs: Sequence[tuple[tuple[str, str], tuple[str, str]]],
     names: Sequence[tuple[str, str]],
 ) -> tuple[ConditionContrast, ...]:
-    """For each pair of contrasts, the first difference less the second, over the same cases.
-
-    Args:
-        names: What is compared in each.
-    """
+    """For each pair of contrasts, the first difference less the second, over the same cases, by name."""
     columns = [conditions.difference(*first) - conditions.difference(*second) for first, second in pairs]
     return _contrasts(conditions, names, columns, partial(bounded_means, largest=2))
 
@@ -195,7 +160,7 @@ def _by_groups(
     decided = [place for place, number in enumerate(changed) if number >= LEAST_CHANGED_TASKS]
     if count >= LEAST_TASKS and decided:
         values = np.stack([columns[place] for place in decided], axis=1).astype(np.float64)
-        means, _ = resampled_means(values, groups, strata=strata, pools=pools, replicates=replicates)
+        means = resampled_means(values, groups, strata=strata, pools=pools, replicates=replicates)
         tail = (1 - CONFIDENCE) / 2
         lower, upper = np.quantile(means, [tail, 1 - tail], axis=0, method="inverted_cdf")
         for place, low, high in zip(decided, lower.tolist(), upper.tolist(), strict=True):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,11 @@ from pytest_libero_max.lab.studies.camera.blocks import (
     JointOutcome,
 )
 from pytest_libero_max.lab.studies.camera.conditions import Conditions, contrasts, contrasts_of_contrasts
-from pytest_libero_max.pairing.record import PairRecord
+from pytest_libero_max.pairing.record import ArmRecord, PairRecord
 from pytest_libero_max.report.document import Table, table_of
 from pytest_libero_max.report.formats import NOT_AVAILABLE, Change, Interval, Number, Rate, interval_text
 from pytest_libero_max.report.quantities import Quantity
 from pytest_libero_max.stats.blocks import Bootstrap
-from pytest_libero_max.stats.outcome_table import BoolArray
 
 Strengths = Mapping[float, tuple[str, str]]
 """Names of the arms of Reset and Mid-task by strength."""
@@ -35,16 +34,7 @@ _LISTED = 16
 
 
 def camera_results(strengths: Strengths, records: Sequence[PairRecord], tasks: Sequence[str]) -> Camera:
-    """Compute everything that is reported of a camera study.
-
-    Args:
-        strengths: The arms of the study.
-        records: Measured cases.
-        tasks: The reference task of each.
-
-    Raises:
-        ReportError: A record lacks an arm of the study.
-    """
+    """Compute everything that is reported of a camera study, from records and the reference task of each."""
     labels = {BASE: "Base"}
     for share, (reset, middle) in strengths.items():
         end = f" {share:.0%}" if len(strengths) > 1 else ""
@@ -52,8 +42,11 @@ def camera_results(strengths: Strengths, records: Sequence[PairRecord], tasks: S
     successes = {
         arm: np.array([record.arm(arm).success for record in records], dtype=np.bool_) for arm in labels
     }
-    conditions = Conditions.of(
-        successes, [record.source for record in records], tasks, [record.configuration for record in records]
+    conditions = Conditions(
+        successes,
+        source=np.array([record.source for record in records], dtype=np.str_),
+        task=np.array(tasks, dtype=np.str_),
+        configuration=np.array([record.configuration for record in records], dtype=np.str_),
     )
     return Camera(
         conditions=labels,
@@ -69,7 +62,6 @@ def camera_results(strengths: Strengths, records: Sequence[PairRecord], tasks: S
 
 
 def _pairs(strengths: Strengths) -> list[tuple[str, str]]:
-    """Return the contrasts: within each strength, and of each timing between the strengths."""
     pairs = [
         pair
         for reset, middle in strengths.values()
@@ -81,7 +73,6 @@ def _pairs(strengths: Strengths) -> list[tuple[str, str]]:
 
 
 def _gaps(strengths: Strengths, conditions: Conditions) -> list[ConditionContrast]:
-    """Mid-task less Reset at one strength, less the same at another."""
     gap = {share: (middle, reset) for share, (reset, middle) in strengths.items()}
     pairs = list(combinations(strengths, 2))
     gaps = [(gap[strong], gap[weak]) for weak, strong in pairs]
@@ -93,90 +84,86 @@ def _gaps(strengths: Strengths, conditions: Conditions) -> list[ConditionContras
 # Approach of the hand.
 
 
-@dataclass(frozen=True)
-class _Cases:
-    """What is known of each case at a strength, (n,) bool."""
+class _Case(NamedTuple):
+    """What is known of a case at a strength."""
 
-    base: BoolArray
-    """Base succeeds."""
-    reset: BoolArray
-    """Reset does."""
-    middle: BoolArray
-    """Mid-task does."""
-    entered: BoolArray
+    base: bool
+    """Base succeeds, as Reset and Mid-task do below."""
+    reset: bool
+    middle: bool
+    entered: bool
     """In Reset the hand came within the trigger's distance."""
-    triggered: BoolArray
+    triggered: bool
     """The event fired in Mid-task."""
-    responded: BoolArray
+    responded: bool
     """A query followed it."""
-    fresh: BoolArray
+    fresh: bool
     """No stale action was executed."""
 
     @property
-    def lost_in_reset(self) -> BoolArray:
-        return self.base & self.middle & ~self.reset
+    def lost_in_reset(self) -> bool:
+        return self.base and self.middle and not self.reset
 
     @property
-    def lost_in_middle(self) -> BoolArray:
-        return self.base & self.reset & ~self.middle
+    def lost_in_middle(self) -> bool:
+        return self.base and self.reset and not self.middle
 
 
-_APPROACH: tuple[tuple[str, str, Callable[[_Cases], BoolArray]], ...] = (
-    ("triggered", "Event fired in Mid-task", lambda row: row.triggered),
-    ("query_after_the_event", "... and a query followed it", lambda row: row.responded),
+_APPROACH: tuple[tuple[str, str, Callable[[_Case], bool]], ...] = (
+    ("triggered", "Event fired in Mid-task", lambda it: it.triggered),
+    ("query_after_the_event", "... and a query followed it", lambda it: it.responded),
     (
         "reset_failed_never_entered", "Reset fails, the hand never came within the trigger's distance",
-        lambda row: ~row.reset & ~row.entered,
+        lambda it: not it.reset and not it.entered,
     ),
     (
         "reset_failed_entered", "Reset fails after it came within the distance",
-        lambda row: ~row.reset & row.entered,
+        lambda it: not it.reset and it.entered,
     ),
     (
         "reset_succeeded_never_entered", "Reset succeeds without coming within the distance",
-        lambda row: row.reset & ~row.entered,
+        lambda it: it.reset and not it.entered,
     ),
     (
         "reset_succeeded_entered", "Reset succeeds after it came within the distance",
-        lambda row: row.reset & row.entered,
+        lambda it: it.reset and it.entered,
     ),
-    ("lost_in_reset", "Base and Mid-task succeed, Reset fails", lambda row: row.lost_in_reset),
+    ("lost_in_reset", "Base and Mid-task succeed, Reset fails", lambda it: it.lost_in_reset),
     (
         "lost_in_reset_never_entered", "... of these: Reset never came within the distance",
-        lambda row: row.lost_in_reset & ~row.entered,
+        lambda it: it.lost_in_reset and not it.entered,
     ),
-    ("lost_in_middle", "Base and Reset succeed, Mid-task fails", lambda row: row.lost_in_middle),
+    ("lost_in_middle", "Base and Reset succeed, Mid-task fails", lambda it: it.lost_in_middle),
     (
         "lost_in_middle_with_a_query", "... of these: a query followed the event",
-        lambda row: row.lost_in_middle & row.responded,
+        lambda it: it.lost_in_middle and it.responded,
     ),
     (
         "lost_in_middle_without_stale_actions", "... of these: and no stale action was executed",
-        lambda row: row.lost_in_middle & row.responded & row.fresh,
+        lambda it: it.lost_in_middle and it.responded and it.fresh,
     ),
 )  # fmt: skip
 """Names, titles and rules of the counts of cases."""
 
 
 def _approach(records: Sequence[PairRecord], reset: str, middle: str) -> dict[str, int]:
-    cases = _Cases(
-        base=_flags(records, lambda record: record.base_success),
-        reset=_flags(records, lambda record: record.arm(reset).success),
-        middle=_flags(records, lambda record: record.arm(middle).success),
-        entered=_flags(records, lambda record: record.arm(reset).min_distance_m <= _distance_m(record)),
-        triggered=_flags(records, lambda record: bool(record.arm(middle).firings)),
-        responded=_flags(records, lambda record: record.arm(middle).response_step is not None),
-        fresh=_flags(records, lambda record: record.arm(middle).stale_actions == 0),
+    cases = [_case(record, record.arm(reset), record.arm(middle)) for record in records]
+    return {key: sum(map(rule, cases)) for key, _, rule in _APPROACH}
+
+
+def _case(record: PairRecord, reset: ArmRecord, middle: ArmRecord) -> _Case:
+    return _Case(
+        base=record.base_success,
+        reset=bool(reset.success),
+        middle=bool(middle.success),
+        entered=reset.min_distance_m <= _distance_m(record),
+        triggered=bool(middle.firings),
+        responded=middle.response_step is not None,
+        fresh=middle.stale_actions == 0,
     )
-    return {key: int(rule(cases).sum()) for key, _, rule in _APPROACH}
-
-
-def _flags(records: Sequence[PairRecord], holds: Callable[[PairRecord], bool]) -> BoolArray:
-    return np.array([holds(record) for record in records], dtype=np.bool_)
 
 
 def _distance_m(record: PairRecord) -> float:
-    """Return the distance of the case's trigger."""
     schedule = record.arm(DYNAMIC).schedule
     within_m: Any = schedule[0]["trigger"].get("distance_m") if schedule else None
     if type(within_m) not in (int, float) or not 0 <= within_m < float("inf"):
@@ -253,11 +240,7 @@ def camera_tables(study: Camera) -> list[Table]:
     rates = [(label, study.rates[arm]) for arm, label in labels.items()]
     return [
         table_of(
-            "Success",
-            "Condition",
-            [_OF_RATE[0], *within, _OF_RATE[1]],
-            rates,
-            narrow=2,
+            "Success", "Condition", [_OF_RATE[0], *within, _OF_RATE[1]], rates, narrow=2
         ).explaining_intervals(
             "Exact 95% intervals. The paper's are percentiles of the exact bootstrap distribution with the "
             "composition of the sources kept. They are for comparison with the paper, and far too narrow for "
@@ -284,10 +267,7 @@ def camera_tables(study: Camera) -> list[Table]:
             else []
         ),
         table_of(
-            "Contrasts by source, and over groups of cases",
-            "Contrast",
-            [*changes, *groups],
-            [*named, *gaps],
+            "Contrasts by source, and over groups of cases", "Contrast", [*changes, *groups], [*named, *gaps]
         ).explaining_intervals(
             "By source, the same interval as over all cases. Reference tasks are resampled jointly across "
             "the sources, whose shares stay fixed; tasks of each source, and configurations (task and "

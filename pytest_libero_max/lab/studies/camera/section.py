@@ -56,11 +56,7 @@ class CameraSection(StudySection):
 
 
 def _camera(study: StudyResults) -> Camera:
-    """Return the results, computed now or as a file has them.
-
-    Raises:
-        ReportError: The file has something else.
-    """
+    """Return the results, computed now or as a file has them."""
     if isinstance(study.camera, Camera):
         return study.camera
     try:

@@ -33,19 +33,10 @@ GREETING_S = 1.0
 """Time for the greeting of ZeroMQ, s: its own thread sends it at once, also where the policy computes."""
 
 FIRST_BYTE = b"\xff"
-"""Begins the greeting of ZeroMQ."""
 
 
 class Gr00tLink:
-    """A connection to a GR00T server.
-
-    Args:
-        dialect: A key of :data:`DIALECTS`.
-
-    Attributes:
-        dialect: Its encoding of arrays.
-        message: The last message, as it came.
-    """
+    """A connection to a GR00T server."""
 
     def __init__(self, address: Address, dialect: str) -> None:
         self._address = address

@@ -30,13 +30,15 @@ from pytest_libero_max.policies.clients.codecs import (
 from pytest_libero_max.policies.clients.connection import ENDS, closed_by_peer, connect
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.recognition import watched
-from pytest_libero_max.policies.clients.statuses import MOST_REDIRECTS, redirected, status_error
 from pytest_libero_max.policies.clients.transport import (
+    MOST_REDIRECTS,
     Refused,
     StaleConnection,
     Unreachable,
     late,
+    redirected,
     reported,
+    status_error,
     time_limit,
 )
 
@@ -52,7 +54,7 @@ CODECS: Mapping[str, Callable[[Any], Any]] = MappingProxyType(
 CROSSING_S = 1.0
 """Longest time, s, in which the news of a closed connection crosses a request on its way."""
 
-_GZIP, _ZLIB = b"\x1f\x8b", b"\x78"
+_GZIP = b"\x1f\x8b"
 
 _SAME_METHOD = (307, 308)
 """Redirects that send a POST on as a POST."""
@@ -66,10 +68,6 @@ class HttpLink:
     answer, is stale and no lost answer, and the client opens another. The server may have read the request in
     between. As after every interruption, the query is asked again with the same content: a server that
     remembers more than the query says does not fit this protocol.
-
-    Args:
-        path: Of the URL, where the address has none.
-        codec: A key of :data:`CODECS`.
     """
 
     def __init__(self, address: Address, path: str, codec: str) -> None:
@@ -179,26 +177,13 @@ class HttpProtocol(ServerProtocol):
 
 
 def unpacked(content: bytes, encoding: str | None) -> bytes:
-    """Return a body without its compression.
-
-    Args:
-        encoding: Header ``Content-Encoding``; gzip is recognised without it.
-
-    Raises:
-        ServerError: It is compressed in another way, damaged, or too large.
-    """
+    """Return a body without its compression; gzip is recognised without its header as well."""
     word = (encoding or "identity").strip().lower()
-    if word in ("gzip", "x-gzip") or (word == "identity" and content[:2] == _GZIP):
-        window = 16 + zlib.MAX_WBITS
-    elif word == "deflate":
-        window = zlib.MAX_WBITS if content[:1] == _ZLIB else -zlib.MAX_WBITS
-    elif word == "identity":
+    if word == "identity" and content[:2] != _GZIP:
         return content
-    else:
-        raise ServerError(
-            f"an answer with Content-Encoding {shortened(word)}, but only gzip and deflate are read"
-        )
-    stream = zlib.decompressobj(window)
+    if word not in ("gzip", "x-gzip", "identity"):
+        raise ServerError(f"an answer with Content-Encoding {shortened(word)}, but only gzip is read")
+    stream = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
         result = stream.decompress(content, MOST_BYTES + 1)
     except zlib.error as error:

@@ -6,19 +6,10 @@ An error of the server comes as text, before it closes the connection. There is 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from threading import Event
 from typing import Any, ClassVar
 
-from pytest_libero_max.errors import AdapterError, ServerError
-from pytest_libero_max.policies.clients.address import Address
+from pytest_libero_max.errors import ServerError
 from pytest_libero_max.policies.clients.codecs import OPENPI, Dialect, pack, unpack
-from pytest_libero_max.policies.clients.declared import (
-    DeclaredPolicy,
-    RememberingPolicy,
-    SeeingPolicy,
-    as_declared,
-    as_prepared,
-)
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.recognition import (
     SERVED,
@@ -28,12 +19,20 @@ from pytest_libero_max.policies.clients.recognition import (
     of_greeting,
     other_protocol,
 )
-from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
+from pytest_libero_max.policies.clients.served import (
+    Adapt,
+    DeclaredPolicy,
+    RememberingPolicy,
+    SeeingPolicy,
+    ServedPolicy,
+    as_declared,
+    as_prepared,
+)
 from pytest_libero_max.policies.clients.transport import Link, reported
 from pytest_libero_max.policies.clients.websocket import Socket
 
 
-class OpenpiLink:
+class OpenpiLink(Socket):
     """A connection to a server that speaks openpi's protocol."""
 
     fits: ClassVar[tuple[Speech, ...]] = (SERVED,)
@@ -41,25 +40,14 @@ class OpenpiLink:
 
     dialect: ClassVar[Dialect] = OPENPI
     message: bytes = b""
-    """The last message, as it came."""
-
-    def __init__(self, address: Address) -> None:
-        self._address = address
-        self._socket = Socket(address)
 
     def open(self) -> Any:
-        """Connect and return the metadata.
-
-        Raises:
-            AdapterError: They are those of a server for another robot.
-            OtherProtocol: They are those of a server that is asked in another protocol.
-        """
-        self._socket.open()
+        """Connect and return the metadata."""
+        super().open()
         metadata = self._read("the greeting of openpi's protocol")
         speech = of_greeting(metadata)
         if speech is not None and speech not in self.fits:
             raise other_protocol(speech, self._address, self._address.protocol)
-        _require_libero(metadata)
         return metadata
 
     def ask(self, request: Any) -> Any:
@@ -69,19 +57,12 @@ class OpenpiLink:
             raise other_protocol(STARVLA, self._address, self._address.protocol)
         return reply
 
-    def ping(self) -> Event:
-        """Send a ping; return the event of its answer."""
-        return self._socket.ping()
-
-    def close(self) -> None:
-        self._socket.close()
-
     def _asked(self, request: Any) -> dict[Any, Any]:
-        self._socket.send(pack(request, OPENPI))
+        self.send(pack(request, OPENPI))
         return self._read()
 
     def _read(self, awaited: str = "") -> dict[Any, Any]:
-        message = self._socket.receive(awaited)
+        message = self.receive(awaited)
         if isinstance(message, str):
             lines = message.strip().splitlines()
             raise reported(lines[-1] if lines else "")
@@ -112,14 +93,3 @@ class OpenpiProtocol(ServerProtocol):
         if greeting.get("memory") is not True:
             return DeclaredPolicy
         return SeeingPolicy if greeting.get("sees") is True else RememberingPolicy
-
-
-def _require_libero(metadata: dict[Any, Any]) -> None:
-    """Refuse a server of RoboArena (``roboarena/policy_server.py``), which speaks much the same."""
-    space = metadata.get("action_space")
-    if isinstance(space, str) and "needs_wrist_camera" in metadata:
-        raise AdapterError(
-            f"The server is one of RoboArena, whose actions are eight numbers for a real robot ({space}). "
-            "LIBERO's are seven: a movement or pose of the hand, and the gripper. Serve a policy that was "
-            "trained on LIBERO."
-        )

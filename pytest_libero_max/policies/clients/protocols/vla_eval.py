@@ -11,14 +11,12 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from threading import Event
 from typing import Any, ClassVar
 
 import numpy as np
 
 from pytest_libero_max.errors import AdapterError, ServerError
 from pytest_libero_max.policies.check import Actions
-from pytest_libero_max.policies.clients.address import Address
 from pytest_libero_max.policies.clients.codecs import VLA_EVAL, Dialect, pack, shortened, unpack
 from pytest_libero_max.policies.clients.protocol import Opening, ServerProtocol
 from pytest_libero_max.policies.clients.served import Adapt, ServedPolicy
@@ -30,20 +28,17 @@ from pytest_libero_max.worlds.contract import Observation
 PROTOCOL_VERSION = 1
 
 
-class VlaEvalLink:
+class VlaEvalLink(Socket):
     """A connection to a model server of vla-eval."""
 
     dialect: ClassVar[Dialect] = VLA_EVAL
     message: bytes | str = b""
-    """The last message, as it came."""
 
-    def __init__(self, address: Address) -> None:
-        self._socket = Socket(address)
-        self._seq = 0
+    _seq = 0
 
     def open(self) -> Any:
         """Connect and return the server's greeting."""
-        self._socket.open()
+        super().open()
         greeting = {"harness_version": "pytest-libero-max", "protocol_version": PROTOCOL_VERSION}
         seq = self._send("hello", {**greeting, "benchmark": "libero-max"})
         payload = self._read("hello", seq, "the answer to hello in vla-eval's protocol")
@@ -76,21 +71,14 @@ class VlaEvalLink:
             rows.append(actions)
         return {"actions": np.stack(rows), "singly": True}
 
-    def ping(self) -> Event:
-        """Send a ping; return the event of its answer."""
-        return self._socket.ping()
-
-    def close(self) -> None:
-        self._socket.close()
-
     def _send(self, kind: str, payload: dict[str, Any]) -> int:
         self._seq += 1
         message = {"type": kind, "payload": payload, "seq": self._seq, "timestamp": time.time()}
-        self._socket.send(pack(message, VLA_EVAL))
+        self.send(pack(message, VLA_EVAL))
         return self._seq
 
     def _read(self, kind: str, seq: int, awaited: str = "") -> dict[Any, Any]:
-        self.message = self._socket.receive(awaited)
+        self.message = self.receive(awaited)
         message = unpack(self.message, VLA_EVAL)
         if not isinstance(message, dict) or not isinstance(message.get("payload"), dict):
             raise ServerError("a message is no map with a map as 'payload'")
@@ -147,14 +135,6 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
     The wrist image and the state are left out where they are not asked for; the state keeps the sign of the
     quaternion where the server says ``quat_no_antipodal``.
-
-    Args:
-        layout: The request of the profile: ``task``, and ``observation`` with all that may be asked for.
-        greeting: The server's description of itself.
-
-    Raises:
-        ServerError: The greeting is damaged.
-        AdapterError: The server's gripper is another one.
     """
     parameters, formats = _declared(greeting)
     if _flags(greeting, "capabilities").get("memory"):
@@ -185,11 +165,7 @@ def wanted(layout: Mapping[str, Any], greeting: Any) -> dict[str, Any]:
 
 
 def returns_poses(greeting: Any) -> bool:
-    """Return True if the server's greeting says that its actions are poses in the world.
-
-    Raises:
-        ServerError: The greeting is damaged.
-    """
+    """Return True if the server's greeting says that its actions are poses in the world."""
     parameters, formats = _declared(greeting)
     return bool(parameters.get("absolute_action")) or _format(formats, "position") == "absolute_xyz"
 
