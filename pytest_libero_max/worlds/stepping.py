@@ -222,7 +222,7 @@ class Stepper:
         ]
 
     def play(self, goal_pos: Array, action: Array, substeps: int, settle: bool = True) -> float:
-        """Play a part of a control step; derived data must be up to date before.
+        """Play a part of a control step; derived data must be up to date before, or raise SimulatorError.
 
         Args:
             goal_pos: (3,) m, world, from :meth:`aim`.
@@ -233,9 +233,6 @@ class Stepper:
 
         Returns:
             The largest speed of a joint, m/s or rad/s; infinite where MuJoCo has counted a warning.
-
-        Raises:
-            SimulatorError: The controller's matrices cannot be inverted.
         """
         closing = float(action[ACTION_DIM - 1])
         push = self._speed * ((closing > 0.0) - (closing < 0.0))
