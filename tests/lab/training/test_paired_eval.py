@@ -17,6 +17,7 @@ from pytest_libero_max import Episode, Query, read_pairs
 from pytest_libero_max.errors import DiskError, OptionError
 from pytest_libero_max.lab.training import PairedEval, paired_eval
 from pytest_libero_max.lab.training.paired_eval import Evaluated, undisturbed
+from pytest_libero_max.report.exports import EXPORTS
 from tests.evaluation.test_evaluate import SPEC, Reacher
 from tests.plugin.conftest import BUDGET, tiny_manifest
 from tests.short_episodes import shorten_here
@@ -109,7 +110,7 @@ def test_a_run_is_exported_with_its_step(folder: Path, monkeypatch: pytest.Monke
     exported: list[tuple[str, int, Path]] = []
     for name in ("tensorboard", "mlflow"):
         export = partial(lambda name, run, place: exported.append((name, run.step, place)), name)
-        monkeypatch.setitem(paired_eval.EXPORTS._loaded, name, export)
+        monkeypatch.setitem(EXPORTS._loaded, name, export)
     PairedEval(Reacher(), every=3, exports=["tensorboard=logs", "mlflow=x"], **HOW)(3)
     assert exported == [("tensorboard", 3, Path("logs")), ("mlflow", 3, Path("x"))]
 
