@@ -13,7 +13,7 @@ import io
 import json
 import shutil
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -36,7 +36,11 @@ FILE_BYTES = 100 * 2**20
 IMAGES = dict(zip(CAMERAS, ("observation.images.image", "observation.images.image2"), strict=True))
 STATE = ("x", "y", "z", "axis_angle1", "axis_angle2", "axis_angle3", "finger1", "finger2")
 ACTION = ("x", "y", "z", "axis_angle1", "axis_angle2", "axis_angle3", "gripper")
-COUNTERS = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64"}
+NUMBERS = {
+    "event": "bool",
+    "timestamp": "float32",
+    **dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), "int64"),
+}
 
 
 def require_pyarrow() -> None:
@@ -58,7 +62,7 @@ class Statistics:
     high: Any = -np.inf
     total: Any = 0.0
     squares: Any = 0.0
-    frames: int = field(default=0)
+    frames: int = 0
 
     def add(self, rows: NDArray[Any], frames: int) -> None:
         """Note (n, d) values that belong to some frames."""
@@ -144,6 +148,7 @@ class Writer:
         event = np.arange(length) >= (length if demo.event_step is None else demo.event_step)
         vectors = {"observation.state": states(demo), "action": demo.actions.astype(np.float32)}
         numbers: dict[str, NDArray[Any]] = {
+            "event": event,
             "timestamp": (np.arange(length) / CONTROL_HZ).astype(np.float32),
             "frame_index": np.arange(length),
             "episode_index": np.full(length, episode),
@@ -164,8 +169,6 @@ class Writer:
             flat = pa.array(values.ravel(), pa.float32())
             columns[key] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
             self._note(key, values, length)
-        columns["event"] = pa.array(event)
-        self._note("event", event[:, None], length)
         for key, values in numbers.items():
             columns[key] = pa.array(values)
             self._note(key, values[:, None], length)
@@ -251,11 +254,7 @@ class Writer:
                 **dict.fromkeys(IMAGES.values(), image),
                 "observation.state": {"dtype": "float32", "shape": [8], "names": list(STATE)},
                 "action": {"dtype": "float32", "shape": [7], "names": list(ACTION)},
-                "event": {"dtype": "bool", "shape": [1], "names": None},
-                **{
-                    key: {"dtype": dtype, "shape": [1], "names": None}
-                    for key, dtype in (COUNTERS | {"task_index": "int64"}).items()
-                },
+                **{key: {"dtype": dtype, "shape": [1], "names": None} for key, dtype in NUMBERS.items()},
             },
         }
 

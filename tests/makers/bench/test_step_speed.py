@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -29,17 +30,11 @@ def times(**changed: float | None) -> StepTimes:
 
 
 def test_the_table_says_what_was_measured() -> None:
-    assert times().lines() == [
-        "libero_spatial/0: 60 control steps, 20 contacts at the end, median processor times",
-        "  lean step                                     1.50 ms  667 steps/s",
-        "    of which bare mj_step                       1.00 ms  the lean step is 1.50 times that",
-        "    of which controller and gripper             0.50 ms",
-        "  robosuite env.step                            6.00 ms  4.0 times the lean step",
-        "    of which three physics passes               2.50 ms",
-        "    of which Python                             3.50 ms",
-        "  robosuite env.step, two 256 px images        30.00 ms  20.0 times the lean step",
-        "  one 256 px image                              7.00 ms",
-    ]
+    first, *rows = times().lines()
+    assert first.startswith("libero_spatial/0: 60 ")
+    times_ms = [float(value) for row in rows for value in re.findall(r" ([\d.]+) ms", row)]
+    assert times_ms == [1.5, 1.0, 0.5, 6.0, 2.5, 3.5, 30.0, 7.0]
+    assert ["667 steps/s" in rows[0], " 1.50 times" in rows[1], " 4.0 times" in rows[3]] == [True] * 3
 
 
 def test_without_images_their_rows_are_left_out() -> None:

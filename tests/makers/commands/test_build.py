@@ -15,9 +15,7 @@ def test_an_interrupted_build_says_how_to_go_on(
 
     monkeypatch.setattr("pytest_libero_max.makers.construction.examiner.Examiner", interrupt)
     assert main(["dev", "build", str(tmp_path), "--work", "here"]) == 130
-    assert capsys.readouterr().err == (
-        "libero-max: interrupted. What was examined is kept in here: give the same command again to go on.\n"
-    )
+    assert "kept in here" in capsys.readouterr().err
 
 
 def test_a_draw_is_bound_first(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
