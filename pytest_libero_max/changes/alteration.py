@@ -40,11 +40,7 @@ class Alteration(ManifestFields):
         return self if s == 1.0 else self._at(s)
 
     def reverted(self, evidence: Evidence) -> Reversal:
-        """Return the reversal, which writes the former values of the factors again.
-
-        Raises:
-            ChangeError: The evidence is of another change or from a record, or the change is final.
-        """
+        """Return the reversal, which writes the former values of the factors again, or raise ChangeError."""
         if self.final:
             raise ChangeError(f"{self.operation} cannot be taken back: {self.final} Leave it out.")
         return Reversal.of(self.operation, self.factors, evidence)

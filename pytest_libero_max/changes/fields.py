@@ -71,11 +71,7 @@ class ManifestFields:
 
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Self:
-        """Build the value from its manifest object.
-
-        Raises:
-            ChangeError: A field is missing, unknown, or has a value that breaks its rule.
-        """
+        """Build the value from its manifest object, or raise ChangeError."""
         given = {key: value for key, value in raw.items() if key != "operation"}
         require_fields(given, struct_of(cls), cls.operation, ChangeError)
         return cls(**given)
@@ -93,20 +89,12 @@ class ManifestFields:
 
 
 def strength_of(operation: str, strength: float) -> float:
-    """Return a strength within 0 to 1.
-
-    Raises:
-        ChangeError: It is not.
-    """
+    """Return a strength within 0 to 1, or raise ChangeError."""
     return float(checked(strength, Share, f"strength of {operation}", ChangeError))
 
 
 def all_or_nothing(operation: str, strength: float) -> bool:
-    """Return True if a change that cannot be scaled happens at this strength.
-
-    Raises:
-        ChangeError: ``strength`` is neither 0 nor 1.
-    """
+    """Return True if a change that cannot be scaled happens at this strength, or raise ChangeError."""
     s = strength_of(operation, strength)
     if s not in (0.0, 1.0):
         raise ChangeError.seen(

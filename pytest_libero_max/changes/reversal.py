@@ -37,11 +37,7 @@ class Reversal:
 
     @classmethod
     def of(cls, operation: str, factors: frozenset[Factor], evidence: Evidence) -> Reversal:
-        """Return the reversal of a change with this operation and these factors.
-
-        Raises:
-            ChangeError: The evidence is of another change, or was read from a record.
-        """
+        """Return the reversal of a change with this operation and these factors, or raise ChangeError."""
         check_evidence(operation, factors, evidence)
         if evidence.altered is None:
             raise ChangeError(
@@ -51,11 +47,7 @@ class Reversal:
         return cls(operation, factors, evidence.altered)
 
     def apply(self, world: AlterableWorld) -> Evidence:
-        """Write the former values.
-
-        Raises:
-            ChangeError: A filter to remove is not there, or an object to take out has been taken out already.
-        """
+        """Write the former values, or raise ChangeError."""
         for former in self.altered:
             if former.kind == "pose" and former.before.taken_out_of and former.name in world.parked:
                 raise ChangeError(f"revert of {self.reverts}: {former.name!r} is out of the scene already.")
@@ -82,11 +74,7 @@ class Reversal:
         return self if all_or_nothing(self.operation, strength) else Nothing()
 
     def reverted(self, evidence: Evidence) -> Change:
-        """Refuse: a reversal is not taken back.
-
-        Raises:
-            ChangeError: Always.
-        """
+        """Refuse with ChangeError: a reversal is not taken back."""
         raise ChangeError(f"revert of {self.reverts} cannot be taken back. Apply {self.reverts} anew.")
 
     def to_dict(self) -> dict[str, Any]:

@@ -66,11 +66,7 @@ def approach(world: World, case: Case) -> tuple[str, bool] | None:
 
 
 def proximity_of(case: Case) -> Proximity:
-    """Return the trigger of a case as the place to drive the hand to.
-
-    Raises:
-        ManifestError: It waits for something else than the hand near an entity.
-    """
+    """Return the trigger of a case as the place to drive the hand to, or raise ManifestError."""
     trigger = trigger_of(case)
     if not isinstance(trigger, Proximity):
         raise ManifestError(

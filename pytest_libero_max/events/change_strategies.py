@@ -53,14 +53,11 @@ def changes(
     operations: Iterable[str] = AT_ONCE,
     cameras: Iterable[str] = CAMERAS,
 ) -> SearchStrategy[Change]:
-    """Return changes that a world with these entities can take right after a reset.
+    """Return changes that a world with these entities can take right after a reset, or raise OptionError.
 
     Args:
         entities: The world's entities; by default those of the tiny world.
         operations: Operations of :data:`AT_ONCE` to draw from.
-
-    Raises:
-        OptionError: An operation that is not in :data:`AT_ONCE`.
     """
     known = entities_or_tiny(entities)
     strategies: dict[str, Callable[[], SearchStrategy[Any]]] = {

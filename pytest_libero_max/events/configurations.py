@@ -51,11 +51,7 @@ class Configuration(NamedTuple):
         return self.identity.case_id(cell.event, cell.draw)
 
     def case(self, cell: Cell) -> Case:
-        """Return the case of a cell on this configuration.
-
-        Raises:
-            ManifestError: The scene lacks a requirement of the event.
-        """
+        """Return the case of a cell on this configuration, or raise ManifestError."""
         variation, identity = self.variation, self.identity
         event = resolve_event(cell.event, cell.draw, self.catalogue.metadata(variation), identity)
         record = case_record(identity, event, variation.name)

@@ -31,11 +31,7 @@ class IntentEvent(EventKind):
         return False
 
     def resolve(self, variant: int, task: TaskMetadata, identity: Identity) -> Scenario:
-        """Refuse: no parameters are drawn for these events.
-
-        Raises:
-            ManifestError: Always.
-        """
+        """Refuse with ManifestError: no parameters are drawn for these events."""
         raise ManifestError.seen("event", self.name, f" is not drawn. It needs {self.needs}")
 
     def strategy(self, entities: Mapping[str, Entity], trigger: str, seed: int) -> SearchStrategy[Scenario]:

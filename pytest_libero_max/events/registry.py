@@ -47,20 +47,12 @@ def families() -> tuple[str, ...]:
 
 
 def family_of(event: str) -> str:
-    """Return the family of an event.
-
-    Raises:
-        ManifestError: There is no such event.
-    """
+    """Return the family of an event, or raise ManifestError."""
     return EVENTS[event].family
 
 
 def eligible(event: str, task: TaskMetadata) -> bool:
-    """Return True if ``task`` has what ``event`` needs.
-
-    Raises:
-        ManifestError: There is no such event.
-    """
+    """Return True if ``task`` has what ``event`` needs, or raise ManifestError."""
     return event not in task.impossible and EVENTS[event].eligible(task)
 
 
@@ -70,13 +62,10 @@ def eligible_events(task: TaskMetadata) -> tuple[str, ...]:
 
 
 def resolve_event(name: str, variant: int, task: TaskMetadata, identity: Identity) -> Event:
-    """Fix every parameter of an event for a task.
+    """Fix every parameter of an event for a task, or raise ManifestError.
 
     Args:
         name: One of :data:`EVENTS`.
-
-    Raises:
-        ManifestError: There is no such event or variant, or the task cannot host it.
     """
     kind = EVENTS[name]
     if variant not in VARIANTS:

@@ -255,22 +255,15 @@ def _field(value: Any, own: Json, where: str) -> Any:
 
 
 def trigger_of(case: Case) -> Trigger:
-    """Trigger of the case's event.
-
-    Raises:
-        ManifestError: It is malformed.
-    """
+    """Trigger of the case's event, or raise ManifestError."""
     return trigger_from_dict(case.event.trigger, f"case {case.case_id!r}: scenario.trigger")
 
 
 def change_of(case: Case, strength: float = 1.0) -> Change:
-    """Return the change of the case's event.
+    """Return the change of the case's event, or raise ChangeError.
 
     Args:
         strength: Share of the whole change, 0 to 1. At 0 nothing is changed.
-
-    Raises:
-        ChangeError: The change is malformed, or cannot be scaled to this strength.
     """
     return _change(case.event.change, strength)
 
@@ -345,23 +338,12 @@ def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
 
 
 def program_of(name: str, arms: Iterable[Arm]) -> Program:
-    """Arms as a program, for a manifest or a file.
-
-    Args:
-        name: The program's name.
-
-    Raises:
-        ManifestError: A name breaks its rule, something happens in Base, or nothing in Dynamic.
-    """
+    """Arms as a program, for a manifest or a file, or raise ManifestError."""
     return parse_program({"name": name, "arms": [arm.to_dict() for arm in check_arms(arms)]})
 
 
 def check_arms(arms: Iterable[Arm]) -> tuple[Arm, ...]:
-    """Return the arms as a tuple, each name once.
-
-    Raises:
-        ManifestError: There is none, a name occurs twice, or an arm with a policy has nothing to go on from.
-    """
+    """Return the arms as a tuple, each name once, or raise ManifestError."""
     checked = tuple(arms)
     if not checked:
         raise ManifestError("no arm given, but a case is played in at least one.")

@@ -80,11 +80,7 @@ class Trigger:
         checked(self._values(), struct_of(type(self)), self.type, ManifestError)
 
     def fires(self, moment: Moment) -> bool:
-        """Return True if the entry happens now.
-
-        Raises:
-            EntityError: The world does not have an entity that the trigger names.
-        """
+        """Return True if the entry happens now, or raise EntityError."""
         raise NotImplementedError
 
     def to_dict(self) -> Json:
@@ -96,13 +92,10 @@ class Trigger:
 
 
 def trigger_from_dict(raw: Any, where: str = "trigger") -> Trigger:
-    """Read what :meth:`Trigger.to_dict` wrote.
+    """Read what :meth:`Trigger.to_dict` wrote, or raise ManifestError.
 
     Args:
         raw: ``type`` and the trigger's parameters.
-
-    Raises:
-        ManifestError: The type or a field is unknown, a field is missing, or a value breaks its rule.
     """
     values: Json = checked(raw, Object, where, ManifestError)
     name = values.get("type")

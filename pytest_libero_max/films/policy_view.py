@@ -24,13 +24,16 @@ from pytest_libero_max.pairing.trace import ArmTrace
 from pytest_libero_max.policies.adapter_digest import adapter_digest, shown_identity
 from pytest_libero_max.policies.clients.address import is_served
 from pytest_libero_max.policies.clients.messages import Request
-from pytest_libero_max.policies.contract import Episode, Policy, Query, query_seed
+from pytest_libero_max.policies.contract import Episode, Policy, PolicySpec, Query, query_seed
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.policies.model_inputs import as_image, model_inputs
 from pytest_libero_max.policies.profile import Profile, load_profile, profile_names
+from pytest_libero_max.policies.wrappers import WRAPPERS
+from pytest_libero_max.policies.wrapping import WrappedPolicy
 from pytest_libero_max.worlds.contract import Image, ImageSize, Observation, World
 
 _GROUND = 96
+_RESTORE = "restore="
 _AS_DELIVERED = "the images as delivered, bottom row first"
 
 
@@ -103,6 +106,7 @@ def policy_look(
         shown.policy.reset(
             Episode(case.suite, case.task_index, record.instruction, case.policy_seed, case.budget)
         )
+    wrappers = _wrapped(record)
     number = {
         name: {int(step): index for index, step in enumerate(trace.query_steps)}
         for name, trace in traces.items()
@@ -119,7 +123,9 @@ def policy_look(
         instruction = world.language if case.instruction is None else case.instruction
         index = max(index for query_step, index in number[name].items() if query_step <= step)
         query = Query(index, step, instruction, query_seed(case.policy_seed, index))
-        observation = world.observe(cameras, _size(record))
+        observation: Observation = world.observe(cameras, _size(record))
+        for wrapper in wrappers:
+            observation = wrapper.seen(observation)
         images = shown.images(observation, query)
         if not images:
             raise ReportError(f"{record.item_id}: there is no image among what the policy was shown.")
@@ -139,8 +145,36 @@ def caption(record: PairRecord, shown: Shown) -> str:
     """Return the caption of a film of a policy's view."""
     words = f"What the policy saw: {shown.words}"
     for wrapper in record.policy.get("wrappers", ()):
-        words += f"; what {wrapper} does to them is not known"
+        words += f"; after {wrapper}" if _restores(wrapper) else f"; what {wrapper} does to them is not known"
     return words
+
+
+def _wrapped(record: PairRecord) -> list[WrappedPolicy]:
+    """Wrappers that show the policy other images than the world, from the outside in."""
+    spec = PolicySpec("recorded", cameras=tuple(record.policy["cameras"]))
+    return [
+        WRAPPERS[_RESTORE[:-1]](_Recorded(spec), wrapper.removeprefix(_RESTORE))
+        for wrapper in reversed(record.policy.get("wrappers", ()))
+        if _restores(wrapper)
+    ]
+
+
+def _restores(wrapper: str) -> bool:
+    """Return True for words of the wrapper whose images can be shown, where it is installed."""
+    return wrapper.startswith(_RESTORE) and _RESTORE[:-1] in WRAPPERS
+
+
+@dataclass
+class _Recorded:
+    """The recorded policy inside a wrapper; it is never queried."""
+
+    spec: PolicySpec
+
+    def reset(self, episode: Episode) -> None:
+        """Do nothing."""
+
+    def predict(self, observation: Observation, query: Query) -> NDArray[np.float64]:
+        raise AssertionError("a recorded policy is asked nothing")
 
 
 def fitted(image: Image, size: int) -> Image:

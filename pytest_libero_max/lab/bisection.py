@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pytest_libero_max.benchmark.documents import canonical_digest, slug
 from pytest_libero_max.benchmark.manifests import Manifest
@@ -78,16 +78,12 @@ class Lost:
         return len(self.case_ids) > self.gains and self.p_value <= level
 
 
-@dataclass(frozen=True)
-class Looked:
-    """Result of a revision."""
+class Looked(NamedTuple):
+    """Result of a revision: the pairs that it has played, and the lost cases among them."""
 
     name: str
-    """Of the revision."""
     pairs: int
-    """Number of pairs that it has played."""
     verdict: Verdict
-    """Verdict."""
     completed: int = 0
     """Number of the lost cases that it completes in Dynamic."""
     of: int = 0
@@ -148,15 +144,6 @@ def first_bad(count: int, judge: Callable[[int], Verdict]) -> tuple[int, int]:
         elif verdict == "bad":
             high = number
     return low, high
-
-
-def table(looked: Sequence[Looked]) -> list[str]:
-    """Return the lines of the table of revisions, in the order given."""
-    rows = [("revision", "pairs", "lost cases completed", "verdict", "")]
-    for one in looked:
-        share = f"{one.completed} of {one.of}" if one.of else ""
-        rows.append((one.name, str(one.pairs), share, one.verdict, one.note))
-    return aligned(rows)
 
 
 # The command.
@@ -244,7 +231,11 @@ def _outcome(
     lost: Lost,
 ) -> Iterator[str]:
     yield ""
-    yield from table(looked)
+    rows = [("revision", "pairs", "lost cases completed", "verdict", "")]
+    for one in looked:
+        share = f"{one.completed} of {one.of}" if one.of else ""
+        rows.append((one.name, str(one.pairs), share, one.verdict, one.note))
+    yield from aligned(rows)
     whole = len(revisions) * len(ends[0].records)
     yield (
         f"{len(looked)} of {counted(len(revisions), 'revision')} played, "

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from pytest_libero_max.benchmark.cases import step_budget
 from pytest_libero_max.benchmark.suites import longest_budget
 from pytest_libero_max.evaluation.player import PAIR, WORLD
-from pytest_libero_max.pairing.record import ArmRecord, PairRecord
+from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.runs.plan import PlannedPair
 
 _DONORS = 3
@@ -68,18 +68,13 @@ def counted(record: PairRecord) -> Counted:
     """
     steps = calls = 0
     for arm in record.arms.values():
-        if arm.shares is None:
-            shared_steps, shared_calls = _shared(arm)
-            steps += arm.steps - shared_steps
-            calls += arm.queries - shared_calls
+        if arm.shares is None:  # another arm has played what came before its event
+            first = arm.firings[0] if arm.firings else None
+            steps += arm.steps - (first.step if first else 0)
+            calls += arm.queries - (first.queries if first else 0)
     if record.triggered and "asked_again_s" in record.timings:
         calls += 2
     return Counted(steps, calls)
-
-
-def _shared(arm: ArmRecord) -> tuple[int, int]:
-    """Return steps and queries of an arm that another one has played for it: those before its event."""
-    return (arm.firings[0].step, arm.firings[0].queries) if arm.firings else (0, 0)
 
 
 def seconds_of(record: PairRecord) -> float:
@@ -129,14 +124,12 @@ class CostModel:
     Counts are kept in units of the suite's budget of steps.
     """
 
-    pairs: int = 0
     _own: dict[str, Counted] = field(default_factory=dict)
     _groups: dict[tuple[str, ...], list[Counted]] = field(default_factory=dict)
     _units: dict[tuple[str, ...], _Units] = field(default_factory=dict)
 
     def add(self, kind: Kind, record: PairRecord) -> None:
         """Learn from a measured pair."""
-        self.pairs += 1
         done, budget = counted(record), _budget(kind)
         self._own[record.case_id] = done
         for group in kind.groups():
@@ -159,11 +152,7 @@ class CostModel:
             if len(known := self._groups.get(group, [])) >= _DONORS:
                 donors = known
         number = int.from_bytes(sha256(case_id.encode()).digest()[:8]) % len(donors)
-        return self._cost(kind, donors[number])
-
-    def _cost(self, kind: Kind, share: Counted) -> Cost:
-        budget = _budget(kind)
-        units = self._units.get((kind.suite,)) or self._units[()]
+        share, budget = donors[number], _budget(kind)
         return units.cost(Counted(share.steps * budget, share.calls * budget))
 
 

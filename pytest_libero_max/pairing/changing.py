@@ -21,8 +21,6 @@ def begin_world(case: Case, world: World, control: Control = "delta") -> None:
     """Reset to the case's initial state, apply the setup that all arms share, settle for ten no-op steps.
 
     Args:
-        case: The case.
-        world: A world of its scene.
         control: Meaning of the actions after the settle steps.
 
     Raises:
@@ -61,18 +59,11 @@ def apply_change(
     item_id: str,
     images: KeptImages | None = None,
 ) -> Applied:
-    """Apply a change to the world now, once, and measure its effect.
+    """Apply a change to the world now, once, and measure its effect, or raise ProtocolError or ChangeError.
 
     Args:
-        change: The change.
-        world: The world.
         spec: Policy spec with the cameras in which to measure the change of pixels; None to render nothing.
-        item_id: The case, for messages.
         images: Images of this world that are kept, so that none is drawn again.
-
-    Raises:
-        ProtocolError: The change left the world bit for bit as it was.
-        ChangeError: It does not fit this world.
     """
     if isinstance(change, Nothing):
         cameras = spec.cameras if spec else ()

@@ -37,31 +37,18 @@ class Memory:
 
     @classmethod
     def of(cls, policy: Policy) -> Memory:
-        """Return a copy of the policy's present memory.
-
-        Raises:
-            AdapterError: Its snapshot raised.
-        """
+        """Return a copy of the policy's present memory, or raise AdapterError."""
         value = copy_memory(policy)
         return cls(value, memory_digest(value))
 
     def restore(self, stage: Stage, step: int) -> None:
-        """Give the policy the memory back, if it has any.
-
-        Raises:
-            RefusalError: The copy has changed since.
-            AdapterError: The policy raised.
-        """
+        """Give the policy the memory back, if it has any, or raise RefusalError or AdapterError."""
         if remembers(stage.policy):
             self.require_unchanged(stage, step)
             restore_memory(stage.policy, self.value)
 
     def require_unchanged(self, stage: Stage, step: int) -> None:
-        """Check that the copy is unchanged.
-
-        Raises:
-            RefusalError: It has changed.
-        """
+        """Check that the copy is unchanged, or raise RefusalError."""
         if memory_digest(self.value) != self.digest:
             raise RefusalError(
                 f"{stage.case.item_id}: the memory that policy {stage.spec.name!r} copied at step {step} has "
@@ -108,11 +95,7 @@ class RecordedQuery:
 
 
 def require_same_answer(result: QueryResult, stage: Stage) -> None:
-    """Ask a query again, in the world as it is, and compare the bytes.
-
-    Raises:
-        RefusalError: The policy answers differently.
-    """
+    """Ask a query again, in the world as it is, and compare the bytes, or raise RefusalError."""
     with stage.clock("asked_again_s"):
         again = stage.ask(stage.query(result.index, result.step, result.reseeds))
     if not stage.spec.repeatable or again.actions.tobytes() == result.actions.tobytes():

@@ -62,11 +62,7 @@ class BranchPoint:
         return replace(self, trajectory=replace(trajectory, handed_over=over), memory=None, recorded=None)
 
     def handover_of(self, policy: str) -> Handover | None:
-        """Return what a policy that takes over is given of the rollout so far; None at its beginning.
-
-        Args:
-            policy: Name of the policy that acted before.
-        """
+        """Return what a policy that takes over is given of the rollout so far; None at its beginning."""
         if not self.step:
             return None
         executed, remaining = self.trajectory.actions, self.trajectory.pending.copy()
@@ -102,9 +98,7 @@ def return_to_branch(branch: BranchPoint, stage: Stage, mode: PrefixMode = "fork
     right there without ``snapshot``. One that declares such a memory is brought back like that in any mode.
 
     Args:
-        branch: The branch point.
         stage: A stage of the branch's case, scene and policy. Whatever they were doing is given up.
-        mode: The way there.
 
     Raises:
         ProtocolError: Another state was reached.

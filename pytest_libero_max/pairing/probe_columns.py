@@ -40,14 +40,11 @@ _TYPES: Mapping[str, Any] = MappingProxyType({"bool": bool, "int": Whole, "float
 
 
 def require_columns(probes: Mapping[str, Json], steps: int) -> None:
-    """Check that the columns of the probes of an arm are what those probes yield.
+    """Check that the columns of the probes of an arm are what those probes yield, or raise ReportError.
 
     Args:
         probes: Columns by the name of their probe; each a scalar or a list of scalars.
         steps: Policy steps of the arm.
-
-    Raises:
-        ReportError: One of them is not; names probe and column.
     """
     for name, columns in probes.items():
         layout = _layout(name)
@@ -76,11 +73,7 @@ class _Layout:
     """Returns the values of the lists, and of the other columns, that count steps of the arm."""
 
     def require(self, columns: Json, steps: int) -> None:
-        """Check the columns of an arm.
-
-        Raises:
-            ValueError: One is missing, unknown, or holds what it cannot hold.
-        """
+        """Check the columns of an arm, or raise ValueError."""
         try:
             msgspec.convert(columns, self.kind)
         except msgspec.ValidationError as error:
@@ -96,11 +89,7 @@ class _Layout:
             raise ValueError(f"step {late[0]}, but the arm took {counted(steps, 'step')}")
 
     def _explain(self, columns: Json) -> None:
-        """Name the first column that is wrong.
-
-        Raises:
-            ValueError: There is one.
-        """
+        """Name the first column that is wrong, or raise ValueError."""
         names = [column.name for column in self.schema]
         for key in columns:
             if key not in names:

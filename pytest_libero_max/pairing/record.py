@@ -171,7 +171,6 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
         """Return the record of an arm.
 
         Args:
-            arm: The arm.
             rollouts: End of every arm, in the order of the arms; those that ended as one have one object.
         """
         rollout = rollouts[arm.name]
@@ -214,11 +213,7 @@ class ArmRecord(Document, frozen=True, kw_only=True, omit_defaults=True):
 
     @classmethod
     def from_dict(cls, values: Json) -> ArmRecord:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: A field is missing or unknown, holds what it cannot hold, or contradicts another one.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         arm = convert(values, cls)
         require_consistent_arm(arm)
         return arm
@@ -369,11 +364,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         )
 
     def arm(self, name: str) -> ArmRecord:
-        """Return the arm of that name.
-
-        Raises:
-            ReportError: The case was not played in it.
-        """
+        """Return the arm of that name, or raise ReportError."""
         if name not in self.arms:
             raise ReportError(
                 f"{self.item_id} was not played in an arm {name!r}. {did_you_mean(name, self.arms)}"
@@ -540,11 +531,7 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
 
 
 def require_version(values: Json, what: str) -> None:
-    """Check that a stored object is of a schema version that can be read.
-
-    Raises:
-        ReportError: It is not :data:`RECORD_VERSION`.
-    """
+    """Check that a stored object is of a schema version that can be read, or raise ReportError."""
     version = values.get("schema_version")
     if type(version) is not int or version != RECORD_VERSION:
         raise ReportError(
@@ -609,11 +596,7 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
 
     @classmethod
     def from_dict(cls, values: Json) -> PairError:
-        """Read what :meth:`to_dict` wrote.
-
-        Raises:
-            ReportError: It has other fields or another schema version, or a value that cannot be.
-        """
+        """Read what :meth:`to_dict` wrote, or raise ReportError."""
         require_version(values, "pair error")
         return convert(values, cls)
 

@@ -112,11 +112,7 @@ class Evidence(Document, frozen=True, kw_only=True, forbid_unknown_fields=False)
 
 
 def require_consistent(record: Record) -> Record:
-    """Return a record whose fields agree.
-
-    Raises:
-        ReportError: They do not.
-    """
+    """Return a record whose fields agree, or raise ReportError."""
     for name, arm in record.arms.items():
         try:
             require_consistent_arm(arm)
@@ -130,11 +126,7 @@ def require_consistent(record: Record) -> Record:
 
 
 def require_consistent_arm(arm: ArmRecord) -> None:
-    """Check that the fields of an arm about its event agree.
-
-    Raises:
-        ReportError: It does not.
-    """
+    """Check that the fields of an arm about its event agree, or raise ReportError."""
     if not all(_is_entry(entry, arm.schedule[:index]) for index, entry in enumerate(arm.schedule)):
         raise ReportError(
             f"schedule={shown(list(arm.schedule))} of the arm, but must be a list of entries with a trigger, "
@@ -215,11 +207,7 @@ def _require_counts(arm: ArmRecord) -> None:
 
 
 def _require_consistent_pair(record: PairRecord) -> None:
-    """Check that the arms of a record agree with each other.
-
-    Raises:
-        ReportError: It does not.
-    """
+    """Check that the arms of a record agree with each other, or raise ReportError."""
     _require_policy(record)
     _require_timings(record.timings)
     budget = step_budget(record.suite)

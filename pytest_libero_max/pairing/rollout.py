@@ -184,15 +184,11 @@ class Rollout:
         return BatchItem(self.observed(), self._require_due(), self._stage.episode)
 
     def answer(self, actions: ArrayLike, notes: Mapping[str, int] | None = None) -> None:
-        """Answer the query that is due.
+        """Answer the query that is due, or raise ActionError or ProtocolError.
 
         Args:
             actions: (n, 7), Q <= n <= H (chunk size), of which the first Q will be executed.
             notes: Counts of the query, by name, for the record.
-
-        Raises:
-            ActionError: The actions cannot be played.
-            ProtocolError: No query is due.
         """
         self._require_due()
         # The numbers are ours: whoever answers has had the query in their hands.
@@ -267,12 +263,7 @@ class Rollout:
                 self._part(happening)
 
     def branch(self) -> BranchPoint:
-        """Return the rollout as it is now, as a value.
-
-        Raises:
-            AdapterError: The policy's snapshot raised.
-            ProbeError: The state of a probe is no immutable value.
-        """
+        """Return the rollout as it is now, as a value, or raise AdapterError or ProbeError."""
         self._stage.probes.require_values(self.trajectory.seen)
         return BranchPoint(
             trajectory=self.trajectory,

@@ -12,14 +12,11 @@ SCENE, START = "scene", "start"
 
 
 def scene_fingerprints(world: World, init: int) -> dict[str, str]:
-    """Return the fingerprints of the scene that a pair plays; resets the world.
+    """Return the fingerprints of the scene that a pair plays; resets the world, or raise SubstrateError.
 
     ``scene`` is the key of the scene and the digest of all that no reset changes, which all pairs of the
     scene have in common. ``start`` is the digest of the state after the reset, the source variation's changes
     included.
-
-    Raises:
-        SubstrateError: The scene has no such initial state.
     """
     from pytest_libero_max.worlds.scene_digest import combined, state_fields
 

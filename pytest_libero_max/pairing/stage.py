@@ -65,15 +65,12 @@ class Stage:
             )
 
     def handed_to(self, policy: Policy, handover: Handover | None) -> Stage:
-        """Return the stage on which another policy goes on in the world as it is.
+        """Return the stage on which another policy goes on in the world as it is, or raise AdapterError.
 
         Args:
             policy: The policy, to which an episode begins here.
             handover: What it is given of the rollout so far; None where that has no step, so that the first
                 query begins its episode.
-
-        Raises:
-            AdapterError: It wants another control of the robot, or raised.
         """
         if policy.spec.control != self.spec.control:
             raise AdapterError(
@@ -140,12 +137,7 @@ class Stage:
         )
 
     def begin_policy(self) -> None:
-        """Tell the policy that an episode begins.
-
-        Raises:
-            AdapterError: It raised.
-            RefusalError: It altered the world or its spec.
-        """
+        """Tell the policy that an episode begins, or raise AdapterError or RefusalError."""
         with self._policy_acts("reset"):
             start(self.policy, self.episode)
 

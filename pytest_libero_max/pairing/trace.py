@@ -71,13 +71,10 @@ def write_trace(folder: Path, pair: Pair) -> Path:
 
 
 def read_trace(path: Path, record: PairRecord) -> dict[str, ArmTrace]:
-    """Read what :func:`write_trace` wrote of a pair.
+    """Read what :func:`write_trace` wrote of a pair, or raise ReportError.
 
     Returns:
         The trace of each arm that was played, by name.
-
-    Raises:
-        ReportError: It cannot be read, or is not of a pair with this record.
     """
     try:
         arrays = read_arrays(path)

@@ -153,7 +153,6 @@ class Trajectory:
 
         Args:
             query_interval: Q.
-            digest: Fingerprint of the world, 32 bytes.
             distance_m: Distance of the end effector to the trigger entity.
             latency: Time that a query takes.
         """

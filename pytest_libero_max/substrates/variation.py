@@ -44,11 +44,7 @@ class Variation:
         return f"{self.source}/{where}" if self.source == "plus" else f"{self.source}/{self.category}/{where}"
 
     def apply(self, world: AlterableWorld) -> None:
-        """Make the changes to a world that has just been reset.
-
-        Raises:
-            ChangeError: The world is not that of the variation's scene.
-        """
+        """Make the changes to a world that has just been reset, or raise ChangeError."""
         from pytest_libero_max.changes.registry import change_from_dict
 
         for raw in self.changes:

@@ -171,12 +171,9 @@ def owner(name: str, entities: Iterable[str]) -> str | None:
 
 
 def task_metadata(suite: str, index: int) -> TaskMetadata:
-    """Contents of an unmodified LIBERO task, from the table of tasks.
+    """Contents of an unmodified LIBERO task, from the table of tasks, or raise SubstrateError.
 
     The objects of interest are the goal's entities, as LIBERO marks them in these suites.
-
-    Raises:
-        SubstrateError: The table has no such suite or task.
     """
     row = tasks.task(suite, index)
     objects = {name: tasks.category_of(name) for name in row.objects}

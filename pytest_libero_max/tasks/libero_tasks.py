@@ -103,11 +103,7 @@ def _place(name: str, surface: str, numbers: list[float]) -> Place:
 
 @cache
 def task(suite: str, index: int) -> Task:
-    """Return a task by suite and benchmark index.
-
-    Raises:
-        SubstrateError: The suite is none of :data:`SUITES`, or has no such task.
-    """
+    """Return a task by suite and benchmark index, or raise SubstrateError."""
     if suite not in SUITES:
         raise SubstrateError(
             f"suite={suite!r} is not one of those whose tasks are known here. {did_you_mean(suite, SUITES)}"

@@ -35,7 +35,6 @@ class WorldBase(ABC):
 
     Args:
         scene: Stable key of the scene, for example ``embedded/libero_spatial/0``.
-        language: The task's instruction.
         entities: Entities that a case can name.
         robot: Robot of the scene.
     """

@@ -76,10 +76,8 @@ class MujocoWorld(WorldBase, MujocoScenery):
 
     Args:
         scene: Stable key of the scene, for example ``embedded/libero_spatial/0``.
-        language: The task's instruction.
         model: The compiled model, already complete; a reset restores its current values.
         entities: Entities that a case can name. Objects need exactly one free joint on their root body.
-        robot: The names of the robot's parts.
 
     Attributes:
         open_task: Returns a world of another task; set by the substrate that built this one.

@@ -22,10 +22,8 @@ class RobosuiteWorld(MujocoWorld):
     """Plays robosuite's ``env.step`` on an environment's model and data, without calling it.
 
     Args:
-        language: The task's instruction.
         env: A robosuite 1.4 ``SingleArmEnv``, after its reset. It must not be stepped or reset by anybody
             else while the world is in use.
-        robot: Its robot.
     """
 
     def __init__(

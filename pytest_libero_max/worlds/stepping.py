@@ -222,7 +222,7 @@ class Stepper:
         ]
 
     def play(self, goal_pos: Array, action: Array, substeps: int, settle: bool = True) -> float:
-        """Play a part of a control step; derived data must be up to date before.
+        """Play a part of a control step; derived data must be up to date before, or raise SimulatorError.
 
         Args:
             goal_pos: (3,) m, world, from :meth:`aim`.
@@ -233,9 +233,6 @@ class Stepper:
 
         Returns:
             The largest speed of a joint, m/s or rad/s; infinite where MuJoCo has counted a warning.
-
-        Raises:
-            SimulatorError: The controller's matrices cannot be inverted.
         """
         closing = float(action[ACTION_DIM - 1])
         push = self._speed * ((closing > 0.0) - (closing < 0.0))
@@ -527,43 +524,23 @@ def _control_step(fixed: Any, first: Any, second: Any, substeps: Any, settle: An
         warned: MuJoCo's counts of its warnings.
     """
     dofs, nv, model, data, site = fixed[11], fixed[12], fixed[13], fixed[14], fixed[15]
-    jac_pos = _floats(fixed[16], (3, nv))
-    jac_ori = _floats(fixed[17], (3, nv))
-    j_full = _floats(fixed[18], (dofs, 6))
-    j_pos = _floats(fixed[19], (dofs, 3))
-    j_ori = _floats(fixed[20], (dofs, 3))
-    mass = _floats(fixed[21], (dofs, dofs))
-    inverse = _floats(fixed[_INVERSE], (dofs, dofs))
-    free = _floats(fixed[23], (dofs, dofs))
-    felt_full = _floats(fixed[24], (6, 6))
-    felt_pos = _floats(fixed[25], (3, 3))
-    felt_ori = _floats(fixed[26], (3, 3))
-    products = _floats(fixed[_PRODUCTS], (2, dofs * dofs))
-    lines = _floats(fixed[30], (5, max(dofs, 6)))
-    works = fixed[_WORKS]
-    info = _integers(fixed[34], (1,))
-    goal_pos = _floats(fixed[35], (3,))
-    goal_ori = _floats(fixed[36], (3, 3))
-    grip = _floats(fixed[37], (2,))
-    qpos = _floats(fixed[38], (1,))
-    qvel = _floats(fixed[39], (nv,))
-    site_pos = _floats(fixed[40], (3,))
-    site_mat = _floats(fixed[41], (3, 3))
-    qM = _floats(fixed[42], (1,))
-    qfrc_bias = _floats(fixed[43], (nv,))
-    ctrl = _floats(fixed[44], (1,))
-    arm_qpos = _integers(fixed[45], (dofs,))
-    arm_dofs = _integers(fixed[46], (dofs,))
-    arm_ctrl = _integers(fixed[47], (dofs,))
-    finger_ctrl = _integers(fixed[48], (2,))
-    mass_at = _integers(fixed[49], (dofs, dofs))
-    kp = _floats(fixed[50], (6,))
-    kd = _floats(fixed[51], (6,))
-    initial_joint = _floats(fixed[52], (dofs,))
-    low = _floats(fixed[53], (dofs,))
-    high = _floats(fixed[54], (dofs,))
-    grip_middle = _floats(fixed[55], (2,))
-    grip_half = _floats(fixed[56], (2,))
+    jac_pos, jac_ori = _floats(fixed[16], (3, nv)), _floats(fixed[17], (3, nv))
+    j_full, j_pos = _floats(fixed[18], (dofs, 6)), _floats(fixed[19], (dofs, 3))
+    j_ori, mass = _floats(fixed[20], (dofs, 3)), _floats(fixed[21], (dofs, dofs))
+    inverse, free = _floats(fixed[_INVERSE], (dofs, dofs)), _floats(fixed[23], (dofs, dofs))
+    felt_full, felt_pos = _floats(fixed[24], (6, 6)), _floats(fixed[25], (3, 3))
+    felt_ori, products = _floats(fixed[26], (3, 3)), _floats(fixed[_PRODUCTS], (2, dofs * dofs))
+    lines, works, info = _floats(fixed[30], (5, max(dofs, 6))), fixed[_WORKS], _integers(fixed[34], (1,))
+    goal_pos, goal_ori = _floats(fixed[35], (3,)), _floats(fixed[36], (3, 3))
+    grip, qpos, qvel = _floats(fixed[37], (2,)), _floats(fixed[38], (1,)), _floats(fixed[39], (nv,))
+    site_pos, site_mat = _floats(fixed[40], (3,)), _floats(fixed[41], (3, 3))
+    qM, qfrc_bias, ctrl = _floats(fixed[42], (1,)), _floats(fixed[43], (nv,)), _floats(fixed[44], (1,))
+    arm_qpos, arm_dofs = _integers(fixed[45], (dofs,)), _integers(fixed[46], (dofs,))
+    arm_ctrl, finger_ctrl = _integers(fixed[47], (dofs,)), _integers(fixed[48], (2,))
+    mass_at, initial_joint = _integers(fixed[49], (dofs, dofs)), _floats(fixed[52], (dofs,))
+    kp, kd = _floats(fixed[50], (6,)), _floats(fixed[51], (6,))
+    low, high = _floats(fixed[53], (dofs,)), _floats(fixed[54], (dofs,))
+    grip_middle, grip_half = _floats(fixed[55], (2,)), _floats(fixed[56], (2,))
     vector, velocity, arm = lines[0], lines[2], lines[4]
     given, taken = vector.ctypes.data, lines[1].ctypes.data
     moving, force, torques = velocity.ctypes.data, lines[3].ctypes.data, arm.ctypes.data

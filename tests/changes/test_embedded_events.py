@@ -7,7 +7,6 @@ import pytest
 
 from pytest_libero_max.benchmark.cases import Case
 from pytest_libero_max.benchmark.tracks import load_track
-from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.substrates.embedded.substrate import EmbeddedSubstrate
 from pytest_libero_max.worlds.robot import CAMERAS
 from tests.changes.world_comparison import (
@@ -83,28 +82,3 @@ def test_an_event_is_seen_by_every_camera_it_concerns(substrate: EmbeddedSubstra
         assert seen["robot0_eye_in_hand"] > 5.0
     if case.event.name == "camera_shift":
         assert seen["robot0_eye_in_hand"] == 0.0
-
-
-@pytest.mark.parametrize(
-    "case",
-    [case for case in ORIGINAL if case.event.name == "distractor_burst"][:1],
-    ids=lambda case: case.item_id,
-)
-def test_what_was_taken_out_waits_unmoved_and_comes_back_upright(
-    substrate: EmbeddedSubstrate, case: Case
-) -> None:
-    world = substrate.world(case)
-    world.reset(case.init_state_index)
-    names = [raw["object"] for raw in case.event.setup]
-    poses = {name: world.pose(name) for name in names}
-    change = change_from_dict(case.event.change)
-    for raw in case.event.setup:
-        change_from_dict(raw).apply(world)
-    parked = {name: pose_bytes(world, name) for name in names}
-    play(world, ACTIONS * 10)
-    assert {name: pose_bytes(world, name) for name in names} == parked
-    change.apply(world)
-    for name in names:
-        position, quaternion = world.pose(name)
-        assert np.array_equal(quaternion, poses[name][1])
-        assert position[2] == poses[name][0][2]

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from pytest_libero_max.cli import main
-from tests.films.conftest import played, short
+from tests.films.conftest import played, played_once, short
 from tests.films.test_published_places import evil, witness
 
-__all__ = ["evil", "played", "short", "witness"]  # fixtures
+__all__ = ["evil", "played", "played_once", "short", "witness"]  # fixtures
 
 
 def test_no_command_runs_what_a_folder_names(

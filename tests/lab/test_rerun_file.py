@@ -15,10 +15,10 @@ from pytest_libero_max.films.recorded import Drawn
 from pytest_libero_max.films.replay import Tick, play_again
 from pytest_libero_max.lab.rerun_file import Scene, record_pair, scenes
 from pytest_libero_max.worlds.robot import CAMERAS
-from tests.films.conftest import played, short
+from tests.films.conftest import played, played_once, short
 from tests.films.short_run import BUDGET, SIZE, Played, store
 
-__all__ = ["played", "short"]  # fixtures
+__all__ = ["played", "played_once", "short"]  # fixtures
 
 
 def _ticks(played: Played) -> list[Tick]:

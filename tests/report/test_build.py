@@ -231,7 +231,7 @@ def _run(fates: list[int]) -> tuple[list[PlannedPair], list[PairRecord], list[Pa
 RUNS = st.lists(st.integers(0, 5), min_size=32, max_size=32).map(_run)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(data=st.data())
 def test_the_order_of_pairs_never_shows(data: st.DataObject) -> None:
     pairs, records, errors = data.draw(RUNS)

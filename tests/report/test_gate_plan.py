@@ -14,11 +14,8 @@ from pytest_libero_max.errors import OptionError
 from pytest_libero_max.report import gate_plan
 from pytest_libero_max.report.build import build_report
 from pytest_libero_max.report.gate_plan import (
-    FALSE_ALARM,
-    MISS,
     SIZES,
     advice_lines,
-    advised,
     chance_of_passing,
     useful_sizes,
 )
@@ -116,18 +113,9 @@ def test_what_cannot_be_planned_is_refused(text: str, words: str) -> None:
 def test_the_page_has_the_numbers_of_the_plan(track: str) -> None:
     page = PAGE.read_text()
     exact = [gate for gate in GATES if "clustered" not in gate]
-    exact = exact if track == "smoke" else exact[::4]  # hundreds of pairs take seconds to plan
+    exact = exact[:: 2 if track == "smoke" else 4]  # hundreds of pairs take seconds to plan
     assert [gate for gate in exact if row(gate, track) not in page] == []
     assert page.count("\n| `") == len(GATES) * len(TRACKS)
-
-
-def test_the_advised_gates_find_the_loss_and_pass_without_one() -> None:
-    end, estimate = advised(0.9, 0.01, 0.05)
-    assert [end.gate.text, estimate.gate.text] == ["delta.lower >= -5%", "delta >= -2.5%"]
-    for advice in (end, estimate):
-        assert advice.pairs is not None
-        assert advice.without >= 1 - FALSE_ALARM
-        assert advice.hurt <= MISS
 
 
 def test_what_no_number_of_pairs_finds_is_said(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ another here: those of a cell (source, event, variant) are independent samples o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -101,15 +101,12 @@ def old_less_new(old: RunOutcomes, new: RunOutcomes) -> OldLessNew:
         )
     events = sorted({cell.event for cell in cells}, key=lambda event: group_order("event", event))
     arms = {arm: _row(sides, cells, arm) for arm in ARMS}
-    adjusted = holm([row.difference.log10_p for row in arms.values()])
+    adjusted = zip(arms.items(), holm([row.difference.log10_p for row in arms.values()]), strict=True)
     return OldLessNew(
         names=(_case_set(old), _case_set(new)),
         cells=len(cells),
         left_out=sum(len(found) for side in sides for cell, found in side.items() if cell not in cells),
-        arms={
-            arm: Row(row.old, row.new, row.difference, p)
-            for (arm, row), p in zip(arms.items(), adjusted, strict=True)
-        },
+        arms={arm: replace(row, adjusted_log10_p=p) for (arm, row), p in adjusted},
         by_event={
             event: {arm: _row(sides, [cell for cell in cells if cell.event == event], arm) for arm in ARMS}
             for event in events

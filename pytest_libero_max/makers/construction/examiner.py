@@ -15,18 +15,21 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from pytest_libero_max.benchmark.cases import Case, parse_case
-from pytest_libero_max.benchmark.certificates import Certificate
+from pytest_libero_max.benchmark.certificates import Certificate, Ending
 from pytest_libero_max.benchmark.documents import Json, canonical_digest, cut_torn_line
 from pytest_libero_max.errors import ChangeError, ManifestError, SubstrateError, counted
+from pytest_libero_max.events.schedules import arms_of
 from pytest_libero_max.machine import end_with_parent, return_large_blocks
-from pytest_libero_max.makers.construction.certificates import certify
 from pytest_libero_max.makers.construction.preflight import Preflight, Problem, preflight
+from pytest_libero_max.pairing.rollout import Rollout
+from pytest_libero_max.pairing.stage import Stage
 from pytest_libero_max.policies.adapter_digest import adapter_digest
 from pytest_libero_max.policies.contract import Policy
 from pytest_libero_max.policies.loading import load_policy
 from pytest_libero_max.substrates.contract import Substrate, SubstrateOptions
 from pytest_libero_max.substrates.registry import DEFAULT, SUBSTRATES, open_substrate, own_catalogue
 from pytest_libero_max.substrates.variation import digest_of
+from pytest_libero_max.worlds.contract import World
 from pytest_libero_max.worlds.threads import use_one_blas_thread
 
 EXAMINED, CERTIFIED = "examined", "certified"
@@ -71,6 +74,20 @@ class Progress:
             if not self.ended:
                 words.append(f"{(self.total - self.done) / self.per_minute:.0f} min left")
         return ", ".join(words)
+
+
+def certify(world: World, case: Case, expert: Policy) -> Certificate:
+    """Play a case with a policy that solves the tasks; images are rendered only if it asks for them."""
+    stage = Stage(case, world, expert)
+    _, dynamic, *_ = arms_of(case)
+    result = Rollout.start(stage, (dynamic,)).advance_to_end()
+    if not result.firings:
+        return Certificate("not_triggered")
+    ending: Ending = "solved"
+    if not result.success:
+        without_event = Rollout.start(stage).advance_to_end()
+        ending = "unsolved" if without_event.success else "base_unsolved"
+    return Certificate(ending, result.firings[0].step, result.steps)
 
 
 class Examiner:

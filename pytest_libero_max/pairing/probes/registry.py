@@ -38,11 +38,7 @@ PROBES: Registry[Probe[Any]] = Registry("probe", "pytest_libero_max.probes", _OW
 
 
 def probes_called(names: Iterable[str]) -> Probes:
-    """Return the probes of every pair, and those with these names, each once.
-
-    Raises:
-        OptionError: There is no such probe, or it cannot be loaded.
-    """
+    """Return the probes of every pair, and those with these names, each once, or raise OptionError."""
     from dataclasses import replace
 
     from pytest_libero_max.pairing.probes.standard import STANDARD

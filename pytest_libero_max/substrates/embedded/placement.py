@@ -58,7 +58,7 @@ _PRESS = 2e-6
 
 
 def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init: int) -> Array:
-    """Return an initial state of a scene, at rest.
+    """Return an initial state of a scene, at rest, or raise SubstrateError or SimulatorError.
 
     Args:
         scene: The scene that ``model`` was compiled from.
@@ -67,10 +67,6 @@ def initial_state(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, init
 
     Returns:
         (nq,) joint positions; every velocity is 0.
-
-    Raises:
-        SubstrateError: There is no such initial state.
-        SimulatorError: No draw came to rest as declared.
     """
     if init not in FROZEN_STATES and init not in TRAINING_STATES:
         raise SubstrateError.seen(

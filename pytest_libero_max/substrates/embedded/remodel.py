@@ -39,11 +39,7 @@ class Remodel:
 
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Remodel:
-        """Read the ``scene`` of a source variation.
-
-        Raises:
-            SubstrateError: It has a field that is not known here.
-        """
+        """Read the ``scene`` of a source variation, or raise SubstrateError."""
         known = ("extras", "recast", "surfaces")
         for key in raw:
             if key not in known:
@@ -69,11 +65,7 @@ class Remodel:
 
 
 def remodelled(scene: Scene, plan: Remodel) -> Scene:
-    """Return the scene of a task, altered as ``plan`` says.
-
-    Raises:
-        SubstrateError: The plan names an instance, a category or a surface that does not exist.
-    """
+    """Return the scene of a task, altered as ``plan`` says, or raise SubstrateError."""
     root = ET.fromstring(scene.mjcf)
     assets, worldbody = root.find("asset"), root.find("worldbody")
     assert assets is not None

@@ -60,14 +60,11 @@ class Scene:
 
 
 def build_scene(suite: str, index: int) -> Scene:
-    """Build the scene of a task.
+    """Build the scene of a task, or raise SubstrateError.
 
     Args:
         suite: One of :data:`.tasks.SUITES`.
         index: The benchmark's task index, from 0.
-
-    Raises:
-        SubstrateError: There is no such task.
     """
     row = task(suite, index)
     arena = ARENAS[row.arena]
@@ -91,11 +88,7 @@ def build_scene(suite: str, index: int) -> Scene:
 
 
 def resolve(fact: Fact, entities: Mapping[str, Entity], regions: Mapping[str, Region]) -> Predicate:
-    """Turn a predicate of names into one that can be evaluated.
-
-    Raises:
-        SubstrateError: It names something that the scene does not have.
-    """
+    """Turn a predicate of names into one that can be evaluated, or raise SubstrateError."""
     subject = fact.subject
     if fact.predicate in ("open", "close", "turnon", "turnoff"):
         state = joint_state(fact, entities, regions)

@@ -49,11 +49,7 @@ of the object's body, and its width, m."""
 
 
 def graspable_parts_of(env: Any, model: mujoco.MjModel) -> Mapping[str, GraspablePart]:
-    """Return handles and knobs by name; a fixture whose parts cannot be made out has none.
-
-    Args:
-        env: The package's environment.
-    """
+    """Return handles and knobs by name; a fixture whose parts cannot be made out has none."""
     parts = {}
     for name, fixture in env.fixtures_dict.items():
         ranges = getattr(fixture, "object_properties", {}).get("articulation", {})

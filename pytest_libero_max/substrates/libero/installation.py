@@ -126,7 +126,7 @@ class Installation:
 
 
 def find_installation(root: Path | None = None, *, assets: Path | None = None) -> Installation:
-    """Locate an installation.
+    """Locate an installation, or raise SubstrateError.
 
     The configuration file that LIBERO keeps in the home directory is not consulted: all of them share it, and
     it often names the folders of another one.
@@ -134,9 +134,6 @@ def find_installation(root: Path | None = None, *, assets: Path | None = None) -
     Args:
         root: A checkout, or the folder of site-packages. None: whatever ``import libero`` would find.
         assets: Models and textures, where the package has none of its own.
-
-    Raises:
-        SubstrateError: There is none, or a folder is missing; the message has the commands that help.
     """
     root, module = _importable() if root is None else _checked_root(root)
     package = root / module / module
@@ -157,15 +154,12 @@ def find_installation(root: Path | None = None, *, assets: Path | None = None) -
 
 
 def find_installations(roots: Sequence[Path] = (), *, assets: Path | None = None) -> tuple[Installation, ...]:
-    """Locate several installations.
+    """Locate several installations, or raise SubstrateError.
 
     Args:
         roots: As for :func:`find_installation`. None: what ``import libero`` would find, and LIBERO-Plus's
             package, if it and the models are there.
         assets: Models and textures, where a package has none of its own.
-
-    Raises:
-        SubstrateError: There is none, or one that is named lacks a folder.
     """
     if roots:
         return tuple(find_installation(root, assets=assets) for root in roots)

@@ -213,11 +213,7 @@ def _metadata(
 
 
 def describe(text: str) -> Description:
-    """Read a BDDL text.
-
-    Raises:
-        SubstrateError: It is not BDDL, or lacks a section.
-    """
+    """Read a BDDL text, or raise SubstrateError."""
     try:
         groups = importlib.import_module("bddl.parsing").scan_tokens(string=text)
         sections = {group[0]: group[1:] for group in groups if isinstance(group, list) and group}

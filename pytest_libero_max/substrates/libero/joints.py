@@ -38,7 +38,6 @@ def by_joint(states: Array, source: Joints, target: Joints, start: Array) -> Arr
 
     Args:
         states: (n, 1 + nq + nv) of the first.
-        target: The other's joints.
         start: (1 + nq + nv,) of the other: values of the joints that only it has.
 
     Raises:

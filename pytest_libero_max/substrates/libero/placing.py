@@ -94,15 +94,12 @@ def put_where_free(
     pose: tuple[Array, Array],
     suits: Callable[[Array], bool] = lambda place: True,
 ) -> None:
-    """Put an entity at the first place that is free.
+    """Put an entity at the first place that is free, or raise SubstrateError.
 
     Args:
         candidates: (2,) each, m, world frame, in the order in which they are tried.
         pose: Height and orientation it is to have: a position of which x and y are not used, and wxyz.
         suits: Further condition on a place, tried before anything is moved.
-
-    Raises:
-        SubstrateError: No candidate is free. The entity is back where it was.
     """
     before = world.pose(entity)
     tried = 0
@@ -121,11 +118,7 @@ def put_where_free(
 
 
 def require_free(world: LiberoWorld, *entities: str) -> None:
-    """Check the whole scene after something was moved.
-
-    Raises:
-        SubstrateError: Two objects overlap, or one of ``entities`` is pressed into something.
-    """
+    """Check the whole scene after something was moved, or raise SubstrateError."""
     pairs = [" and ".join(pair) for pair in overlapping(world)]
     pairs += [f"{entity} and what it touches" for entity in entities if pressed(world, entity)]
     if pairs:

@@ -70,15 +70,12 @@ class PlusTask(Task):
 
 
 def plus_task(installation: Installation, suite: str, index: int, name: str | None = None) -> PlusTask:
-    """Return a task by its place in the registry's own order.
+    """Return a task by its place in the registry's own order, or raise SubstrateError.
 
     Args:
         suite: For example ``libero_spatial``.
         index: From 0.
         name: Name that it must have, where that is known.
-
-    Raises:
-        SubstrateError: There is no such task, it is called otherwise, or its files are missing.
     """
     listed = task_name(installation, suite, index)
     base = base_name(listed)

@@ -83,11 +83,7 @@ _BESIDE = frozenset({("libero_goal", index) for index in (0, 1, 3, 4, 7)})
 
 
 def check_category(category: str) -> None:
-    """Refuse a category that LIBERO-PRO does not have.
-
-    Raises:
-        SubstrateError: See above.
-    """
+    """Refuse a category that LIBERO-PRO does not have with SubstrateError."""
     if category not in SECTIONS:
         raise SubstrateError(
             f"LIBERO-PRO has no category {category!r} for pairs. {did_you_mean(category, SECTIONS)}"
@@ -95,11 +91,7 @@ def check_category(category: str) -> None:
 
 
 def read_config(path: Path, category: str) -> Config:
-    """Sections that a task file of LIBERO-PRO switches on.
-
-    Raises:
-        SubstrateError: The file cannot be read, or lacks a section of its category.
-    """
+    """Sections that a task file of LIBERO-PRO switches on, or raise SubstrateError."""
     try:
         sections = _sections(path)
     except Exception as error:  # the package's parser raises whatever it likes

@@ -86,15 +86,12 @@ class ProTask(Task):
 
 
 def pro_task(installation: Installation, case: Case) -> ProTask:
-    """Return the task that a case of LIBERO-PRO plays.
+    """Return the task that a case of LIBERO-PRO plays, or raise SubstrateError.
 
     Args:
         installation: Any; its folders may or may not hold the data set's files.
         case: Its ``substrate_variant`` names the files; without one they are looked for where the data set
             has them.
-
-    Raises:
-        SubstrateError: A file is needed and missing, or is named outside the folders.
     """
     category = case.source_category
     check_category(category)

@@ -78,11 +78,7 @@ class LiberoSubstrate:
         self._worlds = KeptWorlds[str, LiberoWorld]()
 
     def installation_for(self, source: str) -> Installation:
-        """Return the installation that plays cases of a source.
-
-        Raises:
-            SubstrateError: None of them can.
-        """
+        """Return the installation that plays cases of a source, or raise SubstrateError."""
         installation = first_of(self.installations, source)
         if installation is not None:
             return installation

@@ -54,11 +54,7 @@ class Task:
 
 
 def text_of(file: Path) -> str:
-    """Return the text of a file of the package.
-
-    Raises:
-        SubstrateError: It cannot be read, or is no text.
-    """
+    """Return the text of a file of the package, or raise SubstrateError."""
     try:
         return file.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -66,11 +62,7 @@ def text_of(file: Path) -> str:
 
 
 def words_of(bddl: Path) -> str:
-    """Return the instruction in a BDDL file.
-
-    Raises:
-        SubstrateError: It has none.
-    """
+    """Return the instruction in a BDDL file, or raise SubstrateError."""
     match = _WORDS.search(text_of(bddl))
     if match is None:
         raise SubstrateError(f"{str(bddl)!r} has no words for its task. Restore it from the package.")
@@ -86,11 +78,7 @@ def sentence(name: str) -> str:
 
 
 def task_of(installation: Installation, suite: str, index: int) -> Task:
-    """Return a task by its place in the benchmark's order.
-
-    Raises:
-        SubstrateError: There is no such suite or task, or its files are missing.
-    """
+    """Return a task by its place in the benchmark's order, or raise SubstrateError."""
     name = task_name(installation, suite, index)
     bddl = installation.bddl / suite / f"{name}.bddl"
     states = states_file(installation.states / suite / f"{name}.pruned_init")
@@ -120,11 +108,7 @@ def check_name(installation: Installation, task: Task, name: str | None) -> None
 
 
 def task_name(installation: Installation, suite: str, index: int) -> str:
-    """Return a task's name by its place in the registry.
-
-    Raises:
-        SubstrateError: There is no such suite or task.
-    """
+    """Return a task's name by its place in the registry, or raise SubstrateError."""
     names = task_names(installation, suite)
     if not 0 <= index < len(names):
         raise SubstrateError(f"task_index={index} of {suite}, but {installation} has 0 to {len(names) - 1}.")
@@ -132,11 +116,7 @@ def task_name(installation: Installation, suite: str, index: int) -> str:
 
 
 def task_names(installation: Installation, suite: str) -> tuple[str, ...]:
-    """Return the names of all tasks of a suite, in the registry's order.
-
-    Raises:
-        SubstrateError: There is no such suite.
-    """
+    """Return the names of all tasks of a suite, in the registry's order, or raise SubstrateError."""
     table = _task_map(installation.package)
     if suite not in table:
         raise SubstrateError.seen(

@@ -62,7 +62,6 @@ class LiberoWorld(RobosuiteWorld):
     """One task of an installation.
 
     Args:
-        language: The task's instruction.
         built: Its environment, after a seeded reset; nobody else may use it from now on.
         states: (n, 1 + nq + nv) initial states.
         semantics: ``published``: objects taken out are put where the authors put them, inside the floor,

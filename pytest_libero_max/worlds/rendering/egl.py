@@ -48,7 +48,7 @@ class Device:
 
 
 def preferred(devices: Sequence[Device], wanted: str | None, visible: str | None) -> list[Device]:
-    """Return the devices to try, best first.
+    """Return the devices to try, best first, or raise OptionError.
 
     The device of ``MUJOCO_EGL_DEVICE_ID`` alone, if it is set. Otherwise the GPU that CUDA calls 0, which is
     the first of ``CUDA_VISIBLE_DEVICES``; where that shows none, the processor. Otherwise in EGL's order.
@@ -57,9 +57,6 @@ def preferred(devices: Sequence[Device], wanted: str | None, visible: str | None
         devices: All of them, in EGL's order.
         asked: ``MUJOCO_EGL_DEVICE_ID``, None where it is not set.
         visible: ``CUDA_VISIBLE_DEVICES``, likewise.
-
-    Raises:
-        OptionError: There is no device of the number that is asked for.
     """
     if wanted:
         named = [device for device in devices if str(device.number) == wanted.strip()]

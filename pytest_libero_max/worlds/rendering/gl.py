@@ -71,11 +71,7 @@ def check() -> None:
 
 
 def require() -> str:
-    """Return the backend for images.
-
-    Raises:
-        SimulatorError: No backend loads; the message names the packages that would cure it.
-    """
+    """Return the backend for images, or raise SimulatorError."""
     backend, asked = _choice()
     if backend in OFFSCREEN:
         return backend

@@ -339,9 +339,6 @@ class _Uploaded:
         resting: True if the next upload may free it.
         freed: True if it cannot be used any more.
 
-    Args:
-        target: The buffers.
-
     Raises:
         SimulatorError: The driver refuses.
     """
@@ -448,11 +445,7 @@ def _uploaded_for(model: mujoco.MjModel, target: _Target) -> _Uploaded:
 
 
 def require_images() -> None:
-    """Draw one tiny image to check that this process can.
-
-    Raises:
-        SimulatorError: It cannot; says what to do.
-    """
+    """Draw one tiny image to check that this process can, or raise SimulatorError."""
     model = mujoco.MjModel.from_xml_string(_ONE_BALL)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -15,42 +15,14 @@ from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.sections import shown_sections
 from tests.report.studies.studied import Cell, study_of
 
-CELLS = (
-    Cell(
-        "plus",
-        {
-            "base": True,
-            "dynamic": False,
-            "dynamic_quick": True,
-            "base_quick": True,
-            "own_base_quick": True,
-            "dynamic_quick_d4": False,
-            "dynamic_slow": False,
-            "base_slow": True,
-            "own_base_slow": True,
-            "dynamic_slow_d4": False,
-            "dynamic_d4": False,
-        },
-        12,
-    ),
-    Cell(
-        "pro",
-        {
-            "base": True,
-            "dynamic": True,
-            "dynamic_quick": False,
-            "base_quick": False,
-            "own_base_quick": True,
-            "dynamic_quick_d4": False,
-            "dynamic_slow": True,
-            "base_slow": True,
-            "own_base_slow": False,
-            "dynamic_slow_d4": False,
-            "dynamic_d4": True,
-        },
-        4,
-    ),
+ARMS = (
+    *("base", "dynamic", "dynamic_quick", "base_quick", "own_base_quick", "dynamic_quick_d4"),
+    *("dynamic_slow", "base_slow", "own_base_slow", "dynamic_slow_d4", "dynamic_d4"),
 )
+CELLS = [
+    Cell(source, {arm: end == "1" for arm, end in zip(ARMS, ends, strict=True)}, cases)
+    for source, ends, cases in (("plus", "10111001100", 12), ("pro", "11001011001", 4))
+]
 HEADER = {"name": "continue", "settings": "quick,slow,own_base,4steps"}
 
 

@@ -6,6 +6,7 @@ import json
 import logging
 import random
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from pytest_libero_max import Episode, Query, read_pairs
 from pytest_libero_max.errors import DiskError, OptionError
 from pytest_libero_max.lab.training import PairedEval, paired_eval
 from pytest_libero_max.lab.training.paired_eval import Evaluated, undisturbed
+from pytest_libero_max.report.exports import EXPORTS
 from tests.evaluation.test_evaluate import SPEC, Reacher
 from tests.plugin.conftest import BUDGET, tiny_manifest
 from tests.short_episodes import shorten_here
@@ -106,9 +108,9 @@ def test_an_argument_that_evaluate_does_not_know_is_raised(folder: Path) -> None
 
 def test_a_run_is_exported_with_its_step(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     exported: list[tuple[str, int, Path]] = []
-    monkeypatch.setattr(
-        paired_eval, "export", lambda name, run, place: exported.append((name, run.step, place))
-    )
+    for name in ("tensorboard", "mlflow"):
+        export = partial(lambda name, run, place: exported.append((name, run.step, place)), name)
+        monkeypatch.setitem(EXPORTS._loaded, name, export)
     PairedEval(Reacher(), every=3, exports=["tensorboard=logs", "mlflow=x"], **HOW)(3)
     assert exported == [("tensorboard", 3, Path("logs")), ("mlflow", 3, Path("x"))]
 

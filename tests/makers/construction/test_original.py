@@ -11,7 +11,7 @@ from pytest_libero_max.benchmark.tracks import FOLDER, load_track
 from pytest_libero_max.changes import change_from_dict
 from pytest_libero_max.errors import ManifestError
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, resolve_event
-from pytest_libero_max.makers.construction.certificates import certify
+from pytest_libero_max.makers.construction.examiner import certify
 from pytest_libero_max.makers.construction.original import build_original
 from pytest_libero_max.makers.construction.preflight import preflight
 from pytest_libero_max.makers.construction.release import read_rejected

@@ -3,9 +3,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from pytest_libero_max.errors import OptionError, SimulatorError
+from pytest_libero_max.worlds.rendering import gl
 
 STEP = """
 from pytest_libero_max.substrates.embedded.scene import build_scene
@@ -44,24 +48,34 @@ def test_stepping_needs_no_opengl_and_gives_the_same_bits() -> None:
     assert (blind.stderr, seeing.stderr) == ("", "")
 
 
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+    """The choice of a backend, still to be made, for one test."""
+    for name in (gl.VARIABLE, gl.PLATFORM):
+        monkeypatch.delenv(name, raising=False)
+    gl._choice.cache_clear()
+    yield monkeypatch
+    gl._choice.cache_clear()
+
+
 @pytest.mark.parametrize(
-    ("environment", "packages"),
+    ("backend", "packages"),
     [
-        ({}, ("libegl1 libgl1-mesa-dri libopengl0", "libosmesa6")),
-        ({"MUJOCO_GL": "osmesa"}, ("libosmesa6",)),
-        ({"MUJOCO_GL": "egl"}, ("libegl1 libgl1-mesa-dri libopengl0",)),
+        ("", ("libegl1 libgl1-mesa-dri libopengl0", "libosmesa6")),
+        ("osmesa", ("libosmesa6",)),
+        ("egl", ("libegl1 libgl1-mesa-dri libopengl0",)),
     ],
 )
 def test_an_image_without_opengl_names_the_packages_to_install(
-    environment: dict[str, str], packages: tuple[str, ...]
+    fresh: pytest.MonkeyPatch, backend: str, packages: tuple[str, ...]
 ) -> None:
-    code = WITHOUT_LIBRARIES + TINY_WORLD + "world.step((0,) * 7)\n"
-    result = run(code + LOOK, **environment)
-    assert result.returncode == 1
-    message = result.stderr.splitlines()[-1]
-    assert message.startswith("pytest_libero_max.errors.SimulatorError: ")
-    assert all(f"`{package}`" in message for package in packages)
-    assert message.count("`") == 2 * len(packages)
+    fresh.setattr(gl, "_library", lambda *names: None)
+    fresh.setenv(gl.VARIABLE, backend)
+    assert gl.prepare() == "disable"
+    with pytest.raises(SimulatorError) as error:
+        gl.require()
+    assert all(f"`{package}`" in str(error.value) for package in packages)
+    assert str(error.value).count("`") == 2 * len(packages)
 
 
 def test_renouncing_images_is_honoured() -> None:
@@ -72,19 +86,19 @@ def test_renouncing_images_is_honoured() -> None:
 
 
 @pytest.mark.parametrize("word", ["glfw", "osmessa"])
-def test_a_word_that_is_no_backend_is_refused_with_the_valid_ones(word: str) -> None:
-    result = run("from pytest_libero_max.worlds.rendering import gl\ngl.prepare()\n", MUJOCO_GL=word)
-    assert result.returncode == 1
-    assert f"OptionError: MUJOCO_GL='{word}'" in result.stderr
-    assert "disable, egl, osmesa" in result.stderr
-    assert ("Did you mean 'osmesa'" in result.stderr) == (word == "osmessa")
+def test_a_word_that_is_no_backend_is_refused_with_the_valid_ones(
+    fresh: pytest.MonkeyPatch, word: str
+) -> None:
+    fresh.setenv(gl.VARIABLE, word)
+    with pytest.raises(OptionError, match=f"MUJOCO_GL='{word}' .*disable, egl, osmesa|Did you mean") as error:
+        gl.prepare()
+    assert ("Did you mean 'osmesa'" in str(error.value)) == (word == "osmessa")
 
 
-@pytest.mark.parametrize("backend", ["egl", "osmesa"])
-def test_an_explicit_backend_is_kept(backend: str) -> None:
-    code = "from pytest_libero_max.worlds.rendering import gl\nprint(gl.loads({!r}), gl.prepare())\n"
-    loads, chosen = run(code.format(backend), MUJOCO_GL=backend).stdout.split()
-    assert chosen == (backend if loads == "True" else "disable")
+@pytest.mark.parametrize("backend", gl.OFFSCREEN)
+def test_an_explicit_backend_is_kept(fresh: pytest.MonkeyPatch, backend: str) -> None:
+    fresh.setenv(gl.VARIABLE, backend)
+    assert gl.prepare() == (backend if gl.loads(backend) else "disable")
 
 
 def test_robosuite_is_imported_without_a_word() -> None:

@@ -220,11 +220,7 @@ class Floorplan:
 
 @cache
 def floorplan(suite: str, index: int) -> Floorplan:
-    """Floor plan of a task.
-
-    Raises:
-        SubstrateError: There is no such task.
-    """
+    """Floor plan of a task, or raise SubstrateError."""
     task = task_of(suite, index)
     opened: dict[str, set[str]] = {}
     for fact in task.start:

@@ -41,11 +41,7 @@ class EmbeddedCatalogue:
 
 
 def catalogue(source: str) -> tuple[Variation, ...]:
-    """Every variation of ``plus`` or ``pro``, in order.
-
-    Raises:
-        ManifestError: Another source.
-    """
+    """Every variation of ``plus`` or ``pro``, in order, or raise ManifestError."""
     if source == "plus":
         return tuple(variation for suite in SUITES for variation in plus_suite(suite))
     if source == "pro":

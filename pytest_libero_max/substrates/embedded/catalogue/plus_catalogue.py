@@ -118,11 +118,7 @@ def plus_count(suite: str) -> int:
 
 @cache
 def plus_suite(suite: str) -> tuple[Variation, ...]:
-    """Every variation of a suite, in the order of its registry.
-
-    Raises:
-        SubstrateError: The suite does not exist.
-    """
+    """Every variation of a suite, in the order of its registry, or raise SubstrateError."""
     return tuple(plus_variation(suite, index) for index in range(plus_count(suite)))
 
 

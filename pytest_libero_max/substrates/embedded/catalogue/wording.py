@@ -45,11 +45,7 @@ class Rewording:
 
 
 def steps_of(language: str) -> tuple[Step, ...]:
-    """Take an instruction apart.
-
-    Raises:
-        ManifestError: It is not built like one of LIBERO's.
-    """
+    """Take an instruction apart, or raise ManifestError."""
     patterns: tuple[tuple[str, Callable[[re.Match[str]], tuple[Step, ...]]], ...] = (
         (r"pick up (.+) and place it (.+)", lambda m: (Step("move", m[1], m[2]),)),
         (
@@ -77,11 +73,7 @@ def steps_of(language: str) -> tuple[Step, ...]:
 
 
 def rewordings(language: str) -> tuple[Rewording, ...]:
-    """Fifty different rewritings of an instruction, in the order of the styles.
-
-    Raises:
-        ManifestError: It is not built like one of LIBERO's.
-    """
+    """Fifty different rewritings of an instruction, in the order of the styles, or raise ManifestError."""
     steps = steps_of(language)
     result: dict[str, Rewording] = {}
     for style, count in PER_STYLE.items():
