@@ -28,7 +28,7 @@ _MODULES = (
 
 
 def _own() -> Mapping[str, Callable[[], object]]:
-    from pytest_libero_max.conformance.substrate.events import EVENT_RULES
+    from pytest_libero_max.conformance.substrate.states import EVENT_RULES
 
     modules = (importlib.import_module(f"{__package__}.{name}") for name in _MODULES)
     values = [value for module in modules for value in vars(module).values()]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from pytest_libero_max.experts.articulation import articulate, open_door
 from pytest_libero_max.experts.motion import OPEN, Route, Waypoint, follow
-from pytest_libero_max.experts.pick_and_place import pick_and_place
-from pytest_libero_max.experts.regrasp import with_regrasp
+from pytest_libero_max.experts.pick_and_place import pick_and_place, with_regrasp
 from pytest_libero_max.experts.scene_view import (
     DRAWER_NEARLY_OPEN_M,
     Hand,

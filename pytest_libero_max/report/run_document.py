@@ -145,9 +145,6 @@ def _origin(report: Report) -> Iterator[tuple[str, str]]:
     if report.selection:
         yield "selection", report.selection.text
         yield "digest of the selection", report.selection.digest
-    if "fingerprint" in origin:
-        taken = origin["fingerprint"]
-        yield "fingerprint", str(taken or "not taken before the run (libero-max lab fingerprint)")
 
 
 def markdown(report: Report, films: Mapping[str, str] | None = None, gates: Sequence[GateRow] = ()) -> str:

@@ -194,7 +194,7 @@ def test_pairs_are_selected_by_outcome_or_by_name(run: Path, capsys: pytest.Capt
         assert chosen(stored, [parts], "all") == [record]
     with pytest.raises(OptionError, match="nor a part"):
         chosen(stored, ["camera_shift"], "all")
-    with pytest.raises(OptionError, match="means nothing"):
+    with pytest.raises(OptionError, match="expression="):
         chosen(stored, ["geometry and"], "all")
 
 

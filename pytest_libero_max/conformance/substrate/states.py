@@ -1,18 +1,23 @@
-"""Rules for states, which a reset and a snapshot bring back bit for bit, and for the images of them."""
+"""Rules for states, which a reset and a snapshot bring back bit for bit, for their images and for events."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from pytest_libero_max.changes.change import Change, Evidence
 from pytest_libero_max.conformance.fresh_process import result_elsewhere
-from pytest_libero_max.conformance.rules import Finding, broken, kept, rule, unexamined
+from pytest_libero_max.conformance.rules import Finding, Rule, broken, kept, rule, unexamined
 from pytest_libero_max.conformance.substrate.contract import OPENS
 from pytest_libero_max.conformance.substrate.subject import SubstrateSubject, actions_for, open_subject
-from pytest_libero_max.errors import counted
-from pytest_libero_max.worlds.contract import AlterableWorld, Array, OnMujoco, World, alterable
+from pytest_libero_max.errors import ChangeError, counted
+from pytest_libero_max.events.registry import BENCHMARK_EVENTS
+from pytest_libero_max.events.schedules import change_of
+from pytest_libero_max.worlds.contract import AlterableWorld, Array, OnMujoco, World, WorldState, alterable
 
 _STATE = ("qpos", "qvel", "act", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied", "mocap_pos")
 """Arrays of MuJoCo's state, of each of which some elements are written to."""
@@ -346,3 +351,82 @@ def _likeness(hands: Points, places: Points, turn: tuple[int, int]) -> float:
     """Return how well the movements of the hand from image to image fit those of its places, if turned."""
     seen, meant = (np.array(points) - np.mean(points, axis=0) for points in (hands, places))
     return float((seen * meant * turn).sum())
+
+
+_SEEN_ONLY = frozenset({"camera", "light", "material", "pixels", "state", "instruction"})
+"""Kinds of factors that leave every body where it is."""
+
+
+def _poses(world: World) -> dict[str, bytes]:
+    return {name: np.concatenate(world.pose(name)).tobytes() for name in world.entities}
+
+
+def _examine(event: str, subject: SubstrateSubject) -> Iterator[Finding]:
+    case = subject.case_of(event)
+    if case is None:
+        yield unexamined("no case of the default track that can be played here has this event")
+        return
+    world = subject.begin(case)
+    for action in actions_for(world)[:5]:
+        world.step(action)
+    change = change_of(case)
+    before, poses = world.snapshot(), _poses(world)
+    play(world, 10)
+    future = world.snapshot().physics.tobytes()
+    world.restore(before)
+    evidence = change.apply(alterable(world))
+    differing = world.snapshot().differing(before)
+    if not differing:
+        yield broken("the world stays bit for bit as it was", "another world", "The change writes nowhere.")
+        return
+    may_move = {factor.partition(":")[2] for factor in change.factors if factor.startswith("pose:")}
+    moved = {name for name, pose in _poses(world).items() if pose != poses[name]}
+    if moved - may_move:
+        yield broken(
+            f"{', '.join(sorted(moved - may_move))} moved as well",
+            f"nothing but {', '.join(sorted(change.factors))}",
+            "Write to the places of the factors alone.",
+        )
+        return
+    seen_only = {factor.partition(":")[0] for factor in change.factors} <= _SEEN_ONLY
+    changed = world.snapshot()
+    play(world, 10)
+    if seen_only and world.snapshot().physics.tobytes() != future:
+        yield broken(
+            f"after {', '.join(differing)} changed, the same actions lead elsewhere",
+            "the same positions and velocities",
+            "An event that is only seen must leave the physical future as it was.",
+        )
+        return
+    world.restore(changed)
+    yield kept(f"{case.case_id}: {', '.join(differing)} changed")
+    yield _taken_back(world, change, evidence, before, poses)
+
+
+def _taken_back(
+    world: World, change: Change, evidence: Evidence, before: WorldState, poses: dict[str, bytes]
+) -> Finding:
+    try:
+        change.reverted(evidence).apply(alterable(world))
+    except ChangeError as error:
+        return kept(f"it cannot be taken back, and says so: {error}")
+    # What is computed from the state, and how an object that is out of the scene turns there, is not what the
+    # change wrote.
+    left = [name for name in world.snapshot().differing(before) if name not in ("physics", "controller")]
+    left += [name for name, pose in _poses(world).items() if pose != poses[name] and name not in world.parked]
+    if left:
+        return broken(
+            f"taken back, {', '.join(left)} are not as before",
+            "the former values, bit for bit",
+            "Keep the former values in the evidence.",
+        )
+    return kept("it can be taken back")
+
+
+def _rule(event: str) -> Rule:
+    check = partial(_examine, event)
+    check.__doc__ = f"Let {event} alter its factors and nothing else."
+    return Rule(f"substrate/events/{event}", "must", check, RESTORE)
+
+
+EVENT_RULES = tuple(map(_rule, BENCHMARK_EVENTS))

@@ -42,7 +42,6 @@ _WORDS: tuple[Quantity[IndexedRun], ...] = (
     Quantity("commit", "Commit", lambda run: _commit(run.report), TEXT),
     Quantity("revision", "Revision of the policy", lambda run: _revision(run.report), TEXT),
     Quantity("versions", "Played with", lambda run: run.versions, TEXT),
-    Quantity("fingerprint", "Fingerprint of the installation", lambda run: _fingerprint(run.report), TEXT),
     Quantity("digest", "Digest of the pairs", lambda run: run.digest, _Digest()),
     Quantity("verified", "Verified", lambda run: _verified(run), TEXT),
 )
@@ -122,10 +121,6 @@ def _notes(report: Report) -> list[str]:
     caveats = ", ".join(f"{caveat.name} {caveat.pairs}" for caveat in report.caveats)
     caveat_notes = [f"Notes on pairs: {caveats}."] if caveats else []
     return [*report.warnings, *stopped_texts(report.pairs), *caveat_notes]
-
-
-def _fingerprint(report: Report) -> str:
-    return str(report.provenance.get("fingerprint") or "")
 
 
 def _model(run: IndexedRun) -> str:

@@ -49,8 +49,6 @@ def summary_lines(
     lines += wrap(repaired_text(pairs) or "", 100)
     lines += substrate_lines(report.substrate)
     lines += wrap(report.inference.text, 100)
-    if taken := report.provenance.get("fingerprint"):
-        lines.append(f"Fingerprint of the installation: {taken}")
     lines.append("")
     if pairs.played == 0:
         return [*lines, "No pair was played; there is nothing to report.", *_written(paths)]

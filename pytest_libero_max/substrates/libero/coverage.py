@@ -23,7 +23,7 @@ from pytest_libero_max.substrates.libero.pro_config import SECTIONS
 from pytest_libero_max.substrates.libero.tasks import task_names, task_of
 from pytest_libero_max.tasks.suites import LIBERO_SUITES
 
-_TASKS = [(suite, index) for suite in LIBERO_SUITES for index in range(10)]
+_TASKS = tuple((suite, index) for suite in LIBERO_SUITES for index in range(10))
 
 
 @dataclass(frozen=True)

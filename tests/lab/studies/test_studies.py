@@ -283,7 +283,7 @@ def test_a_spec_that_cannot_be_assigned_is_named(world: TinyWorld) -> None:
 
 
 def test_a_q_above_h_is_refused_before_anything_is_played() -> None:
-    with pytest.raises(AdapterError, match="query_interval=8 > horizon=4"):
+    with pytest.raises(AdapterError, match="query_interval=8 > horizon=4 of policy"):
         CadenceSweep.of("2,8").check_policy(Approaching(horizon=4).spec)
     with pytest.raises(OptionError, match="query_interval=8 and horizon=4"):
         CadenceSweep.of("4/8")

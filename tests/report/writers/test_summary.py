@@ -146,12 +146,6 @@ def test_a_complete_run() -> None:
     assert _text(_records(), "out/pairs.jsonl", "out/report.json") == COMPLETE
 
 
-def test_a_fingerprint_that_was_taken_is_quoted() -> None:
-    assert "ingerprint" not in _text(_records(), provenance={**PROVENANCE, "fingerprint": None})
-    text = _text(_records(), provenance={**PROVENANCE, "fingerprint": "bc025597906d"})
-    assert ": bc025597906d\n\nBase success " in text
-
-
 def test_an_incomplete_run_says_so_first() -> None:
     report = build_report(_records()[2:], [error_of(PAIRS[0])], PAIRS, PROVENANCE)
     text = "\n".join(summary_lines(report))
