@@ -36,8 +36,10 @@ def pytest_collection_finish() -> None:
 def _prepare() -> None:
     from hypothesis import HealthCheck, settings
 
+    from pytest_libero_max.worlds.threads import use_one_blas_thread
     from tests.warm_processes import use_server
 
+    use_one_blas_thread()  # as in every run: the last bits of an episode depend on the number of threads
     use_server()
 
     # A test fails for what it says, not because the machine was busy: no limit on the time of an example.
