@@ -61,7 +61,11 @@ class Manifest:
 
     @classmethod
     def of(cls, benchmark_id: str, cases: Iterable[Case], version: str = "1.0.0") -> Manifest:
-        """Return a manifest of cases that are scored by the goals of their tasks."""
+        """Return a manifest of cases that are scored by the goals of their tasks.
+
+        Args:
+            benchmark_id: Its name in reports.
+        """
         protocol: Json = {
             "arms": ["control", "intervention"],
             "query_interval": 16,

@@ -79,6 +79,9 @@ class EventKind(ABC):
         """Scenarios of this event for a world with these entities, for Hypothesis.
 
         Import Hypothesis in here, not at the top of the module: playing a pair must not need it.
+
+        Args:
+            entities: The world's entities by name.
         """
 
     def event(self, variant: int, seed: int, scenario: Scenario, trigger: Trigger) -> Event:

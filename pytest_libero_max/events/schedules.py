@@ -338,7 +338,14 @@ def _arm(raw: Json, where: str, event: Event, strength: float) -> Arm:
 
 
 def program_of(name: str, arms: Iterable[Arm]) -> Program:
-    """Arms as a program, for a manifest or a file, or raise ManifestError."""
+    """Arms as a program, for a manifest or a file.
+
+    Args:
+        name: The program's name.
+
+    Raises:
+        ManifestError: A name breaks its rule, something happens in Base, or nothing in Dynamic.
+    """
     return parse_program({"name": name, "arms": [arm.to_dict() for arm in check_arms(arms)]})
 
 

@@ -80,7 +80,11 @@ class Trigger:
         checked(self._values(), struct_of(type(self)), self.type, ManifestError)
 
     def fires(self, moment: Moment) -> bool:
-        """Return True if the entry happens now, or raise EntityError."""
+        """Return True if the entry happens now.
+
+        Raises:
+            EntityError: The world does not have an entity that the trigger names.
+        """
         raise NotImplementedError
 
     def to_dict(self) -> Json:

@@ -364,7 +364,11 @@ class PairRecord(Document, frozen=True, kw_only=True, tag_field="line", tag="pai
         )
 
     def arm(self, name: str) -> ArmRecord:
-        """Return the arm of that name, or raise ReportError."""
+        """Return the arm of that name.
+
+        Raises:
+            ReportError: The case was not played in it.
+        """
         if name not in self.arms:
             raise ReportError(
                 f"{self.item_id} was not played in an arm {name!r}. {did_you_mean(name, self.arms)}"
@@ -596,7 +600,11 @@ class PairError(Document, frozen=True, kw_only=True, tag_field="line", tag="erro
 
     @classmethod
     def from_dict(cls, values: Json) -> PairError:
-        """Read what :meth:`to_dict` wrote, or raise ReportError."""
+        """Read what :meth:`to_dict` wrote.
+
+        Raises:
+            ReportError: It has other fields or another schema version, or a value that cannot be.
+        """
         require_version(values, "pair error")
         return convert(values, cls)
 

@@ -106,6 +106,10 @@ def measure_pair(
     still shares everything with: its result is that of the other, and it is not played again.
 
     Args:
+        case: The case.
+        world: A world of the case's scene, in any state.
+        policy: A checked policy.
+        settings: The settings.
         on_phase: Called with ``setup`` and then with the name of each arm as it begins, to locate errors.
         arms: The arms. None: those of :func:`~pytest_libero_max.events.schedules.arms_of`.
 
@@ -132,6 +136,7 @@ def measure_in_step(
     Args:
         places: The cases, of which Base and Dynamic are played, each with a world of its own.
         policy: A checked policy with ``predict_batch``, without a memory, that reads no simulator.
+        settings: The settings.
 
     Returns:
         The pairs in the order of the places.
@@ -314,6 +319,9 @@ def play_prefix(
     :func:`measure_pair`.
 
     Args:
+        case: The case.
+        world: A world of its scene.
+        policy: A checked policy.
         latency: Time that a query takes, also where :func:`continue_rollout` goes on from there.
     """
     arms = (Arm(BASE, latency=latency), Arm(DYNAMIC, (Entry(trigger_of(case), Nothing()),), latency=latency))
@@ -330,6 +338,8 @@ def inject(case: Case, world: World, spec: PolicySpec | None = None, strength: f
     """Apply the case's event to the world now, once, and return its evidence.
 
     Args:
+        case: The case.
+        world: Its world, at the branch point.
         spec: Policy spec with the cameras in which to measure the change of pixels; None to render nothing.
         strength: Share of the event's change, see :func:`~pytest_libero_max.events.schedules.change_of`.
 

@@ -42,10 +42,16 @@ def load_policy(
     seat: int = 0,
     further: bool = False,
 ) -> Policy:
-    """Load the policy that a reference names, see :func:`.references.parse_reference`.
+    """Load the policy that a reference names.
 
-    The address of a server (``openpi://host:8000``) is connected to. Several addresses with commas between
-    them, or a ``.toml`` file that lists them, are equal servers, or one group of servers for each suite.
+    The address of a server (``openpi://host:8000``) is connected to; ``profile`` is the profile of the policy
+    behind it. Several addresses with commas between them, or a ``.toml`` file that lists them,
+    are equal servers, or one group of servers for each suite.
+
+    The reference is the name of a built-in or installed policy (``expert``), a file (``adapter.py``) or an
+    importable module (``package.module``); the latter two with ``:name`` for anything but the default name
+    ``policy``. The name is a policy, or a class or function which returns one when it is called without
+    arguments.
 
     A file is executed anew by every call. Its folder then stands at the end of ``sys.path`` until another
     file is loaded: a helper beside the adapter can be imported at any time, also within ``predict`` and by a
@@ -55,12 +61,17 @@ def load_policy(
     has a private name, and spawned processes cannot import it.
 
     Args:
-        horizon: Replaces H of the adapter's spec before anything else is called.
-        query_interval: Replaces Q, likewise.
+        horizon: Replaces H of the adapter's spec.
+        query_interval: Replaces Q of the adapter's spec.
         profile: Name or path of the profile of a policy behind a server.
         seat: Number of this process among those that play; spreads them over several servers.
         further: True for one more policy of this process: the adapter file before keeps its folder and its
             helpers (:func:`~.adapter_digest.require_separate_helpers`).
+
+    Returns:
+        The policy. With H or Q replaced, its ``spec`` attribute is set to the new spec before anything else
+        is called, so an adapter that reads ``self.spec.horizon`` follows the override; for a policy instance
+        in an importable module that lasts as long as the module.
 
     Raises:
         AdapterError: Nothing can be loaded from there, or it is no policy; names the missing part.

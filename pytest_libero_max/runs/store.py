@@ -342,6 +342,7 @@ def read_pairs(path: Path, *, ended: bool = True) -> StoredRun:
     other.
 
     Args:
+        path: The file, or its folder.
         ended: True if the run must have ended. False: read the pairs of one that was stopped.
 
     Raises:

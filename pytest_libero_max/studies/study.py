@@ -59,6 +59,8 @@ class Study:
         """Return the arms beside Base and Dynamic; not those that are these, at the policy's own cadence.
 
         Args:
+            case: The case.
+            spec: The policy's spec.
             strength: Share of the event's change in the whole run.
 
         Raises:
@@ -88,6 +90,9 @@ class Study:
 
     def seen_from_elsewhere(self, folder: Path) -> str | None:
         """Return the value of the option that asks for the same study in another working folder.
+
+        Args:
+            folder: The folder in which it was asked for.
 
         Returns:
             None where its name and settings, or its document, say all of it.

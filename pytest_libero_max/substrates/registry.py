@@ -94,11 +94,14 @@ def images_of(description: Mapping[str, Any]) -> str | None:
 
 
 def open_substrate(name: str, options: SubstrateOptions | None = None) -> Substrate:
-    """Open the substrate called ``name``, or raise SubstrateError.
+    """Open the substrate called ``name``.
 
     Args:
         name: One of :data:`SUBSTRATES`.
         options: The options that it is given; by default, none.
+
+    Raises:
+        SubstrateError: There is none of that name, or it cannot be opened.
     """
     return SUBSTRATES[name].open(options or SubstrateOptions())
 

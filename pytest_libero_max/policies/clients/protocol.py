@@ -41,7 +41,11 @@ class Opening:
     """Q, the execution horizon, where the run sets it."""
 
     def choice(self, field: str, known: Mapping[str, Any]) -> str:
-        """Return a field of the profile's ``policy`` that must be one of a few names."""
+        """Return a field of the profile's ``policy`` that must be one of a few names.
+
+        Raises:
+            AdapterError: It is none of them; suggests the closest.
+        """
         value = self.profile.get("policy", field)
         if value not in known:
             raise AdapterError(
@@ -66,14 +70,22 @@ class ServerProtocol(ABC):
 
     @abstractmethod
     def link(self, opening: Opening) -> Link:
-        """Return the connection, which is not open yet."""
+        """Return the connection, which is not open yet.
+
+        Raises:
+            AdapterError: The profile lacks a field that the protocol needs.
+        """
 
     def adapt(self, opening: Opening) -> Adapt | None:
         """Return a function from the server's greeting to requests and spec; None to leave them unchanged."""
         return None
 
     def policy(self, greeting: Mapping[str, Any]) -> type[ServedPolicy]:
-        """Return the class of the policy, for a greeting that is empty before the server is connected to."""
+        """Return the class of the policy.
+
+        Args:
+            greeting: The server's description of itself; empty before it is connected to.
+        """
         from pytest_libero_max.policies.clients.served import ServedPolicy
 
         return ServedPolicy
