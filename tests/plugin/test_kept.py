@@ -86,6 +86,8 @@ def test_a_full_disk_stops_the_run_and_keeps_what_was_written(run: Run, pytester
         """
         import os
 
+        from pytest_libero_max.runs import store
+
         count = 0
         fsync = os.fsync
 
@@ -97,10 +99,10 @@ def test_a_full_disk_stops_the_run_and_keeps_what_was_written(run: Run, pytester
             fsync(descriptor)
 
         def pytest_configure():
-            os.fsync = full
+            os.fsync, store.SYNC_S = full, 0.0  # each line is waited for
 
         def pytest_unconfigure():
-            os.fsync = fsync
+            os.fsync, store.SYNC_S = fsync, 0.5
         """
     )
     result = run("--libero-max-limit=3")
