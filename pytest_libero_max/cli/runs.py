@@ -135,25 +135,25 @@ def _follow(folders: Sequence[Path], interval_s: float, *, once: bool) -> int:
     from pytest_libero_max.runs.status import Follower
 
     followers = [Follower(folder) for folder in folders]
-    seen = [follower.look() for follower in followers]
+    statuses = [follower.look() for follower in followers]
     if not once:
         live = LiveText(sys.stdout) if understands_sequences(sys.stdout) else None
         pace = Pace(time.monotonic())
-        if live is None and any(map(_goes_on, seen)):
-            say(_lines(seen))
+        if live is None and any(map(_goes_on, statuses)):
+            say(_lines(statuses))
         try:
-            while any(map(_goes_on, seen)):
+            while any(map(_goes_on, statuses)):
                 if live is not None:
-                    live.draw(_lines(seen))
+                    live.draw(_lines(statuses))
                 elif pace.due(time.monotonic()):
-                    say([_lines(seen)[-1] if len(seen) > 1 else _line(seen[0])])
+                    say([_lines(statuses)[-1] if len(statuses) > 1 else _line(statuses[0])])
                 time.sleep(interval_s)
-                seen = [follower.look() for follower in followers]
+                statuses = [follower.look() for follower in followers]
         finally:
             if live is not None:
                 live.erase()
-    say(_lines(seen))
-    return max(map(_exit_status, seen))
+    say(_lines(statuses))
+    return max(map(_exit_status, statuses))
 
 
 def _goes_on(seen: Seen) -> bool:

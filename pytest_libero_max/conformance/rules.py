@@ -145,8 +145,8 @@ class Examination:
         if rule.needs and (reason := self._missing(rule.needs)):
             return (unexamined(reason, "Repair that first, and examine again."),)
         try:
-            found = rule.check(self._open())
-            return (found,) if isinstance(found, Finding) else tuple(found)
+            findings = rule.check(self._open())
+            return (findings,) if isinstance(findings, Finding) else tuple(findings)
         except LiberoMaxError as error:
             return (broken(str(error).rstrip("."), rule.title, "Repair this first, and examine again."),)
 

@@ -83,6 +83,8 @@ def examination(
     """Return the examination of a subject by all rules of its kind; nothing is opened yet."""
     module, name = _OPENERS[subject.kind]
     options = {"horizon": horizon, "query_interval": query_interval, "profile": profile}
-    asked: dict[str, Any] = options | {"substrate": substrate} if subject.kind in ("policy", "server") else {}
+    opened_with: dict[str, Any] = {}
+    if subject.kind in ("policy", "server"):
+        opened_with = options | {"substrate": substrate}
     opener = getattr(import_module(f"{__package__}.{module}.subject"), name)
-    return Examination(lambda: opener(subject.name, **asked), rules_for(subject.kind))
+    return Examination(lambda: opener(subject.name, **opened_with), rules_for(subject.kind))

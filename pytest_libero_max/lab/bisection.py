@@ -78,7 +78,7 @@ class Lost:
         return len(self.case_ids) > self.gains and self.p_value <= level
 
 
-class Looked(NamedTuple):
+class Result(NamedTuple):
     """Result of a revision: the pairs that it has played, and the lost cases among them."""
 
     name: str
@@ -194,8 +194,8 @@ def bisect(options: argparse.Namespace) -> int:
     verdicts: dict[int, Verdict] = {0: "good", len(revisions) - 1: "bad"}
 
     def judge(number: int) -> Verdict:
-        found = runs.play(revisions[number], [*stop, *cases], by_rule=True)
-        verdicts[number] = "cannot be played" if found is None else verdict_of(found)
+        stored = runs.play(revisions[number], [*stop, *cases], by_rule=True)
+        verdicts[number] = "cannot be played" if stored is None else verdict_of(stored)
         say([f"{revisions[number].short}: {verdicts[number]}"])
         return verdicts[number]
 
@@ -203,28 +203,28 @@ def bisect(options: argparse.Namespace) -> int:
     ends = {0: good, len(revisions) - 1: bad}
     for number in sorted({low, high} - ends.keys()):
         # The rule knew the majority. Which cases a revision loses takes all of them.
-        found = runs.play(revisions[number], ["--override-ini=libero_max_gate=", *cases], by_rule=False)
-        if found is None:
+        stored = runs.play(revisions[number], ["--override-ini=libero_max_gate=", *cases], by_rule=False)
+        if stored is None:
             raise OptionError(runs.trouble(revisions[number]))
-        ends[number] = found
-    looked = [
-        _looked(runs, revisions[number], ends.get(number), verdicts[number], lost)
+        ends[number] = stored
+    results = [
+        _result(runs, revisions[number], ends.get(number), verdicts[number], lost)
         for number in sorted(verdicts)
     ]
-    say(_outcome(revisions, looked, low, high, ends, lost))
+    say(_outcome(revisions, results, low, high, ends, lost))
     return 0
 
 
-def _looked(runs: Runs, revision: Revision, stored: StoredRun | None, verdict: Verdict, lost: Lost) -> Looked:
+def _result(runs: Runs, revision: Revision, stored: StoredRun | None, verdict: Verdict, lost: Lost) -> Result:
     stored = stored or runs.stored(revision)
-    found = {} if stored is None else completed(stored, lost.case_ids)
+    outcomes = {} if stored is None else completed(stored, lost.case_ids)
     pairs = 0 if stored is None else len(stored.records)
-    return Looked(revision.short, pairs, verdict, sum(found.values()), len(found), revision.note)
+    return Result(revision.short, pairs, verdict, sum(outcomes.values()), len(outcomes), revision.note)
 
 
 def _outcome(
     revisions: Sequence[Revision],
-    looked: Sequence[Looked],
+    results: Sequence[Result],
     low: int,
     high: int,
     ends: dict[int, StoredRun],
@@ -232,14 +232,14 @@ def _outcome(
 ) -> Iterator[str]:
     yield ""
     rows = [("revision", "pairs", "lost cases completed", "verdict", "")]
-    for one in looked:
-        share = f"{one.completed} of {one.of}" if one.of else ""
-        rows.append((one.name, str(one.pairs), share, one.verdict, one.note))
+    for result in results:
+        share = f"{result.completed} of {result.of}" if result.of else ""
+        rows.append((result.name, str(result.pairs), share, result.verdict, result.note))
     yield from aligned(rows)
     whole = len(revisions) * len(ends[0].records)
     yield (
-        f"{len(looked)} of {counted(len(revisions), 'revision')} played, "
-        f"{counted(sum(one.pairs for one in looked), 'pair')}; all of them on all cases are {whole}."
+        f"{len(results)} of {counted(len(revisions), 'revision')} played, "
+        f"{counted(sum(result.pairs for result in results), 'pair')}; all of them on all cases are {whole}."
     )
     yield ""
     before, after = (completed(ends[number], lost.case_ids) for number in (low, high))
@@ -296,8 +296,8 @@ def _git(*words: str) -> str:
     except OSError as error:
         raise OptionError(f"Cannot run git: {error}. Install it, or give --checkpoints.") from error
     if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
-        raise OptionError(f"git {words[0]}: {said}. Give the command in the adapter's repository.")
+        reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+        raise OptionError(f"git {words[0]}: {reason}. Give the command in the adapter's repository.")
     return done.stdout.strip()
 
 
@@ -322,7 +322,7 @@ class Runs:
 
     def begin(self) -> None:
         """Note what is bisected, or check that this is what the folder was begun with."""
-        wanted = {
+        settings = {
             "format": 1,
             "revisions": [revision.name for revision in self.revisions],
             "arguments": [*self._arguments, *self._cases],
@@ -333,7 +333,7 @@ class Runs:
         try:
             if path.exists():
                 there = json.loads(path.read_text(encoding="utf-8"))
-                different = [name for name in wanted if there.get(name) != wanted[name]]
+                different = [name for name in settings if there.get(name) != settings[name]]
                 if different:
                     raise OptionError(
                         f"{self._output} was begun with other {' and '.join(different)}: {path} has them. "
@@ -341,7 +341,7 @@ class Runs:
                     )
                 return
             self._output.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(wanted, indent=1) + "\n", encoding="utf-8")
+            path.write_text(json.dumps(settings, indent=1) + "\n", encoding="utf-8")
         except (OSError, ValueError, AttributeError) as error:
             raise OptionError(f"{path}: {error}. Give another --output.") from error
 
@@ -362,16 +362,16 @@ class Runs:
             return read_pairs(given)
         flags = [*self._cases, "--override-ini=libero_max_gate="]
         flags += [] if rule is None else [f"--libero-max-stop={rule}"]
-        found = self.play(revision, flags, by_rule=rule is not None)
-        if found is None:
+        stored = self.play(revision, flags, by_rule=rule is not None)
+        if stored is None:
             raise OptionError(self.trouble(revision))
-        return found
+        return stored
 
     def trouble(self, revision: Revision) -> str:
         """Return an error about a revision that has to be played and cannot be."""
         lines = self.log(revision).read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        said = f" It ends with: {lines[-1]}" if lines else ""
-        return f"{revision.short} cannot be played; {self.log(revision)} has what pytest printed.{said}"
+        end = f" It ends with: {lines[-1]}" if lines else ""
+        return f"{revision.short} cannot be played; {self.log(revision)} has what pytest printed.{end}"
 
     def play(self, revision: Revision, flags: Sequence[str], *, by_rule: bool) -> StoredRun | None:
         """Play a revision unless its run has ended already; None where it cannot be played.
@@ -426,8 +426,8 @@ class Runs:
 
     def write_cases(self, good: StoredRun, lost: Lost) -> list[str]:
         """Write the lost cases as a manifest, and return the arguments that play it."""
-        asked = self._cases[0].partition("=")[2] if self._cases else None
-        whole = cases_of_run(good.run.provenance, asked, "--libero-max-manifest")
+        name = self._cases[0].partition("=")[2] if self._cases else None
+        whole = cases_of_run(good.run.provenance, name, "--libero-max-manifest")
         cases = tuple(case for case in whole if case.case_id in set(lost.case_ids))
         path = self._output / "lost.json"
         path.write_text(

@@ -11,7 +11,7 @@ import numpy as np
 from pytest_libero_max.errors import OptionError
 from pytest_libero_max.pairing.record import PairError, PairRecord
 from pytest_libero_max.report.gates import Gate
-from pytest_libero_max.report.stopping_rule import Declared, StoppingRule
+from pytest_libero_max.report.stopping_rule import Declared, StoppingRule, level_of
 from pytest_libero_max.runs.plan import PlannedPair
 from pytest_libero_max.stats.sequential import log_evidence_of_change
 
@@ -28,12 +28,7 @@ class Strata(StoppingRule):
     """
 
     def __init__(self, arguments: str) -> None:
-        try:
-            self.level = float(arguments or 0.05)
-        except ValueError:
-            self.level = math.nan
-        if not 0 < self.level <= 0.5:
-            raise ValueError("expected strata:LEVEL, above 0 and up to 0.5, for example strata:0.05")
+        self.level = level_of("strata", arguments)
 
     def check(self, declared: Declared) -> str | None:
         if declared.order.seed is None:

@@ -252,10 +252,11 @@ def _spelled(option: Option, value: object, mark: str) -> str:
 
 def _single(option: Option, value: object) -> str:
     if not isinstance(value, str | int | float) or isinstance(value, bool):
-        one = "text or a number"
-        expected = f"{one}, or a list of these" if option.many else one
+        expected = "text or a number"
+        if option.many:
+            expected += ", or a list of these"
         if option.has_parts:
-            expected = f"{one}, a list of these or a table of them by name, as in {option.metavar}"
+            expected = f"text or a number, a list of these or a table of them by name, as in {option.metavar}"
         raise _unexpected(option, value, expected)
     return str(value)
 

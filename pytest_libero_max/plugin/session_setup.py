@@ -34,7 +34,7 @@ def _accept(_: str, make: Any) -> Launcher:
 LAUNCHERS: Registry[Launcher] = Registry(
     "launcher", "pytest_libero_max.launchers", dict, _accept, OptionError
 )
-"""What plays the pairs of a session on other machines, in the place of xdist and of this process.
+"""Launchers, which play the pairs of a session on other machines, in the place of xdist and of this process.
 
 An entry point of the group has the name of the option that asks for it, ``ray`` for ``--libero-max-ray``.
 """
@@ -122,7 +122,7 @@ def _name_what_runs_on() -> None:
     started = [thread for thread in threading.enumerate() if thread is not threading.main_thread()]
     children = sys.modules.get("multiprocessing")  # whose children it waits for as well
     started += children.active_children() if children is not None else []
-    if names := ", ".join(repr(one.name) for one in started if not one.daemon):
+    if names := ", ".join(repr(task.name) for task in started if not task.daemon):
         print(
             f"libero-max: still running: {names}. Python waits until it ends: let the adapter end what it "
             "starts, or start it with daemon=True.",

@@ -24,7 +24,7 @@ from pytest_libero_max.report.quantities import TEXT, Cell
 from pytest_libero_max.stats import ratios
 from pytest_libero_max.stats.blocks import MeanDifference, Measure, Rate, Ratio
 from pytest_libero_max.stats.intervals import Interval, median_interval
-from pytest_libero_max.stats.measured import number, rate_of, table_change_of, tabulate, without_intervals
+from pytest_libero_max.stats.measured import number, rate_of, table_change_of, tabulate
 
 Plain = str | int | float | bool | None
 Rows = dict[str, Measure | Plain]
@@ -81,14 +81,6 @@ def rows_table(rows: Mapping[str, Measure | Plain]) -> Table:
         (name, Cell(value, MEASURE if isinstance(value, Measure) else TEXT)) for name, value in rows.items()
     ]
     return Table("", ("Name", "Value"), cells)
-
-
-def rows_without_intervals(rows: Rows) -> Rows:
-    """Return names and values of a run that a rule has stopped, whose intervals would not hold."""
-    return {
-        name: without_intervals(value) if isinstance(value, Measure) else value
-        for name, value in rows.items()
-    }
 
 
 def measures_of(sections: Mapping[str, Mapping[str, Measure | Plain]]) -> dict[str, Measure]:

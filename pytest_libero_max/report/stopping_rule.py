@@ -6,6 +6,7 @@ So its decision is the same for any number of workers, whatever finishes first.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -224,3 +225,14 @@ def bias_of(stopped: Stopped) -> str | None:
         return parse_rule(stopped.rule).rule.bias
     except (LiberoMaxError, ValueError):
         return BIAS
+
+
+def level_of(name: str, arguments: str) -> float:
+    """Return the level that a sequential rule is given, 0.05 where it is given none, or raise ValueError."""
+    try:
+        level = float(arguments or 0.05)
+    except ValueError:
+        level = math.nan
+    if not 0 < level <= 0.5:
+        raise ValueError(f"expected {name}:LEVEL, above 0 and up to 0.5, for example {name}:0.05")
+    return level

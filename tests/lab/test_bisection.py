@@ -4,7 +4,7 @@ from collections.abc import Container
 
 import pytest
 
-from pytest_libero_max.lab.bisection import GATE, Looked, Lost, Revision, _outcome, has_ended, verdict_of
+from pytest_libero_max.lab.bisection import GATE, Lost, Result, Revision, _outcome, has_ended, verdict_of
 from pytest_libero_max.runs.plan import Run
 from pytest_libero_max.runs.stopped import Stopped
 from pytest_libero_max.runs.store import StoredRun
@@ -62,7 +62,7 @@ def test_what_broke_elsewhere_is_counted_with_the_way_to_find_it() -> None:
     good, bad = run_of(()), run_of(range(10))
     lost = Lost.between(good, bad)
     ends = {0: good, 1: run_of({0, 1}), 3: run_of(range(8)), 4: bad}
-    looked = [Looked("step-1", 10, "good", 8, 10), Looked("step-2", 0, "cannot be played")]
+    looked = [Result("step-1", 10, "good", 8, 10), Result("step-2", 0, "cannot be played")]
     said = list(_outcome(revisions, looked, 1, 3, ends, lost))
     assert any("2 of 5" in line and "10 pairs" in line and "100" in line for line in said)
     assert any("step-3" in line and line.endswith("step-2.") for line in said)

@@ -21,10 +21,12 @@ from pytest_libero_max.benchmark.documents import Json, canonical_digest
 from pytest_libero_max.events.registry import BENCHMARK_EVENTS, EVENTS
 from pytest_libero_max.events.schedules import BASE, BASE_AGAIN, DYNAMIC
 from pytest_libero_max.pairing.record import RECORD_VERSION, PairError, PairRecord
+from pytest_libero_max.report.measures import Rows
 from pytest_libero_max.report.report_document import PlayedSelection
 from pytest_libero_max.runs.plan import PlannedPair, Run
 from pytest_libero_max.runs.store import PairStore, StoredRun
-from pytest_libero_max.stats.blocks import Block
+from pytest_libero_max.stats.blocks import Block, Measure
+from pytest_libero_max.stats.measured import without_intervals
 
 POLICY: Json = {
     "name": "scripted",
@@ -265,3 +267,11 @@ def kill(store: PairStore) -> None:
     assert store._mark is not None
     store._file.close()
     os.close(store._mark._descriptor)
+
+
+def stopped_rows(rows: Rows) -> Rows:
+    """The rows of a section as the report of a run has them that a rule has stopped: without intervals."""
+    return {
+        name: without_intervals(value) if isinstance(value, Measure) else value
+        for name, value in rows.items()
+    }

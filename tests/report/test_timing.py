@@ -12,14 +12,14 @@ from msgspec.structs import replace
 
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.measures import Rows, measures_of, rows_without_intervals
+from pytest_libero_max.report.measures import Rows, measures_of
 from pytest_libero_max.report.page.report_page import html
 from pytest_libero_max.report.render.drawing import survival_curves
 from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.sections import PlayedPairs
 from pytest_libero_max.report.timing import NOTE, TITLE, Timing, success_curves
 from pytest_libero_max.stats.blocks import Measure
-from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of
+from tests.report.made_up import NEVER_TRIGGERED, PROVENANCE, plan, record_of, stopped_rows
 
 PAIRS = plan()
 
@@ -33,7 +33,7 @@ def took(number: int, base: int | None, dynamic: int | None, **changes: Any) -> 
 def rows(records: Sequence[PairRecord], *, with_intervals: bool = True) -> Rows:
     tasks = [str(number) for number in range(len(records))]
     table = Timing().tables(PlayedPairs(records, tasks, with_intervals=with_intervals))[TITLE]
-    return table if with_intervals else rows_without_intervals(table)
+    return table if with_intervals else stopped_rows(table)
 
 
 def measures(records: Sequence[PairRecord], *, with_intervals: bool = True) -> dict[str, Measure]:

@@ -302,16 +302,16 @@ ROLES: Mapping[str, tuple[str, ...]] = MappingProxyType(
 axis times angle, gripper), and the instruction."""
 
 Reading = Mapping[str, Any]
-"""What an observation holds, by role."""
+"""Values of an observation by role."""
 
 
 def read_observation(raw: Any, keys: Mapping[str, str], first: bool = False) -> dict[str, Any]:
-    """Return what an observation holds, by role; what it lacks is left out."""
+    """Return the values of an observation by role, without the roles that it lacks."""
     flat = dict(_flattened(raw))
     reading = {}
     for role, names in ROLES.items():
-        wanted = (keys[role],) if role in keys else names
-        key = next((name for name in wanted if name in flat), None)
+        candidates = (keys[role],) if role in keys else names
+        key = next((name for name in candidates if name in flat), None)
         if key is not None and flat[key] is not None:
             value = flat[key][0] if first else flat[key]
             reading[role] = value if isinstance(value, str) else np.asarray(value)

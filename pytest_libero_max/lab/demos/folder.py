@@ -124,20 +124,20 @@ def load(path: Path) -> tuple[Demonstration, dict[str, Any]]:
 def begin_folder(folder: Path, settings: Settings) -> None:
     """Make a folder for episodes, or refuse one that was begun with other settings."""
     path = folder / SETTINGS
-    wanted = {"format": 1, **asdict(settings)}
+    begun = {"format": 1, **asdict(settings)}
     if path.exists():
         try:
             there = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise OptionError(f"{path} is no JSON document ({error}). Name another folder.") from error
-        if there != wanted:
+        if there != begun:
             raise OptionError(
-                f"{folder} was begun with {there}, but this is {wanted}. Name another folder, or remove "
+                f"{folder} was begun with {there}, but this is {begun}. Name another folder, or remove "
                 "this one."
             )
         return
     (folder / EPISODES).mkdir(parents=True, exist_ok=True)
-    _write(path, lambda partial: partial.write_text(json.dumps(wanted, indent=2) + "\n", encoding="utf-8"))
+    _write(path, lambda partial: partial.write_text(json.dumps(begun, indent=2) + "\n", encoding="utf-8"))
 
 
 def _record_all(plans: Sequence[Planned], folder: Path, settings: Settings) -> int:

@@ -14,7 +14,7 @@ from pytest_libero_max.report.gate_bounds import Ending, GateRule, Watch
 from pytest_libero_max.report.gate_quantities import GATED
 from pytest_libero_max.report.gates import Gate
 from pytest_libero_max.report.report_document import Watched
-from pytest_libero_max.report.stopping_rule import Declared
+from pytest_libero_max.report.stopping_rule import Declared, level_of
 from pytest_libero_max.runs.plan import PlannedPair, unsupported_pairs
 from pytest_libero_max.stats.measured import number
 from pytest_libero_max.stats.sequential import TotalSequence, log_evidence_of_change
@@ -58,12 +58,7 @@ class Anytime(GateRule):
     """
 
     def __init__(self, arguments: str) -> None:
-        try:
-            self.level: float = float(arguments or 0.05)
-        except ValueError:
-            self.level = math.nan
-        if not 0 < self.level <= 0.5:
-            raise ValueError("expected anytime:LEVEL, above 0 and up to 0.5, for example anytime:0.05")
+        self.level: float = level_of("anytime", arguments)
 
     def check(self, declared: Declared) -> str | None:
         super().check(declared)

@@ -21,9 +21,9 @@ from pytest_libero_max.substrates.libero.lacking import (
 )
 from pytest_libero_max.substrates.libero.pro_config import SECTIONS
 from pytest_libero_max.substrates.libero.tasks import task_names, task_of
-from pytest_libero_max.tasks.suites import LIBERO_SUITES
+from pytest_libero_max.tasks.suites import LIBERO, LIBERO_SUITES
 
-_TASKS = tuple((suite, index) for suite in LIBERO_SUITES for index in range(10))
+_TASKS = tuple((suite.name, index) for suite in LIBERO for index in range(suite.tasks))
 
 
 @dataclass(frozen=True)

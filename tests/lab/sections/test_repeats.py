@@ -10,11 +10,11 @@ from msgspec.structs import replace
 from pytest_libero_max.lab.sections.repeats import NOTE, TITLE, RepeatedCases
 from pytest_libero_max.pairing.record import PairRecord
 from pytest_libero_max.report.build import build_report
-from pytest_libero_max.report.measures import Rows, measures_of, rows_without_intervals
+from pytest_libero_max.report.measures import Rows, measures_of
 from pytest_libero_max.report.run_document import markdown
 from pytest_libero_max.report.sections import PlayedPairs
 from pytest_libero_max.stats.blocks import Measure
-from tests.report.made_up import PROVENANCE, plan, record_of
+from tests.report.made_up import PROVENANCE, plan, record_of, stopped_rows
 
 PAIRS = plan(per_cell=2)
 PLAYED = {**PROVENANCE, "protocol": {"prefix": "fork", "study": {"name": "repeats"}}}
@@ -66,7 +66,7 @@ def test_more_plays_of_the_same_ends_narrow_nothing() -> None:
     twice, often = (measures([repeated(n, *[end] * k) for n, end in enumerate(ends)]) for k in (2, 8))
     assert twice["change"] == often["change"]
     assert twice["change"].lower is not None
-    stopped = rows_without_intervals(rows([repeated(n, end, end) for n, end in enumerate(ends)]))
+    stopped = stopped_rows(rows([repeated(n, end, end) for n, end in enumerate(ends)]))
     assert measures_of({TITLE: stopped})["repeats.change"].lower is None
 
 

@@ -85,7 +85,7 @@ def _gaps(strengths: Strengths, conditions: Conditions) -> list[ConditionContras
 
 
 class _Case(NamedTuple):
-    """What is known of a case at a strength."""
+    """Outcomes of a case at a strength."""
 
     base: bool
     """Base succeeds, as Reset and Mid-task do below."""
